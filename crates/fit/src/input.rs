@@ -77,11 +77,11 @@ impl FitInput {
         let mut read = Config::default().fit;
         for one in &free {
             let quantity = one.parameter.quantity();
-            *read.bounds_mut(quantity) = input.fit.bounds(quantity);
+            *read.bounds_mut(quantity) = *input.fit.bounds_mut(quantity);
         }
         let fit = &mut input.fit;
         for parameter in Parameter::ALL {
-            *fit.bounds_mut(parameter.quantity()) = read.bounds(parameter.quantity());
+            *fit.bounds_mut(parameter.quantity()) = *read.bounds_mut(parameter.quantity());
         }
         if free.is_empty() {
             (fit.starts, fit.profiles) = (1, false);
@@ -260,8 +260,9 @@ impl FitInput {
         let listed = self.campaign.value.free.clone();
         let listed = listed.map_or_else(|| model.free(), |Free(listed)| listed).into_iter();
         let known = listed.filter(|parameter| model.laws().know(*parameter, &gait));
+        let mut fit = self.fit.clone();
         let free = |parameter: Parameter| {
-            let [low, high] = self.fit.bounds(parameter.quantity());
+            let [low, high] = *fit.bounds_mut(parameter.quantity());
             let is_beside_dry =
                 parameter.quantity() == Quantity::Skid && model.laws().skid.is_dry();
             let low = if is_beside_dry { BESIDE_DRY * low } else { low };

@@ -48,8 +48,8 @@ checks! {
     Frequency = "W005 frequency", limit 0.02, fails beyond 4.0 times;
     /// Enough cycles for a mean are steady.
     SteadyState = "W006 steady-state", limit 5.0;
-    /// Of the cycles after the transient, this part had to be left out because of a gap: somebody should
-    /// look at the cameras.
+    /// Fraction of the cycles after the transient that were left out because of gaps: the cameras need
+    /// attention.
     LongGaps = "W007 long-gaps", limit 0.3;
     /// Every row has a frame number.
     RowsWithoutFrame = "W008 rows-without-frame", limit 0.0;

@@ -71,7 +71,6 @@ impl Parameter {
     #[inline]
     const fn index(self) -> usize {
         debug_assert!(self.quantity.definition().is_fitted, "no fit frees it");
-        debug_assert!(self.quantity.definition().is_fitted, "no fit frees it");
         Self::FIRST[self.quantity as usize] + self.place as usize
     }
 
@@ -176,6 +175,7 @@ impl Parameter {
     }
 
     /// Whether it is the sum of others.
+    #[inline]
     pub fn is_sum(self) -> bool {
         usize::from(self.place) == self.quantity.count()
     }

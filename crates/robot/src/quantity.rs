@@ -177,7 +177,20 @@ const JOINT: Definition = Definition {
 
 impl Quantity {
     /// Its row of the table.
-    pub const fn definition(self) -> Definition {
+    #[inline]
+    pub const fn definition(self) -> &'static Definition {
+        const TABLE: &[Definition; Quantity::ALL.len()] = &{
+            let (mut table, mut i) = ([BODY; Quantity::ALL.len()], 0);
+            while i < table.len() {
+                table[i] = Quantity::ALL[i].row();
+                i += 1;
+            }
+            table
+        };
+        &TABLE[self as usize]
+    }
+
+    const fn row(self) -> Definition {
         match self {
             Self::H => Definition {
                 label: "Half length of the middle link",
@@ -310,6 +323,7 @@ impl Quantity {
     }
 
     /// How many numbers a robot has of it.
+    #[inline]
     pub const fn count(self) -> usize {
         match self.definition().per {
             Per::Robot => 1,

@@ -167,11 +167,6 @@ pub struct Fit {
 impl Fit {
     /// Bounds of the free parameters of a quantity, which other quantities may share; those of dry friction
     /// for what no fit frees.
-    pub fn bounds(&self, quantity: Quantity) -> [f64; 2] {
-        *self.clone().bounds_mut(quantity)
-    }
-
-    /// The same, to change.
     pub fn bounds_mut(&mut self, quantity: Quantity) -> &mut [f64; 2] {
         match quantity {
             Quantity::Skid => &mut self.skid_bounds_kg_s,

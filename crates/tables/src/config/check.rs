@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
 use std::path::Path;
+use std::sync::LazyLock;
 
 use toml::Value;
 use trilink_base::pattern::{matches, matches_label};
@@ -73,15 +74,15 @@ const LEAST_SPREAD_MM: f64 = 5.0;
 /// their labels.
 const WIDTH_MM_PER_PT: f64 = 7.0;
 
-/// Those, and the ranges of the robots' quantities.
-fn ranges() -> impl Iterator<Item = (String, f64, f64)> {
+/// [`RANGES`], and those of the robots' quantities.
+static ALL_RANGES: LazyLock<Vec<(String, f64, f64)>> = LazyLock::new(|| {
     let of_robots = Quantity::ALL.into_iter().map(|quantity| {
         let [least, most] = quantity.definition().range;
         (format!("robot.*.{}", quantity.name()), least, most)
     });
     let others = RANGES.into_iter().map(|(key, least, most)| (key.to_owned(), least, most));
-    others.chain(of_robots)
-}
+    others.chain(of_robots).collect()
+});
 
 impl Config {
     /// Checks every value; `path` is the file that errors name.
@@ -378,10 +379,9 @@ impl Checker<'_> {
             }
             _ => return Ok(()),
         };
-        let mut ranges = ranges();
-        let range = ranges.find(|(pattern, ..)| matches(pattern, key, ['*', '?']));
+        let range = ALL_RANGES.iter().find(|(pattern, ..)| matches(pattern, key, ['*', '?']));
         let (_, least, most) = range.expect("every number has a range");
-        let range = least..=most;
+        let range = *least..=*most;
         if range.contains(&number) {
             return Ok(());
         }
@@ -543,7 +543,7 @@ mod tests {
     #[test]
     fn the_documentation_has_every_range() {
         let text = include_str!("../../../../docs/settings.md");
-        for (key, least, most) in ranges() {
+        for (key, least, most) in &*ALL_RANGES {
             let row = format!("| `{key}` | {least} | {most} |");
             assert!(text.contains(&row), "docs/settings.md lacks {row}");
         }

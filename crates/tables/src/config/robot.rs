@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::LazyLock;
 
 use serde::de::value::SeqAccessDeserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
@@ -60,7 +61,7 @@ impl RobotConfig {
         self.load_n = Some(load_n);
     }
 
-    /// How many of the SI unit one of the unit is in which a number of a quantity is written.
+    /// Factor from the unit in which a number of a quantity is written to the SI unit.
     fn in_si(&self, quantity: Quantity, wheel: usize) -> f64 {
         let of = quantity.definition();
         match (of.unit, of.per, self.load_n) {
@@ -322,16 +323,9 @@ enum Key {
     Deviations,
 }
 
-const KEYS: [&str; Quantity::ALL.len() + 2] = {
-    let mut keys = [LOAD; Quantity::ALL.len() + 2];
-    let mut i = 0;
-    while i < Quantity::ALL.len() {
-        keys[i] = Quantity::ALL[i].name();
-        i += 1;
-    }
-    keys[i] = DEVIATIONS;
-    keys
-};
+static KEYS: LazyLock<Vec<&str>> = LazyLock::new(|| {
+    Quantity::ALL.map(Quantity::name).into_iter().chain([LOAD, DEVIATIONS]).collect()
+});
 
 impl<'de> Deserialize<'de> for Key {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -348,27 +342,10 @@ impl<'de> Deserialize<'de> for Key {
 /// A key of the table of standard deviations.
 struct DeviationKey(Quantity);
 
-const DEVIATION_COUNT: usize = {
-    let (mut count, mut i) = (0, 0);
-    while i < Quantity::ALL.len() {
-        count += Quantity::ALL[i].definition().has_deviation as usize;
-        i += 1;
-    }
-    count
-};
-
-const DEVIATION_KEYS: [&str; DEVIATION_COUNT] = {
-    let mut keys = [""; DEVIATION_COUNT];
-    let (mut count, mut i) = (0, 0);
-    while i < Quantity::ALL.len() {
-        if Quantity::ALL[i].definition().has_deviation {
-            keys[count] = Quantity::ALL[i].name();
-            count += 1;
-        }
-        i += 1;
-    }
-    keys
-};
+static DEVIATION_KEYS: LazyLock<Vec<&str>> = LazyLock::new(|| {
+    let can_have = Quantity::ALL.into_iter().filter(|of| of.definition().has_deviation);
+    can_have.map(Quantity::name).collect()
+});
 
 impl<'de> Deserialize<'de> for DeviationKey {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -424,6 +401,7 @@ impl<'de> Visitor<'de> for RobotVisitor {
         }
     }
 }
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;

@@ -1,4 +1,4 @@
-//! The tables of fitted models, by the fit.
+//! Tables of fitted models, written by the fit stage.
 
 use serde::Serialize;
 use trilink_robot::{ByParameter, Model, Parameter};
@@ -183,8 +183,8 @@ rows! {
         /// Whether it is the campaign's preferred model: of those that fit the one with the lowest
         /// criterion, of all where none fits.
         pub preferred: bool,
-        /// The frequency and the metric of one more trial that would best tell the model from the
-        /// preferred one, and how far both are apart there, in standard errors of a trial.
+        /// The frequency and the metric at which one more trial would best discriminate the model from
+        /// the preferred one, and the difference of the two there, in standard errors of a trial.
         pub tell_omega_rad_s: f64,
         pub tell_metric: String,
         pub tell_standard_errors: f64,

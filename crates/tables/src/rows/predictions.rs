@@ -1,4 +1,4 @@
-//! What fitted models predict and leave, by the fit.
+//! Tables of fitted models' predictions and residuals, written by the fit stage.
 
 use trilink_robot::Model;
 use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};

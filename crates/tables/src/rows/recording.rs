@@ -1,4 +1,4 @@
-//! The tables of one trial, frame by frame and cycle by cycle, by the ingest.
+//! Tables of one trial, frame by frame and cycle by cycle, written by the ingest stage.
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};

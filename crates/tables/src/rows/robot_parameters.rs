@@ -1,4 +1,4 @@
-//! What trials without a gait say of their robot, by the ingest.
+//! Robot parameters identified from trials without a gait, written by the ingest stage.
 
 use serde::Serialize;
 use trilink_robot::Quantity;
@@ -31,7 +31,8 @@ rows! {
         pub rest_angle_configured_rad: f64,
         /// The decay that was fitted: at `t` after `released_s`, which is after the first frame,
         /// `rest_angle + exp(-zeta omega_n t) (cosine cos(omega_d t) + sine sin(omega_d t))`, with
-        /// dry friction until the first turn and about an angle off the rest ([`Swing`]).
+        /// dry friction only up to the first turning point, and about an angle offset from the rest angle
+        /// ([`Swing`]).
         pub released_s: f64,
         pub decay_cosine_rad: f64,
         pub decay_sine_rad: f64,
@@ -60,8 +61,8 @@ rows! {
         /// Above these a law is refused.
         pub misfit_over_noise_limit: f64,
         pub f_limit: f64,
-        /// Why there is no law that the recording follows, or none that it tells from the others;
-        /// then what was measured is missing.
+        /// Why no law was identified: the recording follows none, or does not discriminate between them;
+        /// then the measured values are missing.
         pub status: FitStatus,
     }
 }

@@ -1,4 +1,4 @@
-//! The tables of all trials, by the ingest.
+//! Tables of all trials, written by the ingest stage.
 
 use serde::Serialize;
 use trilink_robot::JointCommand;
