@@ -76,12 +76,11 @@ impl FitInput {
         let free = input.free();
         let mut read = Config::default().fit;
         for one in &free {
-            let quantity = one.parameter.quantity();
-            *read.bounds_mut(quantity) = *input.fit.bounds_mut(quantity);
+            copy_bounds(&mut input.fit, &mut read, one.parameter);
         }
         let fit = &mut input.fit;
         for parameter in Parameter::ALL {
-            *fit.bounds_mut(parameter.quantity()) = *read.bounds_mut(parameter.quantity());
+            copy_bounds(&mut read, fit, parameter);
         }
         if free.is_empty() {
             (fit.starts, fit.profiles) = (1, false);
@@ -262,13 +261,22 @@ impl FitInput {
         let known = listed.filter(|parameter| model.laws().know(*parameter, &gait));
         let mut fit = self.fit.clone();
         let free = |parameter: Parameter| {
-            let [low, high] = *fit.bounds_mut(parameter.quantity());
-            let is_beside_dry =
-                parameter.quantity() == Quantity::Skid && model.laws().skid.is_dry();
+            let quantity = parameter.quantity();
+            let range = quantity.definition().range;
+            let [low, high] = fit.bounds_mut(quantity).copied().unwrap_or(range);
+            let is_beside_dry = quantity == Quantity::Skid && model.laws().skid.is_dry();
             let low = if is_beside_dry { BESIDE_DRY * low } else { low };
             FreeParameter { parameter, bounds: [low, high] }
         };
         known.map(free).collect()
+    }
+}
+
+/// Takes over what bounds a parameter.
+fn copy_bounds(from: &mut Fit, to: &mut Fit, parameter: Parameter) {
+    let quantity = parameter.quantity();
+    if let (Some(from), Some(to)) = (from.bounds_mut(quantity), to.bounds_mut(quantity)) {
+        *to = *from;
     }
 }
 

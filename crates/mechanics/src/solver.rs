@@ -335,7 +335,7 @@ impl Solver {
                 let known = &mut self.known_of_quadrature;
                 task(&mut Quadrature { problem: &problem, joints: [joint1, joint2], known })
             }
-            (_, laws) if laws.are_dry() => self.dry.with(problem, passive, task),
+            (_, laws) if !laws.are_linear() => self.dry.with(problem, passive, task),
             _ => self.viscous.with(problem, passive, task),
         }
     }
@@ -345,5 +345,5 @@ impl Solver {
 fn is_alike(last: &Problem, next: &Problem) -> bool {
     last.gait.passive_joint() == next.gait.passive_joint()
         && last.laws.skids() == next.laws.skids()
-        && last.laws.are_dry() == next.laws.are_dry()
+        && last.laws.are_linear() == next.laws.are_linear()
 }

@@ -75,27 +75,14 @@ impl Friction for Viscous {
 pub struct Dry;
 
 impl Friction for Dry {
-    const SKID: &'static [Parameter] = &[
-        Quantity::Skid.of(0),
-        Quantity::Skid.of(1),
-        Quantity::Skid.of(2),
-        Quantity::SkidDry.of(0),
-        Quantity::SkidDry.of(1),
-        Quantity::SkidDry.of(2),
-        Quantity::SkidStatic.of(0),
-        Quantity::SkidStatic.of(1),
-        Quantity::SkidStatic.of(2),
-        Quantity::Stribeck.one(),
-    ];
-    const ROLL: &'static [Parameter] = &[
-        Quantity::Roll.of(0),
-        Quantity::Roll.of(1),
-        Quantity::Roll.of(2),
-        Quantity::RollDry.of(0),
-        Quantity::RollDry.of(1),
-        Quantity::RollDry.of(2),
-        Quantity::Transition.one(),
-    ];
+    const SKID: &'static [Parameter] = &parameters::<10>(&[
+        Quantity::Skid,
+        Quantity::SkidDry,
+        Quantity::SkidStatic,
+        Quantity::Stribeck,
+    ]);
+    const ROLL: &'static [Parameter] =
+        &parameters::<7>(&[Quantity::Roll, Quantity::RollDry, Quantity::Transition]);
     const IS_LINEAR: bool = false;
 
     #[inline(always)]
@@ -135,6 +122,21 @@ impl Friction for Dry {
         add(3 + wheel, slopes.dry);
         add(6, slopes.transition);
     }
+}
+
+/// The numbers of quantities, one after the other.
+const fn parameters<const COUNT: usize>(quantities: &[Quantity]) -> [Parameter; COUNT] {
+    let (mut all, mut count, mut i) = ([quantities[0].of(0); COUNT], 0, 0);
+    while i < quantities.len() {
+        let mut place = 0;
+        while place < quantities[i].count() {
+            all[count] = quantities[i].of(place);
+            (count, place) = (count + 1, place + 1);
+        }
+        i += 1;
+    }
+    assert!(count == COUNT, "another number of parameters");
+    all
 }
 
 /// The friction of one wheel in one direction.

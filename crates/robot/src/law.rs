@@ -98,16 +98,25 @@ impl Laws {
         self.skid.is_dry() || self.roll.is_dry()
     }
 
+    /// Whether every force is in proportion to its velocity.
+    pub fn are_linear(self) -> bool {
+        !self.are_dry()
+    }
+
     /// A robot with the coefficients that the laws do not use set to zero.
     pub fn effective(self, robot: &Robot) -> Robot {
         let mut robot = robot.clone();
         for quantity in Quantity::ALL {
-            let of = quantity.definition();
-            if of.is_resistance && !(of.matters)(self, &Gait { joints: [None, None] }) {
+            if quantity.definition().is_resistance && !self.wheels_need(quantity) {
                 quantity.numbers_mut(&mut robot).fill(0.0);
             }
         }
         robot
+    }
+
+    /// Whether the motion depends on a quantity whatever the joints do.
+    pub fn wheels_need(self, quantity: Quantity) -> bool {
+        (quantity.definition().matters)(self, &Gait { joints: [None, None] })
     }
 
     /// Whether the motion of a robot with this gait can depend on a parameter.

@@ -106,6 +106,8 @@ pub struct Definition {
     pub has_deviation: bool,
     /// Whether a fit can free it.
     pub is_fitted: bool,
+    /// Whether fits free it where neither campaign nor model says what is free.
+    pub is_free_by_default: bool,
     /// Whether 0 means that it resists nothing.
     pub is_resistance: bool,
     /// Whether the motion of a robot with these laws and this gait depends on it.
@@ -153,6 +155,7 @@ const BODY: Definition = Definition {
     default: None,
     has_deviation: true,
     is_fitted: false,
+    is_free_by_default: false,
     is_resistance: false,
     matters: |_, _| true,
     field: Field { of: |_| &[], of_mut: |_| &mut [] },
@@ -231,6 +234,7 @@ impl Quantity {
                 latex: "c^S",
                 default: None,
                 has_deviation: false,
+                is_free_by_default: true,
                 matters: |laws, _| laws.skid.is_viscous(),
                 field: field!(skid_kg_s),
                 ..FRICTION
@@ -248,6 +252,7 @@ impl Quantity {
             Self::SkidDry => Definition {
                 label: "Dry skid",
                 latex: "F^S",
+                is_free_by_default: true,
                 matters: |laws, _| laws.skid.is_dry(),
                 field: field!(skid_dry_n),
                 ..FRICTION
@@ -285,7 +290,7 @@ impl Quantity {
                 range: [1e-6, 100.0],
                 default: Some(0.005),
                 is_resistance: false,
-                matters: |laws, _| laws.are_dry(),
+                matters: |laws, _| !laws.are_linear(),
                 field: field!(transition_m_s),
                 ..FRICTION
             },

@@ -122,16 +122,17 @@ pub(super) fn gaits(
         let first = (number * (omegas_rad_s.len() + 1)) as u64;
         let (viscous, gait) = planted::planted(name, &robot, gait, &mut random(seed, first));
         // A robot has one floor; the viscous coefficients that the paper fits differ by campaign.
-        let mut robot = match laws.are_dry() {
-            false => viscous,
-            true => {
+        let mut robot = match laws.are_linear() {
+            true => viscous,
+            false => {
                 let robots = config.robot.keys().position(|known| *known == campaign.robot);
                 let stream = ROBOT_STREAMS + robots.unwrap_or(0) as u64;
                 planted::floor(robot, &mut random(seed, stream))
             }
         };
-        for of in [&mut robot.skid_kg_s, &mut robot.skid_dry_n, &mut robot.skid_static_n] {
-            *of = std::array::from_fn(|wheel| of[wheel] * recipe.skid_factors[wheel]);
+        for (of, wheel) in planted::resistances_to_skidding() {
+            let value = of.of(&robot) * recipe.skid_factors[wheel];
+            of.set(&mut robot, value);
         }
         let law =
             law.filter(|(model, laws)| (*model, *laws) != (Model::SKID_ROLL, Laws::SKID_ROLL));

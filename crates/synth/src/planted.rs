@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal};
 use trilink_mechanics::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Gait, Robot};
+use trilink_robot::{Dry, Friction as _, Gait, Parameter, Quantity, Robot};
 
 /// The paper's fitted skid coefficients (Tables I and II) by campaign, kg/s.
 const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
@@ -48,13 +48,20 @@ pub(super) fn planted(
 
 /// The robot with coefficients of its own: what resists skidding, dry and viscous.
 pub(super) fn floor(mut robot: Robot, random: &mut ChaCha8Rng) -> Robot {
-    for wheel in 0..3 {
-        let [viscous, dry] = [(); 2].map(|()| part(random));
-        robot.skid_kg_s[wheel] *= viscous;
-        robot.skid_dry_n[wheel] *= dry;
-        robot.skid_static_n[wheel] *= dry;
+    let parts = robot.skid_kg_s.map(|_| [(); 2].map(|()| part(random)));
+    for (of, wheel) in resistances_to_skidding() {
+        let [viscous, dry] = parts[wheel];
+        let part = if of.quantity() == Quantity::Skid { viscous } else { dry };
+        let value = part * of.of(&robot);
+        of.set(&mut robot, value);
     }
     robot
+}
+
+/// What resists skidding, with the wheels that it is of.
+pub(super) fn resistances_to_skidding() -> impl Iterator<Item = (Parameter, usize)> {
+    let resists = |of: &&Parameter| of.quantity().definition().is_resistance;
+    Dry::SKID.iter().filter(resists).filter_map(|of| Some((*of, of.wheel_or_link()?)))
 }
 
 /// By how much a planted coefficient differs from the expected one.

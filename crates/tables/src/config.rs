@@ -30,7 +30,7 @@ pub use paths::{Paths, is_pattern};
 pub use robot::RobotConfig;
 pub use settings::Setting;
 use trilink_base::LengthUnit;
-use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic};
+use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic, Unit};
 
 use strict::Strict;
 
@@ -165,17 +165,18 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Bounds of the free parameters of a quantity, which other quantities may share; those of dry friction
-    /// for what no fit frees.
-    pub fn bounds_mut(&mut self, quantity: Quantity) -> &mut [f64; 2] {
+    /// Bounds of the free parameters of a quantity, which other quantities may share; `None` where the
+    /// settings give none: its own range bounds it.
+    pub fn bounds_mut(&mut self, quantity: Quantity) -> Option<&mut [f64; 2]> {
         match quantity {
-            Quantity::Skid => &mut self.skid_bounds_kg_s,
-            Quantity::Roll => &mut self.roll_bounds_kg_s,
-            Quantity::Stribeck => &mut self.stribeck_bounds_m_s,
-            Quantity::Transition => &mut self.transition_bounds_m_s,
-            Quantity::Stiffness => &mut self.stiffness_bounds_nm_rad,
-            Quantity::Damping => &mut self.damping_bounds_nm_s_rad,
-            _ => &mut self.dry_bounds_n,
+            Quantity::Skid => Some(&mut self.skid_bounds_kg_s),
+            Quantity::Roll => Some(&mut self.roll_bounds_kg_s),
+            Quantity::Stribeck => Some(&mut self.stribeck_bounds_m_s),
+            Quantity::Transition => Some(&mut self.transition_bounds_m_s),
+            Quantity::Stiffness => Some(&mut self.stiffness_bounds_nm_rad),
+            Quantity::Damping => Some(&mut self.damping_bounds_nm_s_rad),
+            _ if quantity.definition().unit == Unit::Newton => Some(&mut self.dry_bounds_n),
+            _ => None,
         }
     }
 }

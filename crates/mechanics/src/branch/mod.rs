@@ -68,7 +68,7 @@ pub fn branches(
     match first.gait.joints {
         [None, None] => Err(MotionError::NotDriven),
         [Some(_), Some(_)] if !first.laws.skids() => Err(MotionError::Determined),
-        _ if first.laws.are_dry() => with_friction::<Dry>(&at, &over, &first),
+        _ if !first.laws.are_linear() => with_friction::<Dry>(&at, &over, &first),
         _ => with_friction::<Viscous>(&at, &over, &first),
     }
 }

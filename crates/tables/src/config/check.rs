@@ -235,10 +235,7 @@ impl Config {
         let (has, laws) = (&self.robot[robot], self.model[&model].laws());
         let Laws { skid, roll } = laws;
         // What has a default without an effect.
-        let is_needed = |of: &Quantity| {
-            let definition = of.definition();
-            definition.is_resistance && (definition.matters)(laws, &Gait { joints: [None; 2] })
-        };
+        let is_needed = |of: &Quantity| of.definition().is_resistance && laws.wheels_need(*of);
         for quantity in Quantity::ALL.into_iter().filter(is_needed) {
             let key = quantity.name();
             let needed = format!(

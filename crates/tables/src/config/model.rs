@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::named;
-use trilink_robot::{Laws, Model, Parameter, Quantity, RollLaw, SkidLaw};
+use trilink_robot::{Laws, Model, Parameter, RollLaw, SkidLaw};
 
 /// Models by their names.
 pub type Models = BTreeMap<Model, ModelConfig>;
@@ -34,12 +34,11 @@ impl ModelConfig {
 
     /// What its fit leaves free where the campaign does not say.
     pub fn free(&self) -> Vec<Parameter> {
-        let of_skidding = |of: &Parameter| match of.quantity() {
-            Quantity::Skid => self.skid.is_viscous(),
-            Quantity::SkidDry => self.skid.is_dry(),
-            _ => false,
+        let is_free = |of: &Parameter| {
+            let quantity = of.quantity();
+            quantity.definition().is_free_by_default && self.laws().wheels_need(quantity)
         };
-        let by_default = || Parameter::ALL.into_iter().filter(of_skidding).collect();
+        let by_default = || Parameter::ALL.into_iter().filter(is_free).collect();
         self.free.as_ref().map_or_else(by_default, |Free(listed)| listed.clone())
     }
 
@@ -109,6 +108,8 @@ impl<'de> Deserialize<'de> for Free {
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Quantity;
+
     use super::*;
 
     #[test]
