@@ -1,5 +1,7 @@
 //! What one cycle of motion amounts to, measured or simulated (eq. 17 and 20).
 
+use std::ops::{Index, IndexMut};
+
 use serde::Serialize;
 use trilink_base::named;
 
@@ -32,30 +34,387 @@ impl GaitMetrics {
         ["sigma0_debiased", "sigma1_debiased", "sigma2_debiased"];
 
     /// Every metric unknown.
-    pub const MISSING: Self = Self {
-        d_m: f64::NAN,
-        v_m_s: f64::NAN,
-        sigma: [f64::NAN; 3],
-        alpha1_rad: f64::NAN,
-        dtheta_rad: f64::NAN,
-    };
+    pub const MISSING: Self = Self::splat(f64::NAN);
 
     /// Every metric zero.
-    pub const NONE: Self =
-        Self { d_m: 0.0, v_m_s: 0.0, sigma: [0.0; 3], alpha1_rad: 0.0, dtheta_rad: 0.0 };
+    pub const NONE: Self = Self::splat(0.0);
 
-    /// The metrics in the order of the fields.
+    const fn splat(value: f64) -> Self {
+        Self { d_m: value, v_m_s: value, sigma: [value; 3], alpha1_rad: value, dtheta_rad: value }
+    }
+
+    /// The metrics in the order of [`Metric::ALL`].
     #[inline]
-    pub fn to_array(self) -> [f64; 7] {
-        let [middle, front, rear] = self.sigma;
-        [self.d_m, self.v_m_s, middle, front, rear, self.alpha1_rad, self.dtheta_rad]
+    pub fn to_array(self) -> [f64; Metric::ALL.len()] {
+        Metric::ALL.map(|metric| self[metric])
     }
 
     /// The inverse of [`GaitMetrics::to_array`].
     #[inline]
-    pub fn from_array(values: [f64; 7]) -> Self {
-        let [d_m, v_m_s, sigma @ .., alpha1_rad, dtheta_rad] = values;
-        Self { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
+    pub fn from_array(values: [f64; Metric::ALL.len()]) -> Self {
+        ByMetric(values).into()
+    }
+}
+
+impl Index<Metric> for GaitMetrics {
+    type Output = f64;
+
+    #[inline]
+    fn index(&self, metric: Metric) -> &f64 {
+        match metric {
+            Metric::D => &self.d_m,
+            Metric::V => &self.v_m_s,
+            Metric::Sigma0 => &self.sigma[0],
+            Metric::Sigma1 => &self.sigma[1],
+            Metric::Sigma2 => &self.sigma[2],
+            Metric::Alpha1 => &self.alpha1_rad,
+            Metric::Dtheta => &self.dtheta_rad,
+        }
+    }
+}
+
+impl IndexMut<Metric> for GaitMetrics {
+    #[inline]
+    fn index_mut(&mut self, metric: Metric) -> &mut f64 {
+        match metric {
+            Metric::D => &mut self.d_m,
+            Metric::V => &mut self.v_m_s,
+            Metric::Sigma0 => &mut self.sigma[0],
+            Metric::Sigma1 => &mut self.sigma[1],
+            Metric::Sigma2 => &mut self.sigma[2],
+            Metric::Alpha1 => &mut self.alpha1_rad,
+            Metric::Dtheta => &mut self.dtheta_rad,
+        }
+    }
+}
+
+named! {
+    /// A metric of a cycle, by its short name; those of eq. 22 first, in its order.
+    pub enum Metric {
+        D = "d",
+        /// d over the period: both are one measurement.
+        V = "v",
+        Sigma0 = "sigma0",
+        Sigma1 = "sigma1",
+        Sigma2 = "sigma2",
+        Alpha1 = "alpha1",
+        Dtheta = "dtheta",
+    }
+}
+
+named! {
+    /// A weight of eq. 22, by its key in the configuration.
+    pub enum WeightKey {
+        D = "d",
+        V = "v",
+        Sigma = "sigma",
+        Alpha = "alpha",
+    }
+}
+
+impl WeightKey {
+    /// The metrics that have it.
+    pub fn metrics(self) -> impl Iterator<Item = Metric> {
+        let has = move |metric: &Metric| metric.definition().weight == Some(self);
+        Metric::FITTED.into_iter().filter(has)
+    }
+}
+
+/// What a metric is a measure of, which gives it its units.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    Length,
+    Speed,
+    Ratio,
+    Angle,
+}
+
+impl Dimension {
+    /// The unit of columns; ratios have none.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Length => "m",
+            Self::Speed => "m/s",
+            Self::Ratio => "",
+            Self::Angle => "rad",
+        }
+    }
+
+    /// The unit that people are shown.
+    pub const fn shown_unit(self) -> &'static str {
+        match self {
+            Self::Length => "mm",
+            Self::Speed => "mm/s",
+            Self::Ratio => "",
+            Self::Angle => "deg",
+        }
+    }
+
+    /// How many of that one of a column's is.
+    pub fn shown(self) -> f64 {
+        match self {
+            Self::Length | Self::Speed => 1e3,
+            Self::Ratio => 1.0,
+            Self::Angle => 1_f64.to_degrees(),
+        }
+    }
+}
+
+/// A row of the table of metrics.
+#[derive(Debug, Clone, Copy)]
+pub struct MetricDefinition {
+    pub column: &'static str,
+    /// Column of a measured one without what the markers' noise adds to it.
+    pub debiased: Option<&'static str>,
+    /// Column in the unit that people are shown.
+    pub shown_column: &'static str,
+    pub symbol: &'static str,
+    /// The symbol in plain letters.
+    pub plain: &'static str,
+    /// Name on a figure's axis, before the symbol.
+    pub label: &'static str,
+    /// Title of a figure's panel.
+    pub title: &'static str,
+    pub dimension: Dimension,
+    /// Its weight in eq. 22, if it has a term there.
+    pub weight: Option<WeightKey>,
+    /// Whether it is a size: never below 0, and hardly 0, so that eq. 21 can divide by it.
+    pub is_size: bool,
+}
+
+impl Metric {
+    /// Those that have a term in eq. 22.
+    pub const FITTED: [Self; 6] = {
+        let (mut fitted, mut i) = ([Self::D; 6], 0);
+        while i < Self::ALL.len() {
+            let is_fitted = Self::ALL[i].definition().weight.is_some();
+            assert!(is_fitted == (i < fitted.len()), "metrics of eq. 22 come first");
+            if is_fitted {
+                fitted[i] = Self::ALL[i];
+            }
+            i += 1;
+        }
+        fitted
+    };
+
+    /// Skid ratios of wheels 0, 1, 2.
+    pub const SIGMA: [Self; 3] = [Self::Sigma0, Self::Sigma1, Self::Sigma2];
+
+    /// Its row of the table.
+    pub const fn definition(self) -> &'static MetricDefinition {
+        const SIGMA: MetricDefinition = MetricDefinition {
+            column: "",
+            debiased: None,
+            shown_column: "",
+            symbol: "",
+            plain: "",
+            label: "Skid ratio",
+            title: "",
+            dimension: Dimension::Ratio,
+            weight: Some(WeightKey::Sigma),
+            is_size: true,
+        };
+        match self {
+            Self::D => {
+                &const {
+                    MetricDefinition {
+                        column: "d_m",
+                        shown_column: "d_mm",
+                        symbol: "d",
+                        plain: "d",
+                        label: "Displacement",
+                        title: "Displacement per cycle",
+                        dimension: Dimension::Length,
+                        weight: Some(WeightKey::D),
+                        ..SIGMA
+                    }
+                }
+            }
+            Self::V => {
+                &const {
+                    MetricDefinition {
+                        column: "v_m_s",
+                        shown_column: "v_mm_s",
+                        symbol: "v",
+                        plain: "v",
+                        label: "Mean speed",
+                        title: "Mean speed",
+                        dimension: Dimension::Speed,
+                        weight: Some(WeightKey::V),
+                        ..SIGMA
+                    }
+                }
+            }
+            Self::Sigma0 => {
+                &const {
+                    MetricDefinition {
+                        column: "sigma0",
+                        debiased: Some("sigma0_debiased"),
+                        shown_column: "sigma0",
+                        symbol: "σ₀",
+                        plain: "sigma 0",
+                        title: "Wheel 0 (middle)",
+                        ..SIGMA
+                    }
+                }
+            }
+            Self::Sigma1 => {
+                &const {
+                    MetricDefinition {
+                        column: "sigma1",
+                        debiased: Some("sigma1_debiased"),
+                        shown_column: "sigma1",
+                        symbol: "σ₁",
+                        plain: "sigma 1",
+                        title: "Wheel 1 (front)",
+                        ..SIGMA
+                    }
+                }
+            }
+            Self::Sigma2 => {
+                &const {
+                    MetricDefinition {
+                        column: "sigma2",
+                        debiased: Some("sigma2_debiased"),
+                        shown_column: "sigma2",
+                        symbol: "σ₂",
+                        plain: "sigma 2",
+                        title: "Wheel 2 (rear)",
+                        ..SIGMA
+                    }
+                }
+            }
+            Self::Alpha1 => {
+                &const {
+                    MetricDefinition {
+                        column: "alpha1_rad",
+                        shown_column: "alpha1_deg",
+                        symbol: "α₁",
+                        plain: "alpha 1",
+                        label: "Amplitude",
+                        title: "Amplitude of joint 1",
+                        dimension: Dimension::Angle,
+                        weight: Some(WeightKey::Alpha),
+                        ..SIGMA
+                    }
+                }
+            }
+            Self::Dtheta => {
+                &const {
+                    MetricDefinition {
+                        column: "dtheta_rad",
+                        shown_column: "dtheta_deg",
+                        symbol: "Δθ",
+                        plain: "rotation",
+                        label: "Net rotation",
+                        title: "Rotation per cycle",
+                        dimension: Dimension::Angle,
+                        weight: None,
+                        is_size: false,
+                        ..SIGMA
+                    }
+                }
+            }
+        }
+    }
+
+    /// Its column.
+    pub const fn column(self) -> &'static str {
+        self.definition().column
+    }
+
+    /// The metric of this column.
+    pub fn of_column(column: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|metric| metric.column() == column)
+    }
+}
+
+/// A value for each metric, or for the first of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ByMetric<T, const N: usize = { Metric::ALL.len() }>([T; N]);
+
+/// A value for each of [`Metric::FITTED`].
+pub type ByFitted<T> = ByMetric<T, { Metric::FITTED.len() }>;
+
+impl<T: Copy, const N: usize> ByMetric<T, N> {
+    /// The same for every metric.
+    pub const fn splat(value: T) -> Self {
+        Self([value; N])
+    }
+}
+
+impl<T, const N: usize> ByMetric<T, N> {
+    /// What `of` gives for every metric.
+    #[inline]
+    pub fn from_fn(mut of: impl FnMut(Metric) -> T) -> Self {
+        Self(std::array::from_fn(|i| of(Metric::ALL[i])))
+    }
+
+    /// The same with every value mapped.
+    #[inline]
+    pub fn map<U>(self, of: impl FnMut(T) -> U) -> ByMetric<U, N> {
+        ByMetric(self.0.map(of))
+    }
+
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = (Metric, &T)> {
+        Metric::ALL.into_iter().zip(&self.0)
+    }
+
+    #[inline]
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (Metric, &mut T)> {
+        Metric::ALL.into_iter().zip(&mut self.0)
+    }
+
+    /// The values alone.
+    #[inline]
+    pub const fn values(&self) -> &[T; N] {
+        &self.0
+    }
+}
+
+impl<T: Default, const N: usize> Default for ByMetric<T, N> {
+    fn default() -> Self {
+        Self::from_fn(|_| T::default())
+    }
+}
+
+impl<T, const N: usize> Index<Metric> for ByMetric<T, N> {
+    type Output = T;
+
+    #[inline]
+    fn index(&self, metric: Metric) -> &T {
+        &self.0[metric as usize]
+    }
+}
+
+impl<T, const N: usize> IndexMut<Metric> for ByMetric<T, N> {
+    #[inline]
+    fn index_mut(&mut self, metric: Metric) -> &mut T {
+        &mut self.0[metric as usize]
+    }
+}
+
+impl<T, const N: usize> From<[T; N]> for ByMetric<T, N> {
+    fn from(values: [T; N]) -> Self {
+        Self(values)
+    }
+}
+
+impl<const N: usize> From<GaitMetrics> for ByMetric<f64, N> {
+    #[inline]
+    fn from(metrics: GaitMetrics) -> Self {
+        Self::from_fn(|metric| metrics[metric])
+    }
+}
+
+/// Those that are not there are unknown.
+impl<const N: usize> From<ByMetric<f64, N>> for GaitMetrics {
+    #[inline]
+    fn from(values: ByMetric<f64, N>) -> Self {
+        let mut metrics = Self::MISSING;
+        values.iter().for_each(|(metric, value)| metrics[metric] = *value);
+        metrics
     }
 }
 
@@ -144,5 +503,31 @@ impl BranchKind {
     #[inline]
     pub fn periods(self) -> i64 {
         if self == Self::PeriodDoubled { 2 } else { 1 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_metric_has_a_place_and_names_of_its_own() {
+        let numbers = std::array::from_fn(|i| i as f64);
+        let metrics = GaitMetrics::from_array(numbers);
+        assert_eq!(metrics.to_array(), numbers);
+        assert_eq!((metrics.d_m, metrics.sigma, metrics.dtheta_rad), (0.0, [2.0, 3.0, 4.0], 6.0));
+        for metric in Metric::ALL {
+            let MetricDefinition { column, shown_column, debiased, dimension, .. } =
+                *metric.definition();
+            assert_eq!(metrics[metric], metric as usize as f64);
+            assert_eq!(Metric::of_column(column), Some(metric));
+            let with_unit = |unit: &str| match unit {
+                "" => metric.name().to_owned(),
+                unit => format!("{metric}_{}", unit.replace('/', "_")),
+            };
+            assert_eq!(column, with_unit(dimension.unit()));
+            assert_eq!(shown_column, with_unit(dimension.shown_unit()));
+            assert!(debiased.is_none_or(|debiased| debiased == format!("{column}_debiased")));
+        }
     }
 }
