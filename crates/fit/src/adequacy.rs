@@ -293,7 +293,7 @@ impl Statistics {
     fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64, told: &[ByFitted<f64>]) -> Self {
         let mut costs = ByFitted::splat(0.0);
         let [mut noise, mut told_noise] = [0.0; 2];
-        let mut series: ByFitted<Vec<f64>> = ByFitted::default();
+        let mut series: ByFitted<Vec<f64>> = ByFitted::from_fn(|_| Vec::new());
         for term in terms {
             let value = residual(term);
             if term.deviation > 0.0 {

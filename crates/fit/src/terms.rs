@@ -51,7 +51,7 @@ pub(super) struct Terms {
 impl Terms {
     /// Of conditions with these parts of all trials.
     pub(crate) fn new(shares: Vec<f64>, targets: impl Iterator<Item = Target>) -> Self {
-        let mut collected: Vec<ByFitted<Vec<(f64, f64)>>> = vec![Default::default(); shares.len()];
+        let mut collected = vec![ByFitted::from_fn(|_| Vec::new()); shares.len()];
         for Target { condition, metric, value, weight } in targets {
             collected[condition][metric].push((value, weight));
         }

@@ -22,17 +22,6 @@ pub struct GaitMetrics {
 }
 
 impl GaitMetrics {
-    /// The metrics' columns, in the order of the fields.
-    pub const COLUMNS: [&str; 7] =
-        ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad", "dtheta_rad"];
-
-    /// Columns of the skid ratios of wheels 0, 1, 2.
-    pub const SIGMA_COLUMNS: [&str; 3] = [Self::COLUMNS[2], Self::COLUMNS[3], Self::COLUMNS[4]];
-
-    /// Columns of measured skid ratios without what the markers' noise adds to them.
-    pub const SIGMA_DEBIASED_COLUMNS: [&str; 3] =
-        ["sigma0_debiased", "sigma1_debiased", "sigma2_debiased"];
-
     /// Every metric unknown.
     pub const MISSING: Self = Self::splat(f64::NAN);
 
@@ -53,52 +42,6 @@ impl GaitMetrics {
     #[inline]
     pub fn from_array(values: [f64; Metric::ALL.len()]) -> Self {
         ByMetric(values).into()
-    }
-}
-
-impl Index<Metric> for GaitMetrics {
-    type Output = f64;
-
-    #[inline]
-    fn index(&self, metric: Metric) -> &f64 {
-        match metric {
-            Metric::D => &self.d_m,
-            Metric::V => &self.v_m_s,
-            Metric::Sigma0 => &self.sigma[0],
-            Metric::Sigma1 => &self.sigma[1],
-            Metric::Sigma2 => &self.sigma[2],
-            Metric::Alpha1 => &self.alpha1_rad,
-            Metric::Dtheta => &self.dtheta_rad,
-        }
-    }
-}
-
-impl IndexMut<Metric> for GaitMetrics {
-    #[inline]
-    fn index_mut(&mut self, metric: Metric) -> &mut f64 {
-        match metric {
-            Metric::D => &mut self.d_m,
-            Metric::V => &mut self.v_m_s,
-            Metric::Sigma0 => &mut self.sigma[0],
-            Metric::Sigma1 => &mut self.sigma[1],
-            Metric::Sigma2 => &mut self.sigma[2],
-            Metric::Alpha1 => &mut self.alpha1_rad,
-            Metric::Dtheta => &mut self.dtheta_rad,
-        }
-    }
-}
-
-named! {
-    /// A metric of a cycle, by its short name; those of eq. 22 first, in its order.
-    pub enum Metric {
-        D = "d",
-        /// d over the period: both are one measurement.
-        V = "v",
-        Sigma0 = "sigma0",
-        Sigma1 = "sigma1",
-        Sigma2 = "sigma2",
-        Alpha1 = "alpha1",
-        Dtheta = "dtheta",
     }
 }
 
@@ -130,28 +73,18 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// The unit of columns; ratios have none.
-    pub const fn unit(self) -> &'static str {
+    /// Units of columns, and those that people are shown; ratios have none.
+    pub const fn units(self) -> [&'static str; 2] {
         match self {
-            Self::Length => "m",
-            Self::Speed => "m/s",
-            Self::Ratio => "",
-            Self::Angle => "rad",
+            Self::Length => ["m", "mm"],
+            Self::Speed => ["m/s", "mm/s"],
+            Self::Ratio => [""; 2],
+            Self::Angle => ["rad", "deg"],
         }
     }
 
-    /// The unit that people are shown.
-    pub const fn shown_unit(self) -> &'static str {
-        match self {
-            Self::Length => "mm",
-            Self::Speed => "mm/s",
-            Self::Ratio => "",
-            Self::Angle => "deg",
-        }
-    }
-
-    /// How many of that one of a column's is.
-    pub fn shown(self) -> f64 {
+    /// How many of the latter one of the former is.
+    fn shown_per_unit(self) -> f64 {
         match self {
             Self::Length | Self::Speed => 1e3,
             Self::Ratio => 1.0,
@@ -182,145 +115,87 @@ pub struct MetricDefinition {
     pub is_size: bool,
 }
 
+/// Defines the metrics and their table.
+macro_rules! metrics {
+    ($(
+        $metric:ident = $name:literal ($($field:tt)+) [$unit:literal, $shown_unit:literal]
+        [$symbol:literal, $plain:literal] [$label:literal, $title:literal] $dimension:ident
+        weight: $weight:expr, debiased: $debiased:expr, is_size: $is_size:literal;
+    )*) => {
+        named! {
+            /// A metric of a cycle, by its short name; those of eq. 22 first, in its order. v is d over the
+            /// period: both are one measurement.
+            pub enum Metric { $($metric = $name,)* }
+        }
+
+        const TABLE: &[MetricDefinition; Metric::ALL.len()] = &[$(MetricDefinition {
+            column: concat!($name, $unit),
+            debiased: $debiased,
+            shown_column: concat!($name, $shown_unit),
+            symbol: $symbol,
+            plain: $plain,
+            label: $label,
+            title: $title,
+            dimension: Dimension::$dimension,
+            weight: $weight,
+            is_size: $is_size,
+        },)*];
+
+        impl Index<Metric> for GaitMetrics {
+            type Output = f64;
+
+            #[inline]
+            fn index(&self, metric: Metric) -> &f64 {
+                match metric { $(Metric::$metric => &self.$($field)+,)* }
+            }
+        }
+
+        impl IndexMut<Metric> for GaitMetrics {
+            #[inline]
+            fn index_mut(&mut self, metric: Metric) -> &mut f64 {
+                match metric { $(Metric::$metric => &mut self.$($field)+,)* }
+            }
+        }
+    };
+}
+
+metrics! {
+    D = "d" (d_m) ["_m", "_mm"] ["d", "d"] ["Displacement", "Displacement per cycle"] Length
+        weight: Some(WeightKey::D), debiased: None, is_size: true;
+    V = "v" (v_m_s) ["_m_s", "_mm_s"] ["v", "v"] ["Mean speed", "Mean speed"] Speed
+        weight: Some(WeightKey::V), debiased: None, is_size: true;
+    Sigma0 = "sigma0" (sigma[0]) ["", ""] ["σ₀", "sigma 0"] ["Skid ratio", "Wheel 0 (middle)"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma0_debiased"), is_size: true;
+    Sigma1 = "sigma1" (sigma[1]) ["", ""] ["σ₁", "sigma 1"] ["Skid ratio", "Wheel 1 (front)"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma1_debiased"), is_size: true;
+    Sigma2 = "sigma2" (sigma[2]) ["", ""] ["σ₂", "sigma 2"] ["Skid ratio", "Wheel 2 (rear)"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma2_debiased"), is_size: true;
+    Alpha1 = "alpha1" (alpha1_rad) ["_rad", "_deg"] ["α₁", "alpha 1"] ["Amplitude", "Amplitude of joint 1"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Dtheta = "dtheta" (dtheta_rad) ["_rad", "_deg"] ["Δθ", "rotation"] ["Net rotation", "Rotation per cycle"] Angle
+        weight: None, debiased: None, is_size: false;
+}
+
 impl Metric {
     /// Those that have a term in eq. 22.
-    pub const FITTED: [Self; 6] = {
-        let (mut fitted, mut i) = ([Self::D; 6], 0);
-        while i < Self::ALL.len() {
-            let is_fitted = Self::ALL[i].definition().weight.is_some();
-            assert!(is_fitted == (i < fitted.len()), "metrics of eq. 22 come first");
-            if is_fitted {
-                fitted[i] = Self::ALL[i];
-            }
-            i += 1;
-        }
-        fitted
-    };
+    pub const FITTED: [Self; 6] = *Self::ALL.first_chunk().expect("there are more");
 
     /// Skid ratios of wheels 0, 1, 2.
     pub const SIGMA: [Self; 3] = [Self::Sigma0, Self::Sigma1, Self::Sigma2];
 
     /// Its row of the table.
     pub const fn definition(self) -> &'static MetricDefinition {
-        const SIGMA: MetricDefinition = MetricDefinition {
-            column: "",
-            debiased: None,
-            shown_column: "",
-            symbol: "",
-            plain: "",
-            label: "Skid ratio",
-            title: "",
-            dimension: Dimension::Ratio,
-            weight: Some(WeightKey::Sigma),
-            is_size: true,
-        };
-        match self {
-            Self::D => {
-                &const {
-                    MetricDefinition {
-                        column: "d_m",
-                        shown_column: "d_mm",
-                        symbol: "d",
-                        plain: "d",
-                        label: "Displacement",
-                        title: "Displacement per cycle",
-                        dimension: Dimension::Length,
-                        weight: Some(WeightKey::D),
-                        ..SIGMA
-                    }
-                }
-            }
-            Self::V => {
-                &const {
-                    MetricDefinition {
-                        column: "v_m_s",
-                        shown_column: "v_mm_s",
-                        symbol: "v",
-                        plain: "v",
-                        label: "Mean speed",
-                        title: "Mean speed",
-                        dimension: Dimension::Speed,
-                        weight: Some(WeightKey::V),
-                        ..SIGMA
-                    }
-                }
-            }
-            Self::Sigma0 => {
-                &const {
-                    MetricDefinition {
-                        column: "sigma0",
-                        debiased: Some("sigma0_debiased"),
-                        shown_column: "sigma0",
-                        symbol: "σ₀",
-                        plain: "sigma 0",
-                        title: "Wheel 0 (middle)",
-                        ..SIGMA
-                    }
-                }
-            }
-            Self::Sigma1 => {
-                &const {
-                    MetricDefinition {
-                        column: "sigma1",
-                        debiased: Some("sigma1_debiased"),
-                        shown_column: "sigma1",
-                        symbol: "σ₁",
-                        plain: "sigma 1",
-                        title: "Wheel 1 (front)",
-                        ..SIGMA
-                    }
-                }
-            }
-            Self::Sigma2 => {
-                &const {
-                    MetricDefinition {
-                        column: "sigma2",
-                        debiased: Some("sigma2_debiased"),
-                        shown_column: "sigma2",
-                        symbol: "σ₂",
-                        plain: "sigma 2",
-                        title: "Wheel 2 (rear)",
-                        ..SIGMA
-                    }
-                }
-            }
-            Self::Alpha1 => {
-                &const {
-                    MetricDefinition {
-                        column: "alpha1_rad",
-                        shown_column: "alpha1_deg",
-                        symbol: "α₁",
-                        plain: "alpha 1",
-                        label: "Amplitude",
-                        title: "Amplitude of joint 1",
-                        dimension: Dimension::Angle,
-                        weight: Some(WeightKey::Alpha),
-                        ..SIGMA
-                    }
-                }
-            }
-            Self::Dtheta => {
-                &const {
-                    MetricDefinition {
-                        column: "dtheta_rad",
-                        shown_column: "dtheta_deg",
-                        symbol: "Δθ",
-                        plain: "rotation",
-                        label: "Net rotation",
-                        title: "Rotation per cycle",
-                        dimension: Dimension::Angle,
-                        weight: None,
-                        is_size: false,
-                        ..SIGMA
-                    }
-                }
-            }
-        }
+        &TABLE[self as usize]
     }
 
     /// Its column.
     pub const fn column(self) -> &'static str {
         self.definition().column
+    }
+
+    /// Its value in the unit that people are shown.
+    pub fn shown(self, metrics: &GaitMetrics) -> f64 {
+        self.definition().dimension.shown_per_unit() * metrics[self]
     }
 
     /// The metric of this column.
@@ -370,12 +245,6 @@ impl<T, const N: usize> ByMetric<T, N> {
     #[inline]
     pub const fn values(&self) -> &[T; N] {
         &self.0
-    }
-}
-
-impl<T: Default, const N: usize> Default for ByMetric<T, N> {
-    fn default() -> Self {
-        Self::from_fn(|_| T::default())
     }
 }
 
@@ -517,16 +386,17 @@ mod tests {
         assert_eq!(metrics.to_array(), numbers);
         assert_eq!((metrics.d_m, metrics.sigma, metrics.dtheta_rad), (0.0, [2.0, 3.0, 4.0], 6.0));
         for metric in Metric::ALL {
-            let MetricDefinition { column, shown_column, debiased, dimension, .. } =
+            let MetricDefinition { column, shown_column, debiased, dimension, weight, .. } =
                 *metric.definition();
             assert_eq!(metrics[metric], metric as usize as f64);
+            assert_eq!(Metric::FITTED.contains(&metric), weight.is_some());
             assert_eq!(Metric::of_column(column), Some(metric));
             let with_unit = |unit: &str| match unit {
                 "" => metric.name().to_owned(),
                 unit => format!("{metric}_{}", unit.replace('/', "_")),
             };
-            assert_eq!(column, with_unit(dimension.unit()));
-            assert_eq!(shown_column, with_unit(dimension.shown_unit()));
+            assert_eq!(column, with_unit(dimension.units()[0]));
+            assert_eq!(shown_column, with_unit(dimension.units()[1]));
             assert!(debiased.is_none_or(|debiased| debiased == format!("{column}_debiased")));
         }
     }
