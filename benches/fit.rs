@@ -27,7 +27,7 @@ fn measurements(data: &str) -> Vec<Measurement> {
             v_m_s: fields[2],
             sigma: [fields[3], fields[4], fields[5]],
             alpha1_rad: fields[6].to_radians(),
-            dtheta_rad: 0.0,
+            ..GaitMetrics::NONE
         };
         let gait = Config::default().campaign_setup("kinematic-symmetric").expect("the paper's").1;
         Measurement {

@@ -4,15 +4,11 @@ use std::collections::BTreeSet;
 
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_report::colours;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::Metric;
 
 use super::means::campaigns;
 use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{Compared, Difference};
-
-/// Of the metrics, in their order.
-const LABELS: [&str; 7] =
-    ["d (m)", "v (m/s)", "sigma 0", "sigma 1", "sigma 2", "alpha 1 (rad)", "rotation (rad)"];
 
 /// Curves of both runs: of a campaign's trials, or of a model's predictions.
 struct Curves<'s> {
@@ -51,8 +47,8 @@ pub(super) fn figures(
             });
             let fit = format!("{campaign} {model}");
             if compared.out().any(|difference| difference.table == "fits" && difference.of == fit) {
-                quantities.insert("d_m");
-                quantities.extend(GaitMetrics::SIGMA_COLUMNS);
+                quantities.insert(Metric::D.column());
+                quantities.extend(Metric::SIGMA.map(Metric::column));
             }
             figures.extend(curves.figure(format!("Model {model} of {campaign}"), &quantities));
         }
@@ -86,16 +82,19 @@ impl Curves<'_> {
 
     /// A chart for each of the columns; `None` if there is nothing to draw.
     fn figure(&self, title: String, columns: &BTreeSet<&str>) -> Option<Figure> {
-        let quantities = GaitMetrics::COLUMNS.into_iter().zip(LABELS);
-        let quantities = quantities.filter(|(column, _)| columns.contains(column));
-        let panels = quantities.map(|(column, label)| {
-            let [baseline, candidate] = self.runs.map(|records| self.points(records, column));
+        let metrics = Metric::ALL.into_iter().map(Metric::definition);
+        let panels = metrics.filter(|of| columns.contains(of.column)).map(|of| {
+            let label = match of.dimension.units()[0] {
+                "" => of.plain.to_owned(),
+                unit => format!("{} ({unit})", of.plain),
+            };
+            let [baseline, candidate] = self.runs.map(|records| self.points(records, of.column));
             let dots = |colour| Look::Dots { colour, joined: true };
             let layers = vec![
                 Layer::new("baseline", baseline, dots(colours::BASELINE)),
                 Layer::new("tonight", candidate, dots(colours::CANDIDATE)),
             ];
-            let panel = Panel::new(label, "omega (rad/s)", label, layers);
+            let panel = Panel::new(&*label, "omega (rad/s)", &*label, layers);
             Panel { y_scale: Scale::Decades, ..panel }
         });
         let texts = [title, "Grey: baseline. Orange: tonight.".to_owned()];

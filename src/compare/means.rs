@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::Metric;
 
 use super::judge::StandardError;
 use super::snapshot::{Record, Records, number, text};
@@ -15,8 +15,9 @@ pub(super) fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
         let pairs: Vec<[&Record; 2]> =
             of_campaign.filter_map(|(name, trial)| Some([trial, runs[1].get(name)?])).collect();
         let mut records = [Record::new(), Record::new()];
-        let columns = ["omega_rad_s"].into_iter().chain(GaitMetrics::COLUMNS);
-        for column in columns.chain(GaitMetrics::SIGMA_DEBIASED_COLUMNS) {
+        let columns = ["omega_rad_s"].into_iter().chain(Metric::ALL.map(Metric::column));
+        let debiased = Metric::ALL.into_iter().filter_map(|metric| metric.definition().debiased);
+        for column in columns.chain(debiased) {
             let value = |of: &Record| Some((number(of, column)?, StandardError::of(column, of)?));
             // A trial counts if it has the value in both runs.
             let values: Vec<_> =

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use trilink_robot::Parameter;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::Metric;
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::clock::utc_now;
 use trilink_tables::config::Config;
@@ -19,17 +19,6 @@ use super::means::{campaigns, mean};
 use super::snapshot::{MadeOf, Snapshot, number, text};
 use super::trend;
 use super::{Acceptance, CompareError};
-
-/// Metrics of trials whose means are kept.
-const MEANS: [&str; 7] = [
-    "d_m",
-    "v_m_s",
-    GaitMetrics::SIGMA_DEBIASED_COLUMNS[0],
-    GaitMetrics::SIGMA_DEBIASED_COLUMNS[1],
-    GaitMetrics::SIGMA_DEBIASED_COLUMNS[2],
-    "alpha1_rad",
-    "residual_mm",
-];
 
 /// Whether the history is there, and the page of it is not older.
 pub fn is_drawn(reports: &Path) -> bool {
@@ -159,7 +148,9 @@ fn figures_of_merit(candidate: &Snapshot, whole: &HistoryRow) -> Vec<HistoryRow>
     let trials = candidate.records("trials");
     for campaign in campaigns(trials) {
         let of_campaign = trials.values().filter(|trial| text(trial, "campaign") == campaign);
-        for quantity in MEANS {
+        let metrics = Metric::FITTED.map(Metric::definition);
+        let means = metrics.map(|of| of.debiased.unwrap_or(of.column)).into_iter();
+        for quantity in means.chain(["residual_mm"]) {
             let value = |trial| {
                 let unknown = StandardError { error: f64::NAN, freedom: f64::INFINITY };
                 let error = StandardError::of(quantity, trial).unwrap_or(unknown);

@@ -28,15 +28,14 @@
 
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
 use trilink_statistics::{mean, quantiles_low};
 
 use super::fitted_point::FittedPoint;
 use super::least_absolute::{dot, minimise};
-use super::objective::METRICS;
-use super::resample::Metrics;
 use super::resampler::Resampler;
 use super::search::limits;
-use super::terms::{Response, TERMS, Target, Terms};
+use super::terms::{Response, Target, Terms};
 
 /// Draws of noise.
 const DRAWS: usize = 400;
@@ -51,21 +50,14 @@ const LEAST_PATTERN: usize = 5;
 const ZERO: f64 = 1e-4;
 /// Metrics that a misfit names at most.
 const MOST_NAMED: usize = 3;
-/// Parts of the objective that are tested by themselves: d, v, sigma, alpha_1.
-const GROUPS: [&[usize]; 4] = [&[0], &[1], &[2, 3, 4], &[5]];
-
-/// d and v are one measurement: v errs as d does, has no pattern of its own, and is not named
-/// beside d.
-const D: usize = 0;
-const V: usize = 1;
 
 /// The result of the test. Ratios are NaN where nothing tells the noise, as of filtered coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Adequacy {
     /// The objective over the mean of what noise alone leaves, and the limit of this ratio.
     pub lack_of_fit: [f64; 2],
-    /// The ratio for the terms of d, v, sigma and alpha_1.
-    pub by_metric: [f64; 4],
+    /// The ratio for the terms of each of [`WeightKey::ALL`].
+    pub by_metric: [f64; WeightKey::ALL.len()],
     /// The largest of a metric's residuals, and its limit.
     pub autocorrelation: [f64; 2],
     /// The fewest, over the number of independent residuals', and its limit.
@@ -79,7 +71,7 @@ pub(super) struct Adequacy {
 impl Adequacy {
     pub(crate) const UNKNOWN: Self = Self {
         lack_of_fit: [f64::NAN; 2],
-        by_metric: [f64::NAN; 4],
+        by_metric: [f64::NAN; WeightKey::ALL.len()],
         autocorrelation: [f64::NAN; 2],
         runs: [f64::NAN; 2],
         is_adequate: None,
@@ -97,7 +89,7 @@ impl Adequacy {
         if is_filtered || terms.iter().all(|term| term.deviation == 0.0) {
             return unknown();
         }
-        let exactly = vec![[1.0; TERMS]; resampler.measurements.len()];
+        let exactly = vec![ByFitted::splat(1.0); resampler.measurements.len()];
         let observed = Statistics::new(&terms, |term| term.value, &exactly);
         let bounds = limits(&point.evaluator.parameters, &point.values, RADIUS);
         let drawn: Vec<Statistics> = (0..DRAWS)
@@ -111,10 +103,10 @@ impl Adequacy {
             .collect();
         let alone = |of: &dyn Fn(&Statistics) -> f64| mean(drawn.iter().map(of));
         let explained = alone(&Statistics::cost);
-        let mut noise = [0.0; TERMS];
+        let mut noise = ByFitted::splat(0.0);
         terms.iter().for_each(|term| noise[term.metric] += term.weight * term.deviation);
         // It goes through all measurements the noise of which is known, whatever they are.
-        if explained < ZERO * noise.iter().sum::<f64>() {
+        if explained < ZERO * noise.values().iter().sum::<f64>() {
             return unknown();
         }
         let part = 1.0 - rarity(&drawn, explained);
@@ -127,24 +119,24 @@ impl Adequacy {
         if lack_of_fit.iter().any(|ratio| !ratio.is_finite()) {
             return unknown();
         }
-        let by_metric = GROUPS.map(|group| {
-            let of_group = |all: &Statistics| group.iter().map(|&i| all.costs[i]).sum::<f64>();
+        let by_metric = WeightKey::ALL.map(|key| {
+            let of_group = |all: &Statistics| key.metrics().map(|i| all.costs[i]).sum::<f64>();
             of_group(&observed) / alone(&of_group)
         });
-        let is_patterned = |i: usize| {
+        let is_patterned = |i: Metric| {
             observed.autocorrelations[i] > autocorrelation[1] || observed.runs[i] < runs[1]
         };
         // Of each metric.
-        let ratios: [f64; TERMS] =
-            std::array::from_fn(|i| observed.costs[i] / alone(&|all| all.costs[i]));
-        let has_pattern = lack_of_fit[0] > 1.0 && (0..TERMS).any(is_patterned);
+        let ratios: ByFitted<f64> =
+            ByFitted::from_fn(|i| observed.costs[i] / alone(&|all| all.costs[i]));
+        let has_pattern = lack_of_fit[0] > 1.0 && Metric::FITTED.into_iter().any(is_patterned);
         let is_adequate = lack_of_fit[0] <= lack_of_fit[1] && !has_pattern;
-        let is_off = |i: &usize| {
+        let is_off = |i: &Metric| {
             let most = highest(&|all| all.costs[*i]) / alone(&|all| all.costs[*i]);
             !is_adequate && (ratios[*i] > most || is_patterned(*i))
         };
-        let mut off: Vec<usize> =
-            (0..TERMS).filter(|i| observed.costs[*i] > ZERO * noise[*i]).collect();
+        let is_left = |i: &Metric| observed.costs[*i] > ZERO * noise[*i];
+        let mut off: Vec<Metric> = Metric::FITTED.into_iter().filter(is_left).collect();
         off.sort_by(|a, b| ratios[*b].total_cmp(&ratios[*a]));
         // All together they may be off where none is by itself: then the one that is the most.
         let first = off.first().copied();
@@ -152,8 +144,9 @@ impl Adequacy {
         if off.is_empty() && !is_adequate {
             off.extend(first);
         }
-        let has_d = off.contains(&D);
-        off.retain(|i| *i != V || !has_d);
+        // v errs as d does.
+        let has_d = off.contains(&Metric::D);
+        off.retain(|i| *i != Metric::V || !has_d);
         let named = off.into_iter().take(MOST_NAMED).filter_map(|i| where_off(&terms, i));
         Self {
             lack_of_fit,
@@ -172,8 +165,7 @@ struct Term<'o> {
     campaign: &'o str,
     measurement: usize,
     condition: usize,
-    /// Index of its metric.
-    metric: usize,
+    metric: Metric,
     measured: f64,
     omega_rad_s: f64,
     weight: f64,
@@ -196,7 +188,7 @@ fn terms<'o>(point: &FittedPoint<'o>, resampler: &Resampler) -> Vec<Term<'o>> {
         let condition = objective.conditions.of_trials[measurement].0;
         let (share, campaign) = (1.0 / sizes[measurement], &*objective.protocol(each).name);
         for (metric, weight, measured) in objective.terms(each) {
-            let value = predicted.to_array()[metric] / measured - 1.0;
+            let value = predicted[metric] / measured - 1.0;
             let (weight, gain) = (share * weight, ratios[metric] / measured);
             let deviation = if own[metric] > 0.0 { all[metric] / measured } else { 0.0 };
             let omega_rad_s = each.frequency_rad_s;
@@ -220,8 +212,8 @@ fn terms<'o>(point: &FittedPoint<'o>, resampler: &Resampler) -> Vec<Term<'o>> {
 /// How many measurements they are of.
 fn independent(terms: &[Term]) -> usize {
     let of_trial = |terms: &[Term]| {
-        let has = |metric: usize| terms.iter().any(|term| term.metric == metric);
-        terms.len() - usize::from(has(D) && has(V))
+        let has = |metric: Metric| terms.iter().any(|term| term.metric == metric);
+        terms.len() - usize::from(has(Metric::D) && has(Metric::V))
     };
     terms.chunk_by(|a, b| a.measurement == b.measurement).map(of_trial).sum()
 }
@@ -232,19 +224,19 @@ fn noise(
     resampler: &Resampler,
     terms: &[Term],
     number: usize,
-) -> (Vec<f64>, Vec<Metrics>) {
+) -> (Vec<f64>, Vec<ByFitted<f64>>) {
     let mut random = ["noise", "gait noise"].map(|purpose| resampler.random(purpose, number));
-    let errors: Vec<[f64; TERMS]> = resampler
+    let errors: Vec<ByFitted<f64>> = resampler
         .noises_and_spreads()
         .zip(&point.gait_effects)
         .map(|((noise, spread), effects)| {
             let drawn = noise.draw(&mut random);
-            let mut own: [f64; TERMS] =
-                std::array::from_fn(|_| StandardNormal.sample(&mut random[0]));
-            own[V] = own[D];
-            std::array::from_fn(|i| {
+            let mut own: ByFitted<f64> =
+                ByFitted::from_fn(|_| StandardNormal.sample(&mut random[0]));
+            own[Metric::V] = own[Metric::D];
+            ByFitted::from_fn(|i| {
                 let by_gait = effects.iter().zip(&drawn.gait).map(|(of, gait)| of[i] * gait);
-                let measured = drawn.metrics[i] * noise.deviations()[i] + own[i] * spread[i];
+                let measured = drawn.metrics[i] * noise.deviation(i) + own[i] * spread[i];
                 by_gait.sum::<f64>() - measured
             })
         })
@@ -273,12 +265,12 @@ fn left_by_fit(
     let mut changes = changes.residuals(&point.responses);
     changes.iter_mut().for_each(|change| change.value = 0.0);
     let step = minimise(&changes, bounds, None);
-    let changes: Vec<[f64; TERMS]> = point
+    let changes: Vec<ByFitted<f64>> = point
         .responses
         .iter()
         .map(|response| {
             let change = |of: &Response, metric| dot(&of.affine(metric).1, step.as_slice());
-            std::array::from_fn(|metric| response.as_ref().map_or(0.0, |of| change(of, metric)))
+            ByFitted::from_fn(|metric| response.as_ref().map_or(0.0, |of| change(of, metric)))
         })
         .collect();
     let left = |(term, residual): (&Term, &f64)| {
@@ -291,17 +283,17 @@ fn left_by_fit(
 struct Statistics {
     /// Contributions of the metrics to the objective, as far as their noise is known, over how many times the
     /// noise is told.
-    costs: [f64; TERMS],
-    autocorrelations: [f64; TERMS],
-    runs: [f64; TERMS],
+    costs: ByFitted<f64>,
+    autocorrelations: ByFitted<f64>,
+    runs: ByFitted<f64>,
 }
 
 impl Statistics {
     /// Of residuals, and of how many times its noise is told of each measurement.
-    fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64, told: &[Metrics]) -> Self {
-        let mut costs = [0.0; TERMS];
+    fn new(terms: &[Term], mut residual: impl FnMut(&Term) -> f64, told: &[ByFitted<f64>]) -> Self {
+        let mut costs = ByFitted::splat(0.0);
         let [mut noise, mut told_noise] = [0.0; 2];
-        let mut series: [Vec<f64>; TERMS] = Default::default();
+        let mut series: ByFitted<Vec<f64>> = ByFitted::from_fn(|_| Vec::new());
         for term in terms {
             let value = residual(term);
             if term.deviation > 0.0 {
@@ -312,22 +304,23 @@ impl Statistics {
                 told_noise += term.weight * term.deviation * told;
             }
         }
-        costs.iter_mut().for_each(|cost| *cost *= noise / told_noise);
-        series[V].clear();
-        let autocorrelations = series.each_ref().map(|series| autocorrelation(series));
-        Self { costs, autocorrelations, runs: series.each_ref().map(|series| runs(series)) }
+        costs.iter_mut().for_each(|(_, cost)| *cost *= noise / told_noise);
+        // v has no pattern of its own.
+        series[Metric::V].clear();
+        let autocorrelations = ByFitted::from_fn(|metric| autocorrelation(&series[metric]));
+        Self { costs, autocorrelations, runs: series.map(|series| runs(&series)) }
     }
 
     fn cost(&self) -> f64 {
-        self.costs.iter().sum()
+        self.costs.values().iter().sum()
     }
 
     fn autocorrelation(&self) -> f64 {
-        self.autocorrelations.into_iter().fold(f64::NAN, f64::max)
+        self.autocorrelations.values().iter().copied().fold(f64::NAN, f64::max)
     }
 
     fn runs(&self) -> f64 {
-        self.runs.into_iter().fold(f64::NAN, f64::min)
+        self.runs.values().iter().copied().fold(f64::NAN, f64::min)
     }
 }
 
@@ -374,7 +367,7 @@ fn runs(series: &[f64]) -> f64 {
 
 /// Of a metric's residuals of one sign at neighbouring frequencies those that are the furthest
 /// off: by how much, to which side and where.
-fn where_off(terms: &[Term], metric: usize) -> Option<String> {
+fn where_off(terms: &[Term], metric: Metric) -> Option<String> {
     let known = terms.iter().filter(|term| term.metric == metric && term.deviation > 0.0);
     let known: Vec<&Term> = known.collect();
     let size = |term: &&Term| (term.value / term.deviation).abs();
@@ -401,24 +394,24 @@ fn where_off(terms: &[Term], metric: usize) -> Option<String> {
         campaign => format!("{campaign}: "),
     };
     if low.is_infinite() {
-        return Some(format!("{of}the model has no {} at {at}", METRICS[metric]));
+        return Some(format!("{of}the model has no {metric} at {at}"));
     }
     // It has none at some of the frequencies.
     let high = if high.is_finite() { high } else { low };
     let [low, high] = [low, high].map(two_digits);
     let by = if low == high { high } else { format!("{low} to {high}") };
-    Some(format!("{of}{} is measured {by} % {side} the model at {at}", METRICS[metric]))
+    Some(format!("{of}{metric} is measured {by} % {side} the model at {at}"))
 }
 
 /// By how much each metric is off, where there is no noise to compare that with.
 fn how_far_off(terms: &[Term]) -> String {
-    let of_metric = |(metric, name): (usize, &&str)| {
+    let of_metric = |metric: Metric| {
         let squares =
             terms.iter().filter(|term| term.metric == metric).map(|term| term.value.powi(2));
         let percent = 100.0 * mean(squares).sqrt();
-        percent.is_finite().then(|| format!("{} % in {name}", two_digits(percent)))
+        percent.is_finite().then(|| format!("{} % in {metric}", two_digits(percent)))
     };
-    let off: Vec<String> = METRICS.iter().enumerate().filter_map(of_metric).collect();
+    let off: Vec<String> = Metric::FITTED.into_iter().filter_map(of_metric).collect();
     if off.is_empty() {
         String::new()
     } else {
@@ -452,9 +445,9 @@ mod tests {
         // Permutations that do not go with one another.
         let draw = |i: usize| {
             let part = |of: usize| (i * of % 401) as f64 / 401.0;
-            let [mut costs, mut autocorrelations, mut runs] = [[f64::NAN; TERMS]; 3];
+            let [mut costs, mut autocorrelations, mut runs] = [ByFitted::splat(f64::NAN); 3];
             costs = costs.map(|_| 0.5 + part(37));
-            (autocorrelations[D], runs[D]) = (part(101), part(211));
+            (autocorrelations[Metric::D], runs[Metric::D]) = (part(101), part(211));
             Statistics { costs, autocorrelations, runs }
         };
         let drawn: Vec<Statistics> = (1..=DRAWS).map(draw).collect();
@@ -474,8 +467,8 @@ mod tests {
         assert!(adequate.abs_diff(380) <= 3, "{adequate}");
         // What has no pattern is judged by its objective alone.
         let no_pattern = |i| Statistics {
-            autocorrelations: [f64::NAN; TERMS],
-            runs: [f64::NAN; TERMS],
+            autocorrelations: ByFitted::splat(f64::NAN),
+            runs: ByFitted::splat(f64::NAN),
             ..draw(i)
         };
         let drawn: Vec<Statistics> = (1..=DRAWS).map(no_pattern).collect();
@@ -488,7 +481,7 @@ mod tests {
             campaign: "",
             measurement: 0,
             condition: 0,
-            metric: 2,
+            metric: Metric::Sigma0,
             measured: 0.03,
             omega_rad_s,
             weight: 1.0,
@@ -500,25 +493,25 @@ mod tests {
         let values = [(0.5, -0.03), (1.0, 0.002), (2.0, -0.02), (3.0, 0.25), (4.0, 1.0 / 3.0)];
         let terms: Vec<Term> = values.into_iter().map(term).collect();
         assert_eq!(
-            where_off(&terms, 2).as_deref(),
+            where_off(&terms, Metric::Sigma0).as_deref(),
             Some("sigma0 is measured 20 to 25 % below the model at 3 to 4 rad/s")
         );
         assert_eq!(
-            where_off(&terms[..1], 2).as_deref(),
+            where_off(&terms[..1], Metric::Sigma0).as_deref(),
             Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
         );
         // The least that is off is where it is furthest off.
         assert_eq!(
-            where_off(&terms[1..2], 2).as_deref(),
+            where_off(&terms[1..2], Metric::Sigma0).as_deref(),
             Some("sigma0 is measured 0.20 % below the model at 1 rad/s")
         );
-        assert_eq!(where_off(&terms, 0), None);
+        assert_eq!(where_off(&terms, Metric::D), None);
         assert_eq!(how_far_off(&terms[3..]), "the model is off by 29 % in sigma0 (RMS)");
         assert_eq!(how_far_off(&[]), "");
         // A model without skid.
         let none = [(0.5, -1.0), (1.0, -1.0)].map(term);
         assert_eq!(
-            where_off(&none, 2).as_deref(),
+            where_off(&none, Metric::Sigma0).as_deref(),
             Some("the model has no sigma0 at 0.5 to 1 rad/s")
         );
     }

@@ -13,7 +13,7 @@
 //! in them.
 
 use trilink_mechanics::{FIT_ACCURACY, MotionError, Problem, Solver};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByMetric, GaitMetrics, Metric};
 use trilink_robot::{Parameter, Robot};
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::GaitInput;
@@ -26,15 +26,15 @@ use super::noise_correction::NoiseCorrection;
 use super::objective::Objective;
 use super::resampler::Resampler;
 use super::starts::Start;
-use super::terms::{Response, TERMS};
+use super::terms::Response;
 
 /// Part of the replicates' largest change of a metric that the derivatives may miss.
 const MISSED: f64 = 0.05;
 /// Part of a metric that counts as none.
 const NOTHING: f64 = 10.0 * FIT_ACCURACY;
 
-/// Changes of the metrics, in the order of [`GaitMetrics::to_array`].
-type Changes = [f64; 7];
+/// Changes of the metrics.
+type Changes = ByMetric<f64>;
 
 /// Why a motion has no band, and what to do about it.
 pub(super) fn explained(error: &MotionError) -> String {
@@ -50,7 +50,7 @@ pub(super) fn explained(error: &MotionError) -> String {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Band {
     /// To either side, by the coefficients.
-    widths: [[f64; 2]; 7],
+    widths: ByMetric<[f64; 2]>,
     /// Per radian of each number of the gait; none where the command drives the model.
     d_gait: Vec<Changes>,
 }
@@ -64,17 +64,17 @@ impl Band {
         gait_errors_rad: &GaitErrors,
     ) -> [GaitMetrics; 2] {
         let errors_rad = gait_errors_rad.as_flattened();
-        let mut limits = [[0.0; 7]; 2];
-        for (metric, value) in metrics.to_array().into_iter().enumerate() {
+        let mut limits = [GaitMetrics::NONE; 2];
+        for metric in Metric::ALL {
+            let value = metrics[metric];
             let of_gait = self.d_gait.iter().zip(errors_rad).map(|(of, error)| of[metric] * error);
             let squares: f64 = of_gait.filter(|of| of.is_finite()).map(|of| of * of).sum();
             let [below, above] =
                 self.widths[metric].map(|width| width.hypot(HALF_WIDTH_95 * squares.sqrt()));
-            // What has a term is a size.
-            let floor = if metric < TERMS { 0.0 } else { f64::NEG_INFINITY };
+            let floor = if metric.definition().is_size { 0.0 } else { f64::NEG_INFINITY };
             (limits[0][metric], limits[1][metric]) = ((value - below).max(floor), value + above);
         }
-        limits.map(GaitMetrics::from_array)
+        limits
     }
 }
 
@@ -170,7 +170,7 @@ impl<'f> Bands<'f> {
     ) -> Result<Band, MotionError> {
         let d_gait = match self.point.evaluator.objective.is_driven_as_measured() {
             true => {
-                solver.derivatives()?.gait.as_flattened().iter().map(|of| of.to_array()).collect()
+                solver.derivatives()?.gait.as_flattened().iter().map(|of| (*of).into()).collect()
             }
             false => Vec::new(),
         };
@@ -200,7 +200,7 @@ impl<'f> Bands<'f> {
         });
         let assumed: Vec<Changes> = assumed.collect::<Result<_, _>>()?;
         let by_gait = match self.measured_gaits.as_ref().zip(self.systematic.gait.as_ref()) {
-            None => [0.0; 7],
+            None => Changes::splat(0.0),
             Some((gaits, shifts)) => {
                 let command = self.point.evaluator.objective.protocols[0].gait;
                 // What servos make of another command is not known.
@@ -211,7 +211,7 @@ impl<'f> Bands<'f> {
                 solved(&Problem { gait, ..problem.clone() }, shifts)?
             }
         };
-        let widths = std::array::from_fn(|metric| {
+        let widths = ByMetric::from_fn(|metric| {
             let of_all = |all: &Vec<Changes>| -> Vec<f64> {
                 all.iter().map(|changes| changes[metric]).collect()
             };
@@ -231,15 +231,14 @@ impl<'f> Bands<'f> {
         shifts: &[f64],
     ) -> Result<Changes, MotionError> {
         let problem = Problem { robot: self.shifted(&problem.robot, shifts), ..problem.clone() };
-        let (found, fitted) = (solver.solve(&problem, FIT_ACCURACY)?.to_array(), fitted.to_array());
-        Ok(std::array::from_fn(|metric| found[metric] - fitted[metric]))
+        let found = solver.solve(&problem, FIT_ACCURACY)?;
+        Ok(Changes::from_fn(|metric| found[metric] - fitted[metric]))
     }
 }
 
 /// Whether what was told of a replicate is too far from what was found.
 fn is_missed(fitted: &GaitMetrics, all: &[Changes], told: &Changes, found: &Changes) -> bool {
-    let fitted = fitted.to_array();
-    (0..told.len()).any(|metric| {
+    Metric::ALL.into_iter().any(|metric| {
         let largest = all.iter().map(|changes| changes[metric].abs()).fold(0.0, f64::max);
         let floor = NOTHING * fitted[metric].abs().max(NOTHING);
         (told[metric] - found[metric]).abs() > (MISSED * largest).max(floor)
@@ -309,11 +308,12 @@ mod tests {
                 .map(|shifts| bands.change(&mut solver, &metrics, &problem, shifts).expect("one"))
                 .collect();
             let mut is_exact = true;
-            for (metric, value) in metrics.to_array().into_iter().enumerate() {
+            for metric in Metric::ALL {
+                let value = metrics[metric];
                 let of_metric = all.iter().map(|changes| changes[metric]).collect();
                 let found = quantiles(of_metric, SIDES_95);
                 for (found, limit) in found.into_iter().zip(limits) {
-                    let told = limit.to_array()[metric] - value;
+                    let told = limit[metric] - value;
                     if found.abs() > 1e-3 * deviation * value {
                         worst = worst.max((told / found - 1.0).abs());
                     }
@@ -328,9 +328,11 @@ mod tests {
     #[test]
     fn the_errors_of_the_measured_gait_are_in_the_limits() {
         let metrics = GaitMetrics::from_array([4.0, 1.0, 0.1, 0.2, 0.3, 0.5, -0.1]);
-        let widths = [[0.03, 0.06]; 7];
-        let mut d_gait = vec![[0.0; 7]; 6];
-        (d_gait[1][0], d_gait[4][0], d_gait[2]) = (3.0, 4.0, [f64::NAN; 7]);
+        let widths = ByMetric::splat([0.03, 0.06]);
+        let mut d_gait = vec![Changes::splat(0.0); 6];
+        d_gait[1][Metric::D] = 3.0;
+        d_gait[4][Metric::D] = 4.0;
+        d_gait[2] = Changes::splat(f64::NAN);
         let band = Band { widths, d_gait };
         let [lower, upper] = band.limits(&metrics, &[[0.01; 3]; 2]);
         let by_gait: f64 = 1.96 * 0.05;

@@ -47,7 +47,7 @@ pub(super) fn complete(
             // Rows of a former run may have one from when another model was preferred.
             let tell = tell.as_ref().filter(|_| !row.preferred);
             row.tell_omega_rad_s = tell.map_or(f64::NAN, |tell| tell.omega_rad_s);
-            row.tell_metric = tell.map_or("", |tell| tell.metric).to_owned();
+            row.tell_metric = tell.map_or("", |tell| tell.metric.name()).to_owned();
             row.tell_standard_errors = tell.map_or(f64::NAN, |tell| tell.standard_errors);
         }
     }

@@ -5,12 +5,11 @@
 //! that are near it.
 
 use trilink_mechanics::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
 use trilink_robot::{Gait, JointCommand};
 use trilink_statistics::{median, wrap};
 
 use super::measurement::Measurement;
-use super::terms::TERMS;
 
 /// Numbers of a measured gait: offset, amplitude and phase of either joint.
 pub(super) const GAIT_NUMBERS: usize = 6;
@@ -25,7 +24,6 @@ const MISSED: f64 = 1e-6;
 const NEAR: f64 = 1e-4;
 /// Of a trial's metric over its condition's, at most.
 const MOST_RATIO: f64 = 10.0;
-const METRICS: usize = 7;
 /// Steps of the differences that second derivatives are taken from: of omega, relative, and of
 /// angles, rad.
 const STEP: f64 = 1e-3;
@@ -52,10 +50,10 @@ pub(super) struct Conditions {
 /// The metrics of a condition's motions.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Expansion {
-    metrics: [f64; METRICS],
+    metrics: GaitMetrics,
     /// Derivatives of each metric.
-    first: [Differences; METRICS],
-    second: [[Differences; INPUTS]; METRICS],
+    first: ByMetric<Differences>,
+    second: ByMetric<[Differences; INPUTS]>,
 }
 
 impl Conditions {
@@ -228,13 +226,11 @@ impl Expansion {
     pub(crate) fn new(metrics: &GaitMetrics, derivatives: &Derivatives) -> Self {
         let [joint1, joint2] = derivatives.gait;
         let by_input = [[derivatives.omega].as_slice(), &joint1, &joint2].concat();
-        let mut first = [[0.0; INPUTS]; METRICS];
-        for (input, derivative) in by_input.into_iter().enumerate() {
-            for (metric, slope) in derivative.to_array().into_iter().enumerate() {
-                first[metric][input] = if slope.is_finite() { slope } else { 0.0 };
-            }
-        }
-        Self { metrics: metrics.to_array(), first, second: [[[0.0; INPUTS]; INPUTS]; METRICS] }
+        let first = ByMetric::from_fn(|metric| {
+            let slope = |input: usize| by_input[input][metric];
+            std::array::from_fn(slope).map(|slope| if slope.is_finite() { slope } else { 0.0 })
+        });
+        Self { metrics: *metrics, first, second: ByMetric::splat([[0.0; INPUTS]; INPUTS]) }
     }
 
     /// To second order in what these differences are in, which differences of the derivatives tell.
@@ -275,7 +271,7 @@ impl Expansion {
                 Ok(Self::new(&metrics, &solver.derivatives()?))
             };
             let (above, below) = (slopes(step)?, slopes(-step)?);
-            for metric in 0..METRICS {
+            for metric in Metric::ALL {
                 for j in 0..INPUTS {
                     let change = above.first[metric][j] - below.first[metric][j];
                     // Half of each of the two that should be equal.
@@ -291,7 +287,7 @@ impl Expansion {
     /// Takes over the second order of another expansion, in proportion to the metrics.
     pub(crate) fn keep_second_order(&mut self, other: Self) {
         self.second = other.second;
-        for (metric, second) in self.second.iter_mut().enumerate() {
+        for (metric, second) in self.second.iter_mut() {
             let ratio = self.metrics[metric] / other.metrics[metric];
             if ratio.is_finite() {
                 second.as_flattened_mut().iter_mut().for_each(|entry| *entry *= ratio);
@@ -300,7 +296,7 @@ impl Expansion {
     }
 
     /// What the differences of a trial make of a metric: by the derivatives, and to second order.
-    fn changes(&self, metric: usize, differences: &Differences) -> [f64; 2] {
+    fn changes(&self, metric: Metric, differences: &Differences) -> [f64; 2] {
         let dot = |slopes: &Differences| -> f64 {
             slopes.iter().zip(differences).map(|(slope, difference)| slope * difference).sum()
         };
@@ -314,19 +310,19 @@ impl Expansion {
         metrics: &GaitMetrics,
         differences: &Differences,
     ) -> GaitMetrics {
-        let mut values = metrics.to_array();
+        let mut metrics = *metrics;
         if *differences != [0.0; INPUTS] {
-            for (metric, value) in values.iter_mut().enumerate() {
-                *value += self.changes(metric, differences).iter().sum::<f64>();
+            for metric in Metric::ALL {
+                metrics[metric] += self.changes(metric, differences).iter().sum::<f64>();
             }
         }
-        GaitMetrics::from_array(values)
+        metrics
     }
 
     /// The metrics that are in the objective over the condition's own.
-    pub(crate) fn ratios(&self, differences: &Differences) -> [f64; TERMS] {
+    pub(crate) fn ratios(&self, differences: &Differences) -> ByFitted<f64> {
         let is_own = *differences == [0.0; INPUTS];
-        std::array::from_fn(|metric| match self.metrics[metric] {
+        ByFitted::from_fn(|metric| match self.metrics[metric] {
             own if is_own || own == 0.0 => 1.0,
             // Away from where trials were joined, no ratio turns a metric's sign.
             own => (1.0 + self.changes(metric, differences).iter().sum::<f64>() / own)
@@ -335,22 +331,26 @@ impl Expansion {
     }
 
     /// What a difference of one of the inputs makes of the metrics, to first order.
-    pub(crate) fn effect(&self, input: usize, difference: f64) -> [f64; TERMS] {
-        std::array::from_fn(|metric| self.first[metric][input] * difference)
+    pub(crate) fn effect(&self, input: usize, difference: f64) -> ByFitted<f64> {
+        ByFitted::from_fn(|metric| self.first[metric][input] * difference)
     }
 
     /// The largest part of a metric that is of second order.
     fn second_order(&self, differences: &Differences) -> f64 {
-        let part = |metric: usize| self.changes(metric, differences)[1] / self.metrics[metric];
-        (0..TERMS).map(part).filter(|part| part.is_finite()).map(f64::abs).fold(0.0, f64::max)
+        largest_part(|metric| self.changes(metric, differences)[1] / self.metrics[metric])
     }
 
     /// The largest part of a metric that is not told.
     fn misses(&self, differences: &Differences, solved: &GaitMetrics) -> f64 {
-        let (ratios, solved) = (self.ratios(differences), solved.to_array());
-        let part = |metric: usize| solved[metric] / self.metrics[metric] - ratios[metric];
-        (0..TERMS).map(part).filter(|part| part.is_finite()).map(f64::abs).fold(0.0, f64::max)
+        let ratios = self.ratios(differences);
+        largest_part(|metric| solved[metric] / self.metrics[metric] - ratios[metric])
     }
+}
+
+/// The largest of the metrics in the objective, of those that are known.
+fn largest_part(part: impl Fn(Metric) -> f64) -> f64 {
+    let parts = Metric::FITTED.into_iter().map(part);
+    parts.filter(|part| part.is_finite()).map(f64::abs).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -22,12 +22,13 @@
 //! regression in small samples*, Statist. Probab. Lett. 9 (1990).
 
 use trilink_mechanics::REFERENCE_ACCURACY;
+use trilink_robot::metrics::{ByFitted, Metric};
 
 use super::fitted_point::FittedPoint;
 use super::least_absolute::minimise;
 use super::resampler::Resampler;
 use super::search::limits;
-use super::terms::{TERMS, Terms};
+use super::terms::Terms;
 
 /// How far a linearised model's coefficients may go: factors' logarithms.
 const RADIUS: f64 = 1.0;
@@ -38,7 +39,7 @@ const MOST_ROUNDS: usize = 20;
 const ROUND: f64 = 1e-6;
 
 /// Terms that are of one distribution: d and v, the wheels' sigma, alpha_1.
-const GROUPS: [&[usize]; 3] = [&[0, 1], &[2, 3, 4], &[5]];
+const GROUPS: [&[Metric]; 3] = [&[Metric::D, Metric::V], &Metric::SIGMA, &[Metric::Alpha1]];
 
 /// How many measurements the metrics have: of d and v together, of the wheels' sigma, of alpha_1.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -46,10 +47,13 @@ pub(super) struct Counts([usize; GROUPS.len()]);
 
 impl Counts {
     /// Of trials' metrics, of which those count that have a weight and are known.
-    pub(crate) fn new(weights: &[f64; TERMS], trials: impl Iterator<Item = [f64; TERMS]>) -> Self {
+    pub(crate) fn new(
+        weights: &ByFitted<f64>,
+        trials: impl Iterator<Item = ByFitted<f64>>,
+    ) -> Self {
         let mut counts = Self::default();
         for metrics in trials {
-            let known = |i: &&usize| weights[**i] > 0.0 && metrics[**i].is_finite();
+            let known = |i: &&Metric| weights[**i] > 0.0 && metrics[**i].is_finite();
             let [of_pair, others @ ..] = GROUPS.map(|group| group.iter().filter(known).count());
             counts.0[0] += of_pair.min(1);
             counts.0[1..].iter_mut().zip(others).for_each(|(sum, count)| *sum += count);
@@ -62,8 +66,8 @@ impl Counts {
     }
 
     /// What weighs the metrics by their scales, of which these are the sums.
-    fn per_scale(self, sums: &[f64; TERMS]) -> [f64; TERMS] {
-        let mut factors = [0.0; TERMS];
+    fn per_scale(self, sums: &ByFitted<f64>) -> ByFitted<f64> {
+        let mut factors = ByFitted::splat(0.0);
         for (group, count) in GROUPS.iter().zip(self.0) {
             let sum: f64 = group.iter().map(|i| sums[*i]).sum();
             let count = count as f64;
@@ -74,8 +78,8 @@ impl Counts {
 
     /// The criterion of a model with so many free parameters, from its metrics' weighted
     /// deviations, summed over the trials.
-    pub(crate) fn criterion(self, sums: &[f64; TERMS], free: usize) -> f64 {
-        let of_group = |(group, count): (&&[usize], usize)| {
+    pub(crate) fn criterion(self, sums: &ByFitted<f64>, free: usize) -> f64 {
+        let of_group = |(group, count): (&&[Metric], usize)| {
             let sum: f64 = group.iter().map(|i| sums[*i]).sum();
             let count = count as f64;
             // What is less than the motions' own inaccuracy is nothing.
@@ -126,27 +130,31 @@ pub(super) fn resampled(point: &FittedPoint, resampler: &Resampler, number: usiz
 mod tests {
     use super::*;
 
-    const WEIGHTS: [f64; TERMS] = [10.0, 1.0, 0.2, 0.2, 0.2, 0.0];
+    const WEIGHTS: [f64; 6] = [10.0, 1.0, 0.2, 0.2, 0.2, 0.0];
 
     fn counts(trials: usize) -> Counts {
-        Counts::new(&WEIGHTS, (0..trials).map(|_| [0.1, 0.2, 0.03, 0.03, 0.03, f64::NAN]))
+        Counts::new(
+            &WEIGHTS.into(),
+            (0..trials).map(|_| [0.1, 0.2, 0.03, 0.03, 0.03, f64::NAN].into()),
+        )
     }
 
     #[test]
     fn d_and_v_of_a_trial_are_one_measurement() {
         assert_eq!(counts(13), Counts([13, 39, 0]));
         let only_v = [f64::NAN, 0.2, f64::NAN, 0.03, 0.03, 0.5];
-        assert_eq!(Counts::new(&WEIGHTS, [only_v].into_iter()), Counts([1, 2, 0]));
+        assert_eq!(Counts::new(&WEIGHTS.into(), [only_v.into()].into_iter()), Counts([1, 2, 0]));
         // With d alone, of the weight of both, it is the same.
-        let sums = |d: f64, v: f64| counts(13).criterion(&[d, v, 0.01, 0.01, 0.01, 0.0], 3);
+        let sums = |d: f64, v: f64| counts(13).criterion(&[d, v, 0.01, 0.01, 0.01, 0.0].into(), 3);
         assert_eq!(sums(1.0, 0.1), sums(1.1, 0.0));
     }
 
     #[test]
     fn a_free_parameter_costs_what_the_criterion_says() {
         let all = counts(13);
-        let of =
-            |d: f64, sigma: f64, free| all.criterion(&[d, 0.1 * d, sigma, sigma, sigma, 0.0], free);
+        let of = |d: f64, sigma: f64, free| {
+            all.criterion(&[d, 0.1 * d, sigma, sigma, sigma, 0.0].into(), free)
+        };
         assert!((of(1.0, 0.01, 4) - of(1.0, 0.01, 3) - 52.0_f64.ln()).abs() < 1e-12);
         // Three more parameters are worth that d is nearer by 37 %, whatever sigma's weight is.
         assert!(of(0.65, 0.01, 6) > of(1.0, 0.01, 3) && of(0.62, 0.01, 6) < of(1.0, 0.01, 3));
@@ -156,6 +164,6 @@ mod tests {
 
     #[test]
     fn what_is_without_noise_has_a_criterion() {
-        assert!(counts(4).criterion(&[0.0; TERMS], 3).is_finite());
+        assert!(counts(4).criterion(&ByFitted::splat(0.0), 3).is_finite());
     }
 }

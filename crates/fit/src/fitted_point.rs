@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, REFERENCE_ACCURACY};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, GaitMetrics};
 use trilink_tables::FitStatus;
 
 use super::conditions::GAIT_NUMBERS;
@@ -13,7 +13,7 @@ use super::resample::DrawnTrial;
 use super::resampler::Resampler;
 use super::search::{Ended, Iterate};
 use super::starts::Start;
-use super::terms::{PENALTY, Response, TERMS, Terms};
+use super::terms::{PENALTY, Response, Terms};
 use super::trial_noise::TrialNoise;
 
 /// Fall of the objective, relative to it, below which a refit has converged: far below what
@@ -28,7 +28,7 @@ pub(super) struct FittedPoint<'o> {
     /// Of the conditions.
     pub responses: Vec<Option<Response>>,
     /// What a standard deviation of each number of the measured gaits makes of the metrics.
-    pub gait_effects: Vec<Vec<[f64; TERMS]>>,
+    pub gait_effects: Vec<Vec<ByFitted<f64>>>,
     /// Its motions start from the fit's.
     pub evaluator: Evaluator<'o>,
 }
@@ -87,13 +87,12 @@ impl<'o> FittedPoint<'o> {
     }
 
     /// The metrics of a trial's motion, and those in the objective over its condition's.
-    pub(crate) fn metrics_of(&self, trial: usize) -> Option<(GaitMetrics, [f64; TERMS])> {
+    pub(crate) fn metrics_of(&self, trial: usize) -> Option<(GaitMetrics, ByFitted<f64>)> {
         let (condition, differences) = &self.evaluator.objective.conditions.of_trials[trial];
-        let metrics = self.responses[*condition].as_ref()?.metrics;
+        let mut metrics = self.responses[*condition].as_ref()?.metrics;
         let ratios = self.evaluator.ratios(*condition, differences);
-        let mut values = metrics.to_array();
-        values.iter_mut().zip(ratios).for_each(|(value, ratio)| *value *= ratio);
-        Some((GaitMetrics::from_array(values), ratios))
+        ratios.iter().for_each(|(metric, ratio)| metrics[metric] *= ratio);
+        Some((metrics, ratios))
     }
 
     /// Resampled measurements, with the motions of resampled gaits.
@@ -125,10 +124,10 @@ impl<'o> FittedPoint<'o> {
     }
 
     /// Standard deviations of the residuals of every measurement by noise: predicted less measured.
-    pub(crate) fn noises(&self, resampler: &Resampler) -> Vec<[f64; TERMS]> {
-        let of_trial = |((noise, spread), effects): ((&TrialNoise, [f64; TERMS]), &Vec<_>)| {
-            std::array::from_fn(|i| {
-                let by_gait: Vec<f64> = effects.iter().map(|of: &[f64; TERMS]| of[i]).collect();
+    pub(crate) fn noises(&self, resampler: &Resampler) -> Vec<ByFitted<f64>> {
+        let of_trial = |((noise, spread), effects): ((&TrialNoise, ByFitted<f64>), &Vec<_>)| {
+            ByFitted::from_fn(|i| {
+                let by_gait: Vec<f64> = effects.iter().map(|of: &ByFitted<f64>| of[i]).collect();
                 noise.deviation_of_residual(i, &by_gait).hypot(spread[i])
             })
         };
@@ -162,16 +161,16 @@ impl<'o> FittedPoint<'o> {
         self.refit_to(observations, &Ended::default())
     }
 
-    /// The parts of the objective: of d, v, the wheels' sigma and alpha_1.
-    pub(crate) fn parts(&self) -> [f64; TERMS] {
+    /// The parts of the objective.
+    pub(crate) fn parts(&self) -> ByFitted<f64> {
         let measurements = &self.evaluator.objective.measurements;
         let sizes = self.evaluator.objective.campaign_sizes();
-        let mut sums = [0.0; TERMS];
+        let mut sums = ByFitted::splat(0.0);
         for (trial, measurement) in measurements.iter().enumerate() {
             let Some((metrics, _)) = self.metrics_of(trial) else { continue };
             let parts = self.evaluator.objective.parts(measurement, &metrics);
-            for (sum, part) in sums.iter_mut().zip(parts) {
-                *sum += part / sizes[trial];
+            for (metric, sum) in sums.iter_mut() {
+                *sum += parts[metric] / sizes[trial];
             }
         }
         sums
@@ -228,9 +227,9 @@ impl<'o> FittedPoint<'o> {
 
 /// What one standard deviation of each number of a trial's measured gait makes of its metrics; nothing
 /// where the command drives the model.
-fn gait_effects(evaluator: &Evaluator) -> Vec<Vec<[f64; TERMS]>> {
+fn gait_effects(evaluator: &Evaluator) -> Vec<Vec<ByFitted<f64>>> {
     let objective = evaluator.objective;
-    let of_trial = |trial: usize| -> Vec<[f64; TERMS]> {
+    let of_trial = |trial: usize| -> Vec<ByFitted<f64>> {
         let deviations_rad = objective.measurements[trial].gait_deviations_rad();
         let (condition, _) = objective.conditions.of_trials[trial];
         let effect = |number: usize| match &evaluator.expansions[condition] {
@@ -238,7 +237,7 @@ fn gait_effects(evaluator: &Evaluator) -> Vec<Vec<[f64; TERMS]>> {
             Some(expansion) if deviations_rad.as_flattened()[number].is_finite() => {
                 expansion.effect(1 + number, deviations_rad.as_flattened()[number])
             }
-            _ => [0.0; TERMS],
+            _ => ByFitted::splat(0.0),
         };
         (0..GAIT_NUMBERS).map(effect).collect()
     };

@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
 use trilink_robot::{Gait, JointCommand, Robot};
 use trilink_tables::{Columns as _, Extrapolation};
 
@@ -14,31 +14,25 @@ use super::input::FreeParameter;
 use super::least_absolute::{Residual, minimise};
 use super::measured_range::MeasuredRange;
 use super::measurement::Measurement;
-use super::objective::METRICS;
 use super::resampler::Resampler;
 use super::search::limits;
 use super::tell_apart::Noise;
-use super::terms::{Response, TERMS};
-
-/// Metrics that have a term in the objective: d, v, the wheels' sigma, alpha_1.
-pub const MEASURED_METRICS: usize = TERMS;
-/// One number for each of them.
-pub type ByMetric = [f64; TERMS];
+use super::terms::Response;
 
 /// What one trial tells, relative to its metrics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialInformation {
     pub metrics: GaitMetrics,
     /// Weights in the objective; zero of what is not measured.
-    pub weights: ByMetric,
+    pub weights: ByFitted<f64>,
     /// Changes of the metrics with the logarithm of each free parameter.
-    pub slopes: Vec<ByMetric>,
+    pub slopes: Vec<ByFitted<f64>>,
     /// Standard deviations of what a measurement is off by. d and v are one measurement.
-    pub noise: ByMetric,
+    pub noise: ByFitted<f64>,
     /// Changes with a standard error of each number of the measured gait.
-    pub by_gait: Vec<ByMetric>,
+    pub by_gait: Vec<ByFitted<f64>>,
     /// Changes with each of the robot's uncertain numbers off by its standard deviation.
-    pub by_assumed: Vec<ByMetric>,
+    pub by_assumed: Vec<ByFitted<f64>>,
 }
 
 /// Trials of a fitted model.
@@ -51,17 +45,7 @@ pub struct FitInformation<'f> {
     gaits: GaitOverFrequency,
     noise: Noise,
     /// Metrics that any trial has.
-    measured: [bool; TERMS],
-}
-
-/// The metric of this name, among those that have a term in the objective.
-pub fn metric_named(name: &str) -> Option<usize> {
-    METRICS.iter().position(|of| *of == name)
-}
-
-/// Their names.
-pub fn metric_names() -> [&'static str; TERMS] {
-    METRICS
+    measured: ByFitted<bool>,
 }
 
 impl<'f> FitInformation<'f> {
@@ -72,9 +56,9 @@ impl<'f> FitInformation<'f> {
         others: &'f [Robot],
     ) -> Self {
         let objective = point.evaluator.objective;
-        let has = |i: usize| {
+        let has = |metric: Metric| {
             let mut terms = objective.measurements.iter().flat_map(|of| objective.terms(of));
-            terms.any(|(metric, ..)| metric == i)
+            terms.any(|(of, ..)| of == metric)
         };
         Self {
             point,
@@ -83,7 +67,7 @@ impl<'f> FitInformation<'f> {
             others,
             gaits: GaitOverFrequency::new(objective),
             noise: Noise::new(resampler),
-            measured: std::array::from_fn(has),
+            measured: ByFitted::from_fn(has),
         }
     }
 
@@ -156,11 +140,11 @@ impl<'f> FitInformation<'f> {
         let of_trial = |(trial, measurement): (usize, &Measurement)| {
             let (condition, _) = conditions.of_trials[trial];
             let response = responses[condition].as_ref()?;
-            let mut weights = [0.0; TERMS];
+            let mut weights = ByFitted::splat(0.0);
             objective.terms(measurement).for_each(|(metric, weight, _)| weights[metric] = weight);
-            let own = measurement.metrics.to_array();
+            let own = measurement.metrics;
             let by_gait = &self.point.gait_effects[trial];
-            let relative = |of: &ByMetric| std::array::from_fn(|i| known(of[i] / own[i]));
+            let relative = |of: &ByFitted<f64>| ByFitted::from_fn(|i| known(of[i] / own[i]));
             Some(TrialInformation {
                 metrics: response.metrics,
                 weights,
@@ -201,7 +185,7 @@ impl<'f> FitInformation<'f> {
         let response = Response::of_last(&mut solver, metrics, &robot, &free).ok()?;
         let noise = self.noise.at(omega_rad_s);
         let weights = objective.protocols[0].term_weights();
-        let is_measured = |i: usize| self.measured[i] && noise[i] > 0.0;
+        let is_measured = |i: Metric| self.measured[i] && noise[i] > 0.0;
         let others = if assumed { self.others } else { &[] };
         let by_assumed = others.iter().map(|other| {
             let problem =
@@ -210,7 +194,7 @@ impl<'f> FitInformation<'f> {
         });
         Some(TrialInformation {
             metrics,
-            weights: std::array::from_fn(|i| if is_measured(i) { weights[i] } else { 0.0 }),
+            weights: ByFitted::from_fn(|i| if is_measured(i) { weights[i] } else { 0.0 }),
             slopes: slopes(&response),
             noise: noise.map(known),
             by_gait,
@@ -225,16 +209,14 @@ impl<'f> FitInformation<'f> {
         solver: &mut Solver,
         metrics: &GaitMetrics,
         omega_rad_s: f64,
-    ) -> Option<Vec<ByMetric>> {
+    ) -> Option<Vec<ByFitted<f64>>> {
         let derivatives = solver.derivatives().ok()?.gait;
         let distance = |of: &Measurement| (of.omega_rad_s / omega_rad_s).ln().abs();
         let nearest = self.measurements().iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let errors_rad = nearest.map_or([[0.0; 3]; 2], |of| of.gait_errors_rad);
-        let metrics = metrics.to_array();
         let both = derivatives.as_flattened().iter().zip(errors_rad.as_flattened());
         let effect = |(of, error_rad): (&GaitMetrics, &f64)| {
-            let slopes = of.to_array();
-            std::array::from_fn(|i| known(slopes[i] * error_rad / metrics[i]))
+            ByFitted::from_fn(|i| known(of[i] * error_rad / metrics[i]))
         };
         Some(both.map(effect).collect())
     }
@@ -266,9 +248,9 @@ impl<'f> FitInformation<'f> {
 
     /// Shifts of the coefficients' logarithms with which the model, linearised, is nearest to trials
     /// whose metrics are off those of the fit by these parts; within the coefficients' bounds.
-    pub fn nearest(&self, trials: &[&TrialInformation], off: &[ByMetric]) -> Vec<f64> {
+    pub fn nearest(&self, trials: &[&TrialInformation], off: &[ByFitted<f64>]) -> Vec<f64> {
         let residuals = trials.iter().zip(off).flat_map(|(trial, off)| {
-            let terms = (0..TERMS).filter(|i| trial.weights[*i] > 0.0);
+            let terms = Metric::FITTED.into_iter().filter(|i| trial.weights[*i] > 0.0);
             terms.map(move |i| {
                 let slope = trial.slopes.iter().map(|of| of[i]).collect();
                 Residual::single(off[i], trial.weights[i], slope)
@@ -281,16 +263,16 @@ impl<'f> FitInformation<'f> {
 }
 
 /// Changes with the logarithm of each free parameter, relative.
-fn slopes(response: &Response) -> Vec<ByMetric> {
-    let metrics = response.metrics.to_array();
-    let relative = |of: &[f64; 7]| std::array::from_fn(|i| known(of[i] / metrics[i]));
+fn slopes(response: &Response) -> Vec<ByFitted<f64>> {
+    let metrics = response.metrics;
+    let relative = |of: &ByMetric<f64>| ByFitted::from_fn(|i| known(of[i] / metrics[i]));
     response.d_metrics_d_logarithm.iter().map(relative).collect()
 }
 
 /// What another motion has more than this one, relative; nothing where there is none.
-fn changes(metrics: &GaitMetrics, other: Option<&GaitMetrics>) -> ByMetric {
-    let (own, other) = (metrics.to_array(), other.unwrap_or(metrics).to_array());
-    std::array::from_fn(|i| known(other[i] / own[i] - 1.0))
+fn changes(metrics: &GaitMetrics, other: Option<&GaitMetrics>) -> ByFitted<f64> {
+    let other = other.unwrap_or(metrics);
+    ByFitted::from_fn(|i| known(other[i] / metrics[i] - 1.0))
 }
 
 /// Zero where a metric is missing or none.

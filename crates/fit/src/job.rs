@@ -359,7 +359,7 @@ mod tests {
     use std::collections::{BTreeMap, BTreeSet};
 
     use trilink_robot::Model;
-    use trilink_robot::metrics::GaitMetrics;
+    use trilink_robot::metrics::{GaitMetrics, Metric};
     use trilink_tables::config::{Config, SigmaKind};
     use trilink_tables::{Columns as _, ResidualRow, TrialRow};
 
@@ -442,12 +442,7 @@ mod tests {
         // The objective is made of the residuals.
         let weights = &config.campaign[CAMPAIGN].weights;
         let term = |row: &ResidualRow| {
-            let weight = match &*row.metric {
-                "d_m" => weights.d,
-                "v_m_s" => weights.v,
-                "alpha1_rad" => weights.alpha,
-                _ => weights.sigma,
-            };
+            let weight = weights.of(Metric::of_column(&row.metric).expect("a metric"));
             assert_eq!(row.residual, row.measured - row.predicted);
             weight * (row.residual / row.measured).abs()
         };

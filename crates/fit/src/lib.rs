@@ -89,9 +89,7 @@ use resampler::Resampler;
 pub use alternatives::Alternatives;
 pub use compare::preferred;
 pub use folder::{FitKey, TABLES, input_paths};
-pub use information::{
-    ByMetric, FitInformation, MEASURED_METRICS, TrialInformation, metric_named, metric_names,
-};
+pub use information::{FitInformation, TrialInformation};
 pub use input::{FitCampaign, FitInput, FreeParameter};
 pub use known::{KnownFit, PredictionBands};
 pub use measured_range::MeasuredRange;

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::ops::RangeInclusive;
 
 use trilink_robot::JointCommand;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_statistics::{mean_deviation, student};
 use trilink_tables::config::SigmaKind;
 use trilink_tables::{TrialRow, TrialStatus};
@@ -47,10 +47,10 @@ impl Measurement {
         let sigma = trial.sigma(kind);
         let raw = GaitMetrics { sigma: sigma.map(|sigma| sigma.value), ..trial.metrics };
         let known = |value: f64| if MEASURABLE.contains(&value) { value } else { f64::NAN };
-        let metrics = GaitMetrics {
-            dtheta_rad: raw.dtheta_rad,
-            ..GaitMetrics::from_array(raw.to_array().map(known))
-        };
+        let metrics = GaitMetrics::from(ByMetric::<f64>::from_fn(|metric| {
+            let is_size = metric.definition().is_size;
+            if is_size { known(raw[metric]) } else { raw[metric] }
+        }));
         let usable = trial.status != TrialStatus::Failed
             && trial.omega_rad_s > 0.0
             && trial.omega_rad_s.is_finite()

@@ -2,7 +2,7 @@
 
 use trilink_base::cancel::CancelToken;
 use trilink_mechanics::{FIT_ACCURACY, Laws, MotionError, Problem, Solver};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_robot::{Gait, JointCommand, Parameter, Robot};
 use trilink_tables::FitStatus;
 use trilink_tables::config::{GaitInput, Weights};
@@ -10,10 +10,7 @@ use trilink_tables::config::{GaitInput, Weights};
 use super::conditions::{Condition, Conditions, Differences, Expansion};
 use super::input::FreeParameter;
 use super::measurement::Measurement;
-use super::terms::{Linearised, Response, TERMS, Target, Terms};
-
-/// Their metrics.
-pub(super) const METRICS: [&str; TERMS] = ["d", "v", "sigma0", "sigma1", "sigma2", "alpha1"];
+use super::terms::{Linearised, Response, Target, Terms};
 
 /// Eq. 22 for one model, averaged over a campaign's trials; of several campaigns of one robot the
 /// sum of these.
@@ -43,10 +40,9 @@ pub struct Protocol {
 }
 
 impl Protocol {
-    /// Weights of d, v, the wheels' sigma and alpha_1; Delta theta has none.
-    pub fn term_weights(&self) -> [f64; TERMS] {
-        let Weights { d, v, sigma, alpha } = self.weights;
-        [d, v, sigma, sigma, sigma, alpha]
+    /// Weights of the metrics that have a term.
+    pub fn term_weights(&self) -> ByFitted<f64> {
+        ByFitted::from_fn(|metric| self.weights.of(metric))
     }
 }
 
@@ -54,7 +50,7 @@ impl Protocol {
 #[derive(Debug, Clone)]
 pub(super) struct Observation {
     pub trial: usize,
-    pub metrics: [f64; TERMS],
+    pub metrics: ByFitted<f64>,
     pub differences: Differences,
 }
 
@@ -164,29 +160,32 @@ impl Objective {
 
     /// Eq. 22 for one trial.
     pub fn contribution(&self, measurement: &Measurement, simulated: &GaitMetrics) -> f64 {
-        self.parts(measurement, simulated).iter().sum()
+        self.parts(measurement, simulated).values().iter().sum()
     }
 
     /// The terms of eq. 22 for one trial, 0 where there is none.
-    pub(super) fn parts(&self, measurement: &Measurement, simulated: &GaitMetrics) -> [f64; TERMS] {
-        let simulated = simulated.to_array();
-        let mut parts = [0.0; TERMS];
-        for (i, weight, measured) in self.terms(measurement) {
-            parts[i] = weight * ((measured - simulated[i]) / measured).abs();
+    pub(super) fn parts(
+        &self,
+        measurement: &Measurement,
+        simulated: &GaitMetrics,
+    ) -> ByFitted<f64> {
+        let mut parts = ByFitted::splat(0.0);
+        for (metric, weight, measured) in self.terms(measurement) {
+            parts[metric] = weight * ((measured - simulated[metric]) / measured).abs();
         }
         parts
     }
 
-    /// The terms of eq. 22 for one trial: indices in [`GaitMetrics::to_array`], weights and
-    /// measured values. What was not measured and what weighs nothing is left out.
+    /// The terms of eq. 22 for one trial: metrics, weights and measured values. What was not
+    /// measured and what weighs nothing is left out.
     pub(super) fn terms(
         &self,
         measurement: &Measurement,
-    ) -> impl Iterator<Item = (usize, f64, f64)> {
+    ) -> impl Iterator<Item = (Metric, f64, f64)> {
         let weights = self.protocol(measurement).term_weights();
-        let weights = weights.into_iter().zip(measurement.metrics.to_array());
-        let terms = weights.enumerate().map(|(i, (weight, measured))| (i, weight, measured));
-        terms.filter(|(_, weight, measured)| *weight > 0.0 && measured.is_finite())
+        let metrics = measurement.metrics;
+        let terms = Metric::FITTED.map(|metric| (metric, weights[metric], metrics[metric]));
+        terms.into_iter().filter(|(_, weight, measured)| *weight > 0.0 && measured.is_finite())
     }
 
     /// The measurements as they are.
@@ -195,7 +194,7 @@ impl Objective {
     }
 
     pub(super) fn observation(&self, trial: usize) -> Observation {
-        let [metrics @ .., _] = self.measurements[trial].metrics.to_array();
+        let metrics = self.measurements[trial].metrics.into();
         Observation { trial, metrics, differences: self.conditions.of_trials[trial].1 }
     }
 
@@ -270,7 +269,7 @@ impl Evaluator<'_> {
             let weights =
                 objective.protocol(&objective.measurements[observation.trial]).term_weights();
             let share = share(observation.trial);
-            let known = (0..TERMS).filter(move |&metric| {
+            let known = Metric::FITTED.into_iter().filter(move |&metric| {
                 weights[metric] > 0.0 && observation.metrics[metric].is_finite()
             });
             known.map(move |metric| {
@@ -286,9 +285,9 @@ impl Evaluator<'_> {
     }
 
     /// The metrics of a trial over its condition's.
-    pub(super) fn ratios(&self, condition: usize, differences: &Differences) -> [f64; TERMS] {
+    pub(super) fn ratios(&self, condition: usize, differences: &Differences) -> ByFitted<f64> {
         let expansion = self.expansions[condition].as_ref();
-        expansion.map_or([1.0; TERMS], |expansion| expansion.ratios(differences))
+        expansion.map_or(ByFitted::splat(1.0), |expansion| expansion.ratios(differences))
     }
 
     /// Whether the trials of a condition differ.

@@ -5,7 +5,7 @@ use trilink_mechanics::{
     Attractor, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
 };
 use trilink_robot::Robot;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_tables::{PredictionRow, PredictionSource, ResidualRow};
 
 use super::FitInput;
@@ -14,7 +14,6 @@ use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
 use super::measurement::Measurement;
-use super::terms::TERMS;
 
 /// Frequencies of a curve.
 const CURVE_POINTS: usize = 112;
@@ -155,17 +154,17 @@ pub(super) fn residuals(
     predictions: &[PredictionRow],
 ) -> Vec<ResidualRow> {
     let of_trial = |(measurement, row): (&Measurement, &PredictionRow)| {
-        let measured = measurement.metrics.to_array();
-        let [errors, predicted] = [measurement.errors, row.metrics].map(GaitMetrics::to_array);
+        let (measured, errors, predicted) = (measurement.metrics, measurement.errors, row.metrics);
         let row = row.clone();
-        (0..TERMS).filter(move |metric| measured[*metric].is_finite()).map(move |metric| {
+        let known = Metric::FITTED.into_iter().filter(move |of| measured[*of].is_finite());
+        known.map(move |metric| {
             let residual = measured[metric] - predicted[metric];
             ResidualRow {
                 campaign: row.campaign.clone(),
                 model: row.model,
                 trial: row.trial.clone(),
                 omega_rad_s: row.omega_rad_s,
-                metric: GaitMetrics::COLUMNS[metric].to_owned(),
+                metric: metric.column().to_owned(),
                 measured: measured[metric],
                 predicted: predicted[metric],
                 residual,

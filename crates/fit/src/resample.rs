@@ -21,16 +21,14 @@ use std::collections::BTreeMap;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{ChiSquared, Distribution};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, Metric};
 use trilink_statistics::{mean, mean_deviation, median_high};
 use trilink_tables::CycleRow;
 
 use super::measurement::Measurement;
-use super::terms::TERMS;
 use super::trial_noise::TrialNoise;
 
-/// One number for every metric that has a term in the objective.
-pub(super) type Metrics = [f64; TERMS];
+type Metrics = ByFitted<f64>;
 
 /// Draws measurements of a campaign.
 pub(super) struct CampaignResampler {
@@ -73,7 +71,7 @@ impl CampaignResampler {
             TrialNoise::new(measurement, errors, rows.filter(|row| row.used))
         };
         let noises = measurements.iter().zip(&errors).map(noise).collect();
-        let mut means_of_trials = vec![[0.0; TERMS]; measurements.len()];
+        let mut means_of_trials = vec![Metrics::splat(0.0); measurements.len()];
         for trials in &frequencies {
             let means = means(&measurements, trials);
             trials.iter().for_each(|trial| means_of_trials[*trial] = means);
@@ -92,7 +90,7 @@ impl CampaignResampler {
 
     /// What every measurement is off by: its noise, and the standard deviations of the trials' own spread.
     pub(crate) fn noises(&self) -> impl Iterator<Item = (&TrialNoise, Metrics)> {
-        let own = |of: Metrics| std::array::from_fn(|i| self.own[i] * self.spread[i] * of[i]);
+        let own = |of: Metrics| Metrics::from_fn(|i| self.own[i] * self.spread[i] * of[i]);
         self.noises.iter().zip(self.measurements.iter().map(metrics).map(own))
     }
 
@@ -104,12 +102,12 @@ impl CampaignResampler {
             Err(_) => 1.0,
         };
         // d and v are one measurement.
-        let mut of_spread: Metrics = std::array::from_fn(|_| told(self.freedom));
-        of_spread[1] = of_spread[0];
+        let mut of_spread: Metrics = Metrics::from_fn(|_| told(self.freedom));
+        of_spread[Metric::V] = of_spread[Metric::D];
         let of_trial = |((noise, spread), of): ((&TrialNoise, Metrics), &Measurement)| {
             let of_cycles = told(of.freedom());
-            std::array::from_fn(|i| {
-                let own = noise.deviations()[i];
+            Metrics::from_fn(|i| {
+                let own = noise.deviation(i);
                 let told = (of_cycles * own).hypot(of_spread[i] * spread[i]) / own.hypot(spread[i]);
                 if told.is_finite() { told } else { 1.0 }
             })
@@ -144,8 +142,8 @@ impl CampaignResampler {
             let (index, mut metrics) = self.trial_of(trial, trials, &mut random[0]);
             let noise = &self.noises[index];
             let moves = noise.draw(random);
-            for (i, metric) in metrics.iter_mut().enumerate() {
-                *metric += noise.deviations()[i] * moves.metrics[i];
+            for (i, metric) in metrics.iter_mut() {
+                *metric += noise.deviation(i) * moves.metrics[i];
                 if *metric <= 0.0 {
                     *metric = f64::NAN;
                 }
@@ -169,8 +167,8 @@ impl CampaignResampler {
             let mut metrics = metrics(&self.measurements[trial]);
             if !self.deviations.is_empty() {
                 let deviation = self.deviations[random.random_range(0..self.deviations.len())];
-                for i in 0..TERMS {
-                    metrics[i] *= 1.0 + self.own[i] * deviation[i];
+                for (i, metric) in metrics.iter_mut() {
+                    *metric *= 1.0 + self.own[i] * deviation[i];
                 }
             }
             return (trial, metrics);
@@ -179,25 +177,19 @@ impl CampaignResampler {
         let drawn = metrics(&self.measurements[index]);
         let means = &self.means[index];
         let scale = (count as f64 / (count as f64 - 1.0)).sqrt();
-        let with_spread = |i: usize| means[i] + self.own[i] * scale * (drawn[i] - means[i]);
-        (index, std::array::from_fn(with_spread))
+        let with_spread = |i: Metric| means[i] + self.own[i] * scale * (drawn[i] - means[i]);
+        (index, Metrics::from_fn(with_spread))
     }
 }
 
 fn metrics(measurement: &Measurement) -> Metrics {
-    terms(&measurement.metrics)
-}
-
-/// The metrics that the objective has terms of.
-fn terms(metrics: &GaitMetrics) -> Metrics {
-    let all = metrics.to_array();
-    std::array::from_fn(|i| all[i])
+    measurement.metrics.into()
 }
 
 /// Means over some trials; what a trial does not have is left out.
 fn means(measurements: &[Measurement], trials: &[usize]) -> Metrics {
-    std::array::from_fn(|i| {
-        let values = trials.iter().map(|&trial| metrics(&measurements[trial])[i]);
+    Metrics::from_fn(|i| {
+        let values = trials.iter().map(|&trial| measurements[trial].metrics[i]);
         mean(values.filter(|value| value.is_finite()))
     })
 }
@@ -205,17 +197,17 @@ fn means(measurements: &[Measurement], trials: &[usize]) -> Metrics {
 /// Standard deviations of every trial's metrics. Where one is missing, as with a single cycle, the
 /// median relative spread of the other trials' cycles replaces it; 0 if no trial has one.
 fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
-    let known = |of: &Measurement| terms(&of.errors).map(|error| of.unbiased() * error);
+    let known = |of: &Measurement| Metrics::from(of.errors).map(|error| of.unbiased() * error);
     let root = |measurement: &Measurement| (measurement.cycles.max(1) as f64).sqrt();
-    let typical: Metrics = std::array::from_fn(|i| {
-        let spread = |of: &Measurement| known(of)[i] / metrics(of)[i] * root(of);
+    let typical: Metrics = Metrics::from_fn(|i| {
+        let spread = |of: &Measurement| known(of)[i] / of.metrics[i] * root(of);
         let spreads = measurements.iter().map(spread).filter(|spread| spread.is_finite());
         let median = median_high(spreads.collect());
         if median.is_nan() { 0.0 } else { median }
     });
     let filled = |measurement: &Measurement| {
-        let (known, metrics) = (known(measurement), metrics(measurement));
-        std::array::from_fn(|i| match known[i].is_finite() {
+        let (known, metrics) = (known(measurement), measurement.metrics);
+        Metrics::from_fn(|i| match known[i].is_finite() {
             true => known[i],
             false => typical[i] * metrics[i] / root(measurement),
         })
@@ -232,15 +224,15 @@ fn own_spread(
 ) -> (Metrics, Metrics, Vec<Metrics>) {
     let mut freedom = 0.0;
     let mut deviations: Vec<Metrics> = Vec::new();
-    let (mut squares, mut expected) = ([0.0; TERMS], [0.0; TERMS]);
+    let (mut squares, mut expected) = (Metrics::splat(0.0), Metrics::splat(0.0));
     for trials in frequencies.iter().filter(|trials| trials.len() > 1) {
         let count = trials.len() as f64;
         let means = means(measurements, trials);
         freedom += count - 1.0;
         for &trial in trials {
-            let found = metrics(&measurements[trial]);
-            let relative: Metrics = std::array::from_fn(|i| found[i] / means[i] - 1.0);
-            for i in 0..TERMS {
+            let found = measurements[trial].metrics;
+            let relative: Metrics = Metrics::from_fn(|i| found[i] / means[i] - 1.0);
+            for i in Metric::FITTED {
                 if relative[i].is_finite() {
                     squares[i] += relative[i].powi(2);
                     expected[i] += (errors[trial][i] / means[i]).powi(2) * (count - 1.0) / count;
@@ -251,17 +243,18 @@ fn own_spread(
             deviations.push(relative.map(known));
         }
     }
-    let own = |i: usize| {
+    let own = |i: Metric| {
         let part = 1.0 - expected[i] / squares[i];
         if part > 0.0 { part.sqrt() } else { 0.0 }
     };
     let spread =
         squares.map(|squares| if freedom > 0.0 { (squares / freedom).sqrt() } else { 0.0 });
-    (std::array::from_fn(own), spread, deviations)
+    (Metrics::from_fn(own), spread, deviations)
 }
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::metrics::GaitMetrics;
     use trilink_tables::config::SigmaKind;
     use trilink_tables::{Columns as _, TrialRow};
 
@@ -323,7 +316,7 @@ mod tests {
                 let trial = trial("one", 2.0, &d_m);
                 let expected = trial.0.unbiased() * trial.0.errors.d_m;
                 let resampler = resampler(vec![trial], with_cycles);
-                let found = deviation(&resampler, |resample| resample[0].metrics[0]);
+                let found = deviation(&resampler, |resample| resample[0].metrics[Metric::D]);
                 assert!((found / expected - 1.0).abs() < 0.05, "{found} for {expected}");
             }
         }
@@ -336,7 +329,7 @@ mod tests {
         let several = trial("one", 2.0, &[0.40, 0.42, 0.44]);
         let unbiased = several.0.unbiased();
         let resampler = resampler(vec![several, single], true);
-        let found = deviation(&resampler, |resample| resample[1].metrics[0]);
+        let found = deviation(&resampler, |resample| resample[1].metrics[Metric::D]);
         // A cycle's relative spread is 0.02 / 0.42.
         let expected = unbiased * 0.5 * 0.02 / 0.42;
         assert!((found / expected - 1.0).abs() < 0.05, "{found} for {expected}");
@@ -349,7 +342,7 @@ mod tests {
         let trials = (0..).zip(values).map(|(i, d_m)| trial(&format!("r{i}"), 2.0, &d_m));
         let resampler = resampler(trials.collect(), true);
         let mean = |resample: &[DrawnTrial]| {
-            resample.iter().map(|each| each.metrics[0]).sum::<f64>() / 3.0
+            resample.iter().map(|each| each.metrics[Metric::D]).sum::<f64>() / 3.0
         };
         let means = [0.401_f64, 0.421, 0.448];
         let middle = means.iter().sum::<f64>() / 3.0;
@@ -366,7 +359,7 @@ mod tests {
             .collect();
         trials.push(trial("alone", 3.0, &[0.2999, 0.3, 0.3001]));
         let resampler = resampler(trials, true);
-        let found = deviation(&resampler, |resample| resample[4].metrics[0]);
+        let found = deviation(&resampler, |resample| resample[4].metrics[Metric::D]);
         let relative = (0.002_f64 / 3.0).sqrt() / 0.43;
         assert!((found / (0.3 * relative) - 1.0).abs() < 0.05, "{found}");
     }
@@ -375,7 +368,7 @@ mod tests {
     fn the_same_number_is_the_same_resample() {
         let trials = || vec![trial("one", 2.0, &[0.40, 0.43, 0.42])];
         let (first, second) = (resampler(trials(), true), resampler(trials(), true));
-        let d_m = |resampler: &Resampler, number| resampler.draw(number)[0].metrics[0];
+        let d_m = |resampler: &Resampler, number| resampler.draw(number)[0].metrics[Metric::D];
         assert!((0..20).all(|number| d_m(&first, number) == d_m(&second, number)));
         assert!((1..20).any(|number| d_m(&first, number) != d_m(&first, 0)));
     }

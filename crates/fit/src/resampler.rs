@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use trilink_robot::metrics::{ByFitted, Metric};
 use trilink_tables::CycleRow;
 
 use super::measurement::Measurement;
-use super::objective::{METRICS, Objective};
-use super::resample::{CampaignResampler, DrawnTrial, Metrics};
-use super::terms::TERMS;
+use super::objective::Objective;
+use super::resample::{CampaignResampler, DrawnTrial};
 use super::trial_noise::TrialNoise;
 
 /// Draws measurements, of each campaign by itself ([`super::resample`]).
@@ -52,21 +52,21 @@ impl Resampler {
     /// Whether nothing differs between resamples.
     pub(crate) fn is_silent(&self) -> bool {
         let gait = |of: &Measurement| of.gait_errors_rad.as_flattened().iter().any(|e| *e > 0.0);
-        self.noises().as_flattened().iter().all(|noise| *noise == 0.0 || noise.is_nan())
+        self.noises().iter().flat_map(ByFitted::values).all(|noise| *noise == 0.0 || noise.is_nan())
             && !self.measurements.iter().any(gait)
     }
 
     /// Metrics with terms in an objective of which nothing tells the noise.
     pub(crate) fn without_noise(&self, objective: &Objective) -> Vec<&'static str> {
         let noises = self.noises();
-        let is_silent = |i: usize| {
+        let is_silent = |i: &Metric| {
             let all = self.measurements.iter().zip(&noises);
             let mut with_term = all
-                .filter(|(of, _)| objective.terms(of).any(|(metric, ..)| metric == i))
+                .filter(|(of, _)| objective.terms(of).any(|(metric, ..)| metric == *i))
                 .peekable();
-            with_term.peek().is_some() && with_term.all(|(_, noises)| noises[i] == 0.0)
+            with_term.peek().is_some() && with_term.all(|(_, noises)| noises[*i] == 0.0)
         };
-        (0..TERMS).filter(|i| is_silent(*i)).map(|i| METRICS[i]).collect()
+        Metric::FITTED.into_iter().filter(is_silent).map(Metric::name).collect()
     }
 
     /// Degrees of freedom of all measurements' standard errors together; infinite where nothing tells how
@@ -79,12 +79,12 @@ impl Resampler {
     }
 
     /// What every measurement is off by: its noise, and the standard deviations of the trials' own spread.
-    pub(crate) fn noises_and_spreads(&self) -> impl Iterator<Item = (&TrialNoise, Metrics)> {
+    pub(crate) fn noises_and_spreads(&self) -> impl Iterator<Item = (&TrialNoise, ByFitted<f64>)> {
         self.campaigns.iter().flat_map(CampaignResampler::noises)
     }
 
     /// How many times the standard deviation of each metric's noise so many cycles and repeats tell, at random.
-    pub(crate) fn told(&self, number: usize) -> Vec<Metrics> {
+    pub(crate) fn told(&self, number: usize) -> Vec<ByFitted<f64>> {
         let of_campaign = |(nth, campaign): (usize, &CampaignResampler)| {
             campaign.told(self.random_of(nth, "told noise", number))
         };
@@ -92,9 +92,9 @@ impl Resampler {
     }
 
     /// Standard deviations of what the metrics of every measurement are off by, without bias.
-    pub(crate) fn noises(&self) -> Vec<Metrics> {
-        let both = |(noise, spread): (&TrialNoise, Metrics)| {
-            std::array::from_fn(|i| noise.deviations()[i].hypot(spread[i]))
+    pub(crate) fn noises(&self) -> Vec<ByFitted<f64>> {
+        let both = |(noise, spread): (&TrialNoise, ByFitted<f64>)| {
+            ByFitted::from_fn(|i| noise.deviation(i).hypot(spread[i]))
         };
         self.noises_and_spreads().map(both).collect()
     }

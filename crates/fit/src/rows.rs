@@ -1,5 +1,6 @@
 //! What a fit leaves in the tables.
 
+use trilink_robot::metrics::{Metric, WeightKey};
 use trilink_robot::{ByParameter, Parameter, Robot};
 use trilink_tables::{
     BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
@@ -13,7 +14,6 @@ use super::fitted_point::HeldPoint;
 use super::input::FreeParameter;
 use super::intervals::{Intervals, LEAST_BLOCKS};
 use super::job::{Fit, Job};
-use super::objective::METRICS;
 use super::predict::{predictions, residuals};
 use super::profile::Class;
 use super::starts::Start;
@@ -40,6 +40,7 @@ impl Job<'_> {
             false => Intervals::NONE,
         };
         let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
+        let [lack_of_fit_d, lack_of_fit_v, lack_of_fit_sigma, lack_of_fit_alpha] = by_metric;
         let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
         let mut notes = self.notes();
         let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_empty();
@@ -56,10 +57,10 @@ impl Job<'_> {
             no_interval: intervals.why_none,
             lack_of_fit: lack_of_fit[0],
             lack_of_fit_limit: lack_of_fit[1],
-            lack_of_fit_d: by_metric[0],
-            lack_of_fit_v: by_metric[1],
-            lack_of_fit_sigma: by_metric[2],
-            lack_of_fit_alpha: by_metric[3],
+            lack_of_fit_d,
+            lack_of_fit_v,
+            lack_of_fit_sigma,
+            lack_of_fit_alpha,
             autocorrelation: autocorrelation[0],
             autocorrelation_limit: autocorrelation[1],
             runs: runs[0],
@@ -183,12 +184,13 @@ impl Job<'_> {
                 raw.join(", ")
             ));
         }
-        let lacks = |i: &usize| {
-            let mut measured = measurements.iter().map(|of| of.metrics.to_array()[*i]);
+        let lacks = |i: &Metric| {
+            let mut measured = measurements.iter().map(|of| of.metrics[*i]);
             let protocols = &self.objective.protocols;
             protocols.iter().any(|of| of.term_weights()[*i] > 0.0) && measured.all(f64::is_nan)
         };
-        let lacking: Vec<&str> = (0..METRICS.len()).filter(lacks).map(|i| METRICS[i]).collect();
+        let lacking = Metric::FITTED.into_iter().filter(lacks).map(Metric::name);
+        let lacking: Vec<&str> = lacking.collect();
         if !lacking.is_empty() {
             notes.push(format!("the objective lacks {}: no trial has it", lacking.join(", ")));
         }
@@ -198,7 +200,9 @@ impl Job<'_> {
     /// The model's row of the comparison, without what needs the other models.
     fn comparison(&self, fit: &mut Fit) -> ComparisonRow {
         let point = &fit.point;
-        let [j_d, j_v, j_sigma @ .., j_alpha] = point.parts();
+        let parts = point.parts();
+        let part = |key: WeightKey| key.metrics().map(|metric| parts[metric]).sum();
+        let [j_d, j_v, j_sigma, j_alpha] = WeightKey::ALL.map(part);
         let (criterion, terms) = criterion(point);
         let free = point.values.len() as i64;
         let (j_left_out, solves) = point.leave_one_frequency_out();
@@ -209,7 +213,7 @@ impl Job<'_> {
             j: fit.cost,
             j_d,
             j_v,
-            j_sigma: j_sigma.iter().sum(),
+            j_sigma,
             j_alpha,
             j_left_out,
             j_extrapolated,

@@ -22,7 +22,7 @@
 
 use rand::RngExt;
 use rayon::prelude::*;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_statistics::{median, quantiles_low};
 use trilink_tables::Sharing;
 
@@ -33,7 +33,6 @@ use super::measurement::Measurement;
 use super::objective::{Objective, Observation};
 use super::resampler::Resampler;
 use super::search::limits;
-use super::terms::TERMS;
 
 /// Worlds that are drawn.
 const DRAWS: usize = 999;
@@ -109,7 +108,7 @@ impl SharingTest {
             .into_par_iter()
             .map(|number| {
                 let mut random = resampler.random("sharing", number);
-                let mut signs = vec![[0.0; TERMS]; left.len()];
+                let mut signs = vec![ByFitted::splat(0.0); left.len()];
                 for (blocks, nearest) in blocks.iter().zip(nearest) {
                     draw_signs(blocks, nearest.fits, &mut random, &mut signs);
                 }
@@ -134,28 +133,32 @@ fn draw_signs(
     blocks: &[Vec<usize>],
     is_noise: bool,
     random: &mut impl RngExt,
-    signs: &mut [[f64; TERMS]],
+    signs: &mut [ByFitted<f64>],
 ) {
     let mut sign = || if random.random() { 1.0 } else { -1.0 };
     for block in blocks {
         let of_block = sign();
         for &trial in block {
             let of_d = if is_noise { sign() } else { of_block };
-            signs[trial] = [of_d; TERMS];
-            signs[trial][2..].iter_mut().filter(|_| is_noise).for_each(|of| *of = sign());
+            let of = |metric| match metric {
+                Metric::D | Metric::V => of_d,
+                _ if is_noise => sign(),
+                _ => of_block,
+            };
+            signs[trial] = ByFitted::from_fn(of);
         }
     }
 }
 
 /// Of each trial the logarithms of measured over predicted by its campaign's nearest model, where it
 /// goes through a measurement as large as they typically are.
-fn left_by(objective: &Objective, nearest: &[Nearest]) -> Vec<[f64; TERMS]> {
+fn left_by(objective: &Objective, nearest: &[Nearest]) -> Vec<ByFitted<f64>> {
     let campaigns = objective.measurements.chunk_by(|a, b| a.campaign == b.campaign);
     let of_campaign = |(own, nearest): (&[Measurement], &Nearest)| {
         let of_trial = |(measurement, predicted): (&Measurement, &GaitMetrics)| {
-            let mut left = [0.0; TERMS];
+            let mut left = ByFitted::splat(0.0);
             for (metric, _, measured) in objective.terms(measurement) {
-                let ratio = measured / predicted.to_array()[metric];
+                let ratio = measured / predicted[metric];
                 // A model without skid says nothing of how far off its skid ratios are.
                 left[metric] = if ratio.is_finite() && ratio > 0.0 { ratio.ln() } else { 0.0 };
             }
@@ -170,8 +173,8 @@ fn left_by(objective: &Objective, nearest: &[Nearest]) -> Vec<[f64; TERMS]> {
 
 /// A least-absolute fit goes through as many measurements as it has coefficients: gives these the
 /// median size of the metric's others.
-fn fill_exact(left: &mut [[f64; TERMS]]) {
-    for metric in 0..TERMS {
+fn fill_exact(left: &mut [ByFitted<f64>]) {
+    for metric in Metric::FITTED {
         let sizes = left.iter().map(|of| of[metric].abs());
         let typical = median(sizes.filter(|size| *size > EXACT).collect());
         let exact = left.iter_mut().filter(|of| of[metric].abs() <= EXACT);
@@ -183,21 +186,18 @@ fn fill_exact(left: &mut [[f64; TERMS]]) {
 /// signs; `None` if a motion is missing.
 fn rise_of_world(
     shared: &FittedPoint,
-    left: &[[f64; TERMS]],
-    signs: &[[f64; TERMS]],
+    left: &[ByFitted<f64>],
+    signs: &[ByFitted<f64>],
 ) -> Option<f64> {
     let objective = shared.evaluator.objective;
     let observe = |trial: usize| -> Option<Observation> {
         let (predicted, _) = shared.metrics_of(trial)?;
-        let [mut metrics @ .., _] = predicted.to_array();
-        for ((metric, left), sign) in metrics.iter_mut().zip(left[trial]).zip(signs[trial]) {
-            *metric *= (sign * left).exp();
-        }
+        let measured = &objective.measurements[trial].metrics;
         // What was not measured has no term.
-        let measured = objective.measurements[trial].metrics.to_array();
-        for (metric, measured) in metrics.iter_mut().zip(measured) {
-            *metric = if measured.is_finite() { *metric } else { f64::NAN };
-        }
+        let metrics = ByFitted::from_fn(|of| match measured[of].is_finite() {
+            true => predicted[of] * (signs[trial][of] * left[trial][of]).exp(),
+            false => f64::NAN,
+        });
         Some(Observation { metrics, ..objective.observation(trial) })
     };
     let world: Vec<Observation> =
@@ -225,8 +225,9 @@ mod tests {
         let blocks = [vec![0, 1, 2], vec![3, 4, 5], vec![6, 7, 8]];
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let mut draw = |is_noise| {
-            let mut signs = vec![[0.0; TERMS]; 9];
+            let mut signs = vec![ByFitted::splat(0.0); 9];
             draw_signs(&blocks, is_noise, &mut random, &mut signs);
+            let signs: Vec<[f64; 6]> = signs.iter().map(|of| *of.values()).collect();
             assert!(signs.iter().flatten().all(|sign: &f64| sign.abs() == 1.0));
             signs
         };

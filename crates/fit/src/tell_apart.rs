@@ -11,54 +11,51 @@
 //! Statist. Assoc. 63 (1968).
 
 use trilink_mechanics::MotionStatus;
+use trilink_robot::metrics::{ByFitted, Metric};
 use trilink_statistics::median;
 use trilink_tables::{PredictionRow, PredictionSource};
 
-use super::objective::METRICS;
 use super::resampler::Resampler;
-use super::terms::TERMS;
 
 /// Fewer frequencies do not tell a power.
 const LEAST_FREQUENCIES: usize = 3;
 /// Frequencies that differ by less, relative, are one.
 const SAME_FREQUENCY: f64 = 0.01;
-const D: usize = 0;
-const V: usize = 1;
 
 /// A trial that would tell two models apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tell {
     pub omega_rad_s: f64,
-    pub metric: &'static str,
+    pub metric: Metric,
     /// How far both models are apart.
     pub standard_errors: f64,
 }
 
 /// How well one more trial of a campaign would measure: of each metric a power of the frequency, as
 /// logarithms of the relative standard error at 1 rad/s, and the power; NaN where nothing tells it.
-pub(super) struct Noise([[f64; 2]; TERMS]);
+pub(super) struct Noise(ByFitted<[f64; 2]>);
 
 impl Noise {
     pub(crate) fn new(resampler: &Resampler) -> Self {
         let both = resampler.measurements.iter().zip(resampler.noises());
         let trials = both.map(|(measurement, noises)| {
-            let metrics = measurement.metrics.to_array();
-            (measurement.omega_rad_s, std::array::from_fn(|i| noises[i] / metrics[i]))
+            let metrics = measurement.metrics;
+            (measurement.omega_rad_s, ByFitted::from_fn(|i| noises[i] / metrics[i]))
         });
         Self::of(&trials.collect::<Vec<_>>())
     }
 
     /// Of each trial's frequency and relative standard errors.
-    fn of(trials: &[(f64, [f64; TERMS])]) -> Self {
-        let logarithms = |i: usize| {
+    fn of(trials: &[(f64, ByFitted<f64>)]) -> Self {
+        let logarithms = |i: Metric| {
             let known = trials.iter().filter(move |(_, noises)| noises[i] > 0.0);
             known.map(move |(omega_rad_s, noises)| [omega_rad_s.ln(), noises[i].ln()])
         };
-        Self(std::array::from_fn(|i| line(logarithms(i).collect())))
+        Self(ByFitted::from_fn(|i| line(logarithms(i).collect())))
     }
 
     /// Relative standard errors of a trial at a frequency; NaN where nothing tells one.
-    pub(crate) fn at(&self, omega_rad_s: f64) -> [f64; TERMS] {
+    pub(crate) fn at(&self, omega_rad_s: f64) -> ByFitted<f64> {
         self.0.map(|[begin, power]| (begin + power * omega_rad_s.ln()).exp())
     }
 
@@ -73,16 +70,15 @@ impl Noise {
         let tells = one.iter().filter(is_there).filter_map(|row| {
             let same = |other: &&PredictionRow| other.omega_rad_s == row.omega_rad_s;
             let other = other.iter().filter(is_there).find(same)?;
-            let (noises, of_one) = (self.at(row.omega_rad_s), row.metrics.to_array());
-            let of_other = other.metrics.to_array();
-            let tell = |metric: usize| {
-                let (a, b) = (of_one[metric], of_other[metric]);
+            let noises = self.at(row.omega_rad_s);
+            let tell = |metric: Metric| {
+                let (a, b) = (row.metrics[metric], other.metrics[metric]);
                 let standard_errors = (a - b).abs() / (noises[metric] * a.abs().max(b.abs()));
-                let metric = METRICS[metric];
                 let tell = Tell { omega_rad_s: row.omega_rad_s, metric, standard_errors };
                 standard_errors.is_finite().then_some(tell)
             };
-            let metrics = (0..TERMS).filter(|i| *i != V || noises[D].is_nan());
+            let is_other = |of: &Metric| *of != Metric::V || noises[Metric::D].is_nan();
+            let metrics = Metric::FITTED.into_iter().filter(is_other);
             most(metrics.filter_map(tell))
         });
         most(tells)
@@ -137,7 +133,7 @@ mod tests {
 
     #[test]
     fn the_metric_that_differs_by_most_standard_errors_tells_where_both_are_stable() {
-        let noises = |d: f64, sigma: f64| [d, d, sigma, f64::NAN, f64::NAN, f64::NAN];
+        let noises = |d: f64, sigma: f64| [d, d, sigma, f64::NAN, f64::NAN, f64::NAN].into();
         // Of two frequencies the median: of logarithms.
         let noise = Noise::of(&[
             (1.0, noises(0.01, 0.02)),
@@ -147,27 +143,29 @@ mod tests {
         let one = curve(&[(1.0, 0.4, 0.05), (2.0, 0.4, 0.05), (4.0, 0.4, 0.05)]);
         let mut other = curve(&[(1.0, 0.41, 0.05), (2.0, 0.4, 0.04), (4.0, 0.39, 0.02)]);
         let tell = noise.tell(&one, &other).expect("they differ");
-        assert_eq!((tell.omega_rad_s, tell.metric), (4.0, "sigma0"));
+        assert_eq!((tell.omega_rad_s, tell.metric), (4.0, Metric::Sigma0));
         assert!((tell.standard_errors - 0.6 / (0.02_f64 * 0.1).sqrt()).abs() < 1e-9, "{tell:?}");
         other[2].status = MotionStatus::Unstable;
         let tell = noise.tell(&one, &other).expect("they differ");
-        assert_eq!((tell.omega_rad_s, tell.metric), (2.0, "sigma0"));
+        assert_eq!((tell.omega_rad_s, tell.metric), (2.0, Metric::Sigma0));
         assert_eq!(noise.tell(&one, &[]), None);
         // The same trial without noise that is known.
-        let silent = Noise::of(&[(1.0, [0.0; TERMS])]);
+        let silent = Noise::of(&[(1.0, ByFitted::splat(0.0))]);
         assert_eq!(silent.tell(&one, &other), None);
     }
 
     #[test]
     fn noise_goes_with_a_power_of_the_frequency() {
-        let mut trials: Vec<(f64, [f64; TERMS])> =
-            [0.5, 1.0, 2.0, 4.0].map(|omega: f64| (omega, [0.01 * omega.powf(1.5); TERMS])).into();
+        let mut trials: Vec<(f64, ByFitted<f64>)> = [0.5, 1.0, 2.0, 4.0]
+            .map(|omega: f64| (omega, ByFitted::splat(0.01 * omega.powf(1.5))))
+            .into();
         // One that is off does not matter.
-        trials.push((6.0, [3.0; TERMS]));
-        let noise = Noise::of(&trials).at(3.0)[0];
+        trials.push((6.0, ByFitted::splat(3.0)));
+        let noise = Noise::of(&trials).at(3.0)[Metric::D];
         assert!((noise / (0.01 * 3_f64.powf(1.5)) - 1.0).abs() < 0.25, "{noise}");
-        assert!(Noise::of(&[]).at(3.0)[0].is_nan());
-        let two = Noise::of(&[(1.0, [0.01; TERMS]), (2.0, [0.03; TERMS])]).at(9.0)[0];
+        assert!(Noise::of(&[]).at(3.0)[Metric::D].is_nan());
+        let two = Noise::of(&[(1.0, ByFitted::splat(0.01)), (2.0, ByFitted::splat(0.03))]).at(9.0)
+            [Metric::D];
         assert!((0.01..0.03).contains(&two), "{two}");
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use trilink_mechanics::{MotionError, Solver};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
 use trilink_robot::{Parameter, Robot};
 
 use super::deviations::Deviations;
@@ -13,14 +13,11 @@ use super::least_absolute::Residual;
 /// does, so that the search turns back.
 pub(super) const PENALTY: f64 = 1e3;
 
-/// Terms of eq. 22 for one trial: of d, v, the wheels' sigma and alpha_1.
-pub(super) const TERMS: usize = 6;
-
 /// A condition's simulated metrics, and for every free parameter their derivatives with respect to its logarithm.
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub metrics: GaitMetrics,
-    pub d_metrics_d_logarithm: Vec<[f64; 7]>,
+    pub d_metrics_d_logarithm: Vec<ByMetric<f64>>,
 }
 
 /// The objective at a point, linearised.
@@ -36,7 +33,7 @@ pub(super) struct Linearised {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target {
     pub condition: usize,
-    pub metric: usize,
+    pub metric: Metric,
     pub value: f64,
     pub weight: f64,
 }
@@ -48,13 +45,13 @@ pub(super) struct Terms {
     /// Trials of each condition, as a part of all.
     shares: Vec<f64>,
     /// Of each condition's metrics.
-    deviations: Vec<[Option<Arc<Deviations>>; TERMS]>,
+    deviations: Vec<ByFitted<Option<Arc<Deviations>>>>,
 }
 
 impl Terms {
     /// Of conditions with these parts of all trials.
     pub(crate) fn new(shares: Vec<f64>, targets: impl Iterator<Item = Target>) -> Self {
-        let mut collected: Vec<[Vec<(f64, f64)>; TERMS]> = vec![Default::default(); shares.len()];
+        let mut collected = vec![ByFitted::from_fn(|_| Vec::new()); shares.len()];
         for Target { condition, metric, value, weight } in targets {
             collected[condition][metric].push((value, weight));
         }
@@ -63,9 +60,9 @@ impl Terms {
     }
 
     /// The same with the weight of each metric times a factor.
-    pub(crate) fn reweighted(&self, factors: &[f64; TERMS]) -> Self {
-        let of_condition = |of: &[Option<Arc<Deviations>>; TERMS]| {
-            std::array::from_fn(|i| Some(Arc::new(of[i].as_ref()?.times(factors[i]))))
+    pub(crate) fn reweighted(&self, factors: &ByFitted<f64>) -> Self {
+        let of_condition = |of: &ByFitted<Option<Arc<Deviations>>>| {
+            ByFitted::from_fn(|i| Some(Arc::new(of[i].as_ref()?.times(factors[i]))))
         };
         let deviations = self.deviations.iter().map(of_condition).collect();
         Self { shares: self.shares.clone(), deviations }
@@ -83,11 +80,10 @@ impl Terms {
         all.map(|((metrics, deviations), share)| {
             let most = share * PENALTY;
             metrics.map_or(most, |metrics| {
-                let both = deviations.iter().zip(metrics.to_array());
-                let of_metric = |(of, metric): (&Option<Arc<Deviations>>, f64)| {
-                    of.as_ref().map_or(0.0, |of| of.value(metric))
+                let of_metric = |(metric, of): (Metric, &Option<Arc<Deviations>>)| {
+                    of.as_ref().map_or(0.0, |of| of.value(metrics[metric]))
                 };
-                both.map(of_metric).sum::<f64>().min(most)
+                deviations.iter().map(of_metric).sum::<f64>().min(most)
             })
         })
         .sum()
@@ -95,14 +91,13 @@ impl Terms {
 
     /// What each metric adds to it where the logarithms of the free parameters are off those of
     /// the responses by these steps.
-    pub(crate) fn parts(&self, responses: &[Option<Response>], steps: &[f64]) -> [f64; TERMS] {
-        let mut parts = [0.0; TERMS];
+    pub(crate) fn parts(&self, responses: &[Option<Response>], steps: &[f64]) -> ByFitted<f64> {
+        let mut parts = ByFitted::splat(0.0);
         for (response, deviations) in responses.iter().zip(&self.deviations) {
             let Some(response) = response else { continue };
             let change = response.change(steps);
-            let metrics = response.metrics.to_array();
-            for (metric, of) in deviations.iter().enumerate() {
-                let value = metrics[metric] + change[metric];
+            for (metric, of) in deviations.iter() {
+                let value = response.metrics[metric] + change[metric];
                 parts[metric] += of.as_ref().map_or(0.0, |of| of.value(value));
             }
         }
@@ -120,7 +115,7 @@ impl Terms {
         let mut residuals = Vec::new();
         for (response, deviations) in responses.iter().zip(&self.deviations) {
             let Some(response) = response else { continue };
-            residuals.extend(deviations.iter().enumerate().filter_map(|(metric, of)| {
+            residuals.extend(deviations.iter().filter_map(|(metric, of)| {
                 let deviations = Arc::clone(of.as_ref()?);
                 let (value, slope) = response.affine(metric);
                 Some(Residual { value, slope, deviations })
@@ -147,23 +142,23 @@ impl Response {
         let derivatives = solver.derivatives_of(free)?.parameters;
         let d_metrics_d_logarithm = free.iter().map(|parameter| {
             let value = parameter.of(robot);
-            derivatives[*parameter].to_array().map(|derivative| derivative * value)
+            ByMetric::from(derivatives[*parameter]).map(|derivative| derivative * value)
         });
         Ok(Self { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
     }
 
     /// What shifts of the logarithms of the free parameters make of the metrics.
-    pub(crate) fn change(&self, shifts: &[f64]) -> [f64; 7] {
-        let mut change = [0.0; 7];
+    pub(crate) fn change(&self, shifts: &[f64]) -> ByMetric<f64> {
+        let mut change = ByMetric::splat(0.0);
         for (shift, derivatives) in shifts.iter().zip(&self.d_metrics_d_logarithm) {
-            change.iter_mut().zip(derivatives).for_each(|(sum, slope)| *sum += shift * slope);
+            derivatives.iter().for_each(|(metric, slope)| change[metric] += shift * slope);
         }
         change
     }
 
     /// A metric, and its derivatives.
-    pub(crate) fn affine(&self, metric: usize) -> (f64, Vec<f64>) {
+    pub(crate) fn affine(&self, metric: Metric) -> (f64, Vec<f64>) {
         let slope = self.d_metrics_d_logarithm.iter().map(|each| each[metric]).collect();
-        (self.metrics.to_array()[metric], slope)
+        (self.metrics[metric], slope)
     }
 }

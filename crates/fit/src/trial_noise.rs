@@ -7,15 +7,16 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use trilink_robot::metrics::{ByFitted, Metric};
 use trilink_statistics::{mean, mean_deviation, wrap};
 use trilink_tables::CycleRow;
 
 use super::conditions::GAIT_NUMBERS;
 use super::measurement::Measurement;
-use super::terms::TERMS;
 
 /// The metrics with terms in the objective, then the numbers of the gait.
-const NUMBERS: usize = TERMS + GAIT_NUMBERS;
+const NUMBERS: usize = METRICS + GAIT_NUMBERS;
+const METRICS: usize = Metric::FITTED.len();
 
 /// Noise of one trial.
 pub(super) struct TrialNoise {
@@ -30,7 +31,7 @@ pub(super) struct TrialNoise {
 
 /// What a trial is off by, in standard deviations.
 pub(super) struct Deviates {
-    pub metrics: [f64; TERMS],
+    pub metrics: ByFitted<f64>,
     pub gait: [f64; GAIT_NUMBERS],
 }
 
@@ -38,7 +39,7 @@ impl TrialNoise {
     /// Of standard deviations of the metrics, and the cycles that count, if they are at hand.
     pub(crate) fn new<'c>(
         measurement: &Measurement,
-        of_metrics: &[f64; TERMS],
+        of_metrics: &ByFitted<f64>,
         cycles: impl Iterator<Item = &'c CycleRow>,
     ) -> Self {
         let of_gait = measurement.gait_deviations_rad();
@@ -60,27 +61,24 @@ impl TrialNoise {
         Self { deviations, shares, cycles }
     }
 
-    /// Standard deviations of the metrics.
-    pub(crate) fn deviations(&self) -> &[f64] {
-        &self.deviations[..TERMS]
+    /// Standard deviation of a metric.
+    pub(crate) fn deviation(&self, metric: Metric) -> f64 {
+        self.deviations[metric as usize]
     }
 
     /// Standard deviations of the gait's numbers, rad.
     pub(crate) fn gait_deviations_rad(&self) -> &[f64] {
-        &self.deviations[TERMS..]
+        &self.deviations[METRICS..]
     }
 
     /// The deviates of a resample of the cycles, by random numbers for the metrics and for the gait.
     pub(crate) fn draw(&self, [of_metrics, of_gait]: &mut [ChaCha8Rng; 2]) -> Deviates {
-        let mut normal = [0.0; TERMS];
+        let mut normal = ByFitted::splat(0.0);
         // d and v are one measurement.
-        let own = |(i, normal): (usize, &mut f64)| {
-            if i != 1 {
-                *normal = StandardNormal.sample(of_metrics);
-            }
-        };
-        normal.iter_mut().enumerate().for_each(own);
-        normal[1] = normal[0];
+        for (_, normal) in normal.iter_mut().filter(|(metric, _)| *metric != Metric::V) {
+            *normal = StandardNormal.sample(of_metrics);
+        }
+        normal[Metric::V] = normal[Metric::D];
         let normal_of_gait: [f64; GAIT_NUMBERS] =
             std::array::from_fn(|_| StandardNormal.sample(of_gait));
         let count = self.cycles.len();
@@ -91,17 +89,17 @@ impl TrialNoise {
             share * by_cycles + (1.0 - share * share).sqrt() * normal
         };
         Deviates {
-            metrics: std::array::from_fn(|i| deviate(i, normal[i])),
-            gait: std::array::from_fn(|i| deviate(TERMS + i, normal_of_gait[i])),
+            metrics: ByFitted::from_fn(|metric| deviate(metric as usize, normal[metric])),
+            gait: std::array::from_fn(|i| deviate(METRICS + i, normal_of_gait[i])),
         }
     }
 
     /// Standard deviation of a predicted less the measured metric, where one of the gait's numbers changes
     /// the prediction by so much for each.
-    pub(crate) fn deviation_of_residual(&self, metric: usize, by_gait: &[f64]) -> f64 {
-        let own = std::iter::once((metric, -self.deviations[metric]));
+    pub(crate) fn deviation_of_residual(&self, metric: Metric, by_gait: &[f64]) -> f64 {
+        let own = std::iter::once((metric as usize, -self.deviation(metric)));
         let factors: Vec<(usize, f64)> =
-            own.chain((TERMS..).zip(by_gait.iter().copied())).collect();
+            own.chain((METRICS..).zip(by_gait.iter().copied())).collect();
         let together = |cycle: &[f64; NUMBERS]| {
             let moved = factors.iter().map(|&(i, factor)| factor * self.shares[i] * cycle[i]);
             moved.sum::<f64>().powi(2)
@@ -120,12 +118,12 @@ fn numbers(measurement: &Measurement, cycle: &CycleRow) -> [f64; NUMBERS] {
         let turned = wrap(of.phase_rad - measurement.gait[joint].phase_rad);
         [of.offset_rad, of.amplitude_rad, turned]
     });
-    joined(&cycle.metrics.to_array(), gait.as_flattened())
+    joined(&cycle.metrics.into(), gait.as_flattened())
 }
 
 /// Of the metrics with terms, and of the gait.
-fn joined(metrics: &[f64], gait: &[f64]) -> [f64; NUMBERS] {
-    std::array::from_fn(|i| if i < TERMS { metrics[i] } else { gait[i - TERMS] })
+fn joined(metrics: &ByFitted<f64>, gait: &[f64]) -> [f64; NUMBERS] {
+    std::array::from_fn(|i| if i < METRICS { metrics.values()[i] } else { gait[i - METRICS] })
 }
 
 #[cfg(test)]
@@ -160,8 +158,8 @@ mod tests {
         let unbiased = 1.0 / mean_deviation(4.0);
         row.gait[0].phase_rad_se *= unbiased / measurement.unbiased();
         let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
-        let mut of_metrics = [0.0; TERMS];
-        of_metrics[0] = unbiased * error;
+        let mut of_metrics = ByFitted::splat(0.0);
+        of_metrics[Metric::D] = unbiased * error;
         TrialNoise::new(&measurement, &of_metrics, cycles.iter())
     }
 
@@ -172,7 +170,7 @@ mod tests {
         let mut random = [3, 4].map(ChaCha8Rng::seed_from_u64);
         let drawn: Vec<[f64; 2]> = (0..4000)
             .map(|_| noise.draw(&mut random))
-            .map(|drawn| [drawn.metrics[0], drawn.gait[phase]])
+            .map(|drawn| [drawn.metrics[Metric::D], drawn.gait[phase]])
             .collect();
         let product = |a: usize, b: usize| mean(drawn.iter().map(|each| each[a] * each[b]));
         assert!((product(0, 0) - 1.0).abs() < 0.06 && (product(1, 1) - 1.0).abs() < 0.06);
@@ -189,7 +187,7 @@ mod tests {
         for (cycle, phase_rad) in cycles.iter_mut().zip([-0.1, 0.1]) {
             cycle.gait[0].phase_rad = phase_rad;
         }
-        let noise = TrialNoise::new(&measurement, &[0.0; TERMS], cycles.iter());
+        let noise = TrialNoise::new(&measurement, &ByFitted::splat(0.0), cycles.iter());
         let drawn = noise.draw(&mut [3, 4].map(ChaCha8Rng::seed_from_u64));
         let off = noise.gait_deviations_rad()[2] * drawn.gait[2];
         assert_eq!(off, 0.0, "{off}");
@@ -198,18 +196,19 @@ mod tests {
     #[test]
     fn a_residual_spreads_as_what_is_drawn() {
         let noise = noise();
-        let d_m = noise.deviations()[0];
+        let d_m = noise.deviation(Metric::D);
         for by_phase in [0.0, 2.0 * d_m, -2.0 * d_m] {
             let by_gait = [0.0, 0.0, by_phase, 0.0, 0.0, 0.0];
             let mut random = [5, 6].map(ChaCha8Rng::seed_from_u64);
             let squares = (0..4000).map(|_| {
                 let drawn = noise.draw(&mut random);
-                (by_phase * drawn.gait[2] - d_m * drawn.metrics[0]).powi(2)
+                (by_phase * drawn.gait[2] - d_m * drawn.metrics[Metric::D]).powi(2)
             });
-            let (drawn, told) = (mean(squares).sqrt(), noise.deviation_of_residual(0, &by_gait));
+            let (drawn, told) =
+                (mean(squares).sqrt(), noise.deviation_of_residual(Metric::D, &by_gait));
             assert!((drawn / told - 1.0).abs() < 0.05, "{drawn} {told}");
         }
         // Without a gait.
-        assert!((noise.deviation_of_residual(0, &[]) / d_m - 1.0).abs() < 1e-12);
+        assert!((noise.deviation_of_residual(Metric::D, &[]) / d_m - 1.0).abs() < 1e-12);
     }
 }

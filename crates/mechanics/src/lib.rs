@@ -55,7 +55,7 @@ mod solver;
 mod trajectory;
 mod transient;
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 
 pub use branch::{Branch, BranchPoint, branches};
@@ -223,9 +223,9 @@ pub struct SteadyMotion {
 
 impl SteadyMotion {
     /// The metrics in the order of their fields, then the work.
-    pub fn to_array(&self) -> [f64; 8] {
-        let mut values = [self.work_j; 8];
-        values[..7].copy_from_slice(&self.metrics.to_array());
+    pub fn to_array(&self) -> [f64; Metric::ALL.len() + 1] {
+        let mut values = [self.work_j; Metric::ALL.len() + 1];
+        values[..Metric::ALL.len()].copy_from_slice(&self.metrics.to_array());
         values
     }
 

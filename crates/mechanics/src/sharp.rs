@@ -1,6 +1,6 @@
 //! What is left of the transition speed in a motion under dry friction.
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByMetric, GaitMetrics};
 
 use super::{Problem, Result, Solver};
 
@@ -23,21 +23,18 @@ impl Problem {
             return Ok(None);
         }
         let mut solver = Solver::default();
-        let mut solve = |factor: f64| {
-            let metrics = solver.solve(&self.softened(factor), accuracy);
-            metrics.map(GaitMetrics::to_array)
-        };
+        let mut solve = |factor: f64| solver.solve(&self.softened(factor), accuracy);
         let [whole, half, quarter] = [solve(1.0)?, solve(0.5)?, solve(0.25)?];
-        let mut uncertainty = [0.0; 7];
-        let limits = std::array::from_fn(|i| {
+        let mut uncertainty = GaitMetrics::NONE;
+        let limits = ByMetric::<f64>::from_fn(|i| {
             // Straight lines through neighbours, and the parabola through all three.
             let lines = [2.0 * half[i] - whole[i], 2.0 * quarter[i] - half[i]];
             let limit = (4.0 * lines[1] - lines[0]) / 3.0;
             uncertainty[i] = (limit - lines[1]).abs();
             limit
         });
-        let mut metrics = GaitMetrics::from_array(limits);
+        let mut metrics = GaitMetrics::from(limits);
         metrics.sigma = metrics.sigma.map(|sigma| sigma.max(0.0));
-        Ok(Some(SharpLimit { metrics, uncertainty: GaitMetrics::from_array(uncertainty) }))
+        Ok(Some(SharpLimit { metrics, uncertainty }))
     }
 }

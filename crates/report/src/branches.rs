@@ -27,7 +27,7 @@ pub fn branches_drawing(
 fn figure([campaign, model, parameter]: [&str; 3], rows: &[BranchRow]) -> Figure {
     let axis = if parameter == "omega_rad_s" { FREQUENCY } else { parameter };
     let changes = |quantity: &&Quantity| {
-        let values = rows.iter().map(|row| (quantity.of)(&row.metrics));
+        let values = rows.iter().map(|row| quantity.of(&row.metrics));
         let [low, high] = trilink_statistics::extremes(values);
         high - low > 1e-6
     };
@@ -42,12 +42,12 @@ fn figure([campaign, model, parameter]: [&str; 3], rows: &[BranchRow]) -> Figure
             let met = rows.iter().filter(|row| row.bifurcation == Some(bifurcation));
             let points = met.flat_map(|row| {
                 let images = sides(row.kind).iter().map(|side| image(row, *side));
-                images.map(|metrics| (row.value, (quantity.of)(&metrics)))
+                images.map(|metrics| (row.value, quantity.of(&metrics)))
             });
             Layer::new(bifurcation.name(), points, looks::bifurcation(bifurcation))
         });
         let layers = lines.filter(|line| !line.points.is_empty()).chain(marks).collect();
-        Panel::new(quantity.title, axis, quantity.axis_label, layers)
+        Panel::new(quantity.title, axis, quantity.axis_label(), layers)
     };
     let panels = quantities.iter().filter(changes).map(panel).collect();
     let title = format!("Branches of steady motions of {campaign}, {model}, over {parameter}");
@@ -76,7 +76,7 @@ fn line(rows: &[BranchRow], quantity: &Quantity, kind: BranchKind, is_stable: bo
                 row.bifurcation.is_some() || before.is_none_or(|of| of.branch != row.branch);
             let is_one = |of: &BranchRow| of.status.is_stable() == is_stable;
             if is_one(row) || (is_between && beside.any(is_one)) {
-                points.push((row.value, (quantity.of)(&image(row, *side))));
+                points.push((row.value, quantity.of(&image(row, *side))));
             }
             let is_last = rows.get(nth + 1).is_none_or(|of| of.branch != row.branch);
             if is_last || !is_one(row) {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use trilink_mechanics::Model;
 use trilink_plot::{Layer, Look, Point};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_statistics::Estimate;
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::{GaitInput, ModelConfig, Models, SigmaKind};
@@ -18,74 +18,65 @@ use crate::looks::{self, ModelLook};
 /// Of a frequency: what is nearer to each other is of one trial.
 pub(crate) const SAME_FREQUENCY: f64 = 2e-3;
 
-/// A quantity that is plotted against the frequency, and what figures call it.
+/// A metric that is plotted against the frequency, and what figures call it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Quantity {
+    pub metric: Metric,
     pub symbol: &'static str,
-    pub axis_label: &'static str,
     pub title: &'static str,
     /// Name in the figures' CSV, with the unit.
     pub csv_name: &'static str,
-    /// Unit as text puts it after a number; skid ratios have none.
-    pub unit: &'static str,
-    /// In plotted units (mm, mm/s, deg).
-    pub of: fn(&GaitMetrics) -> f64,
 }
 
-pub(crate) const DISPLACEMENT: Quantity =
-    quantity(["d", "Displacement d (mm)", "Displacement per cycle", "d_mm", " mm"], |metrics| {
-        1e3 * metrics.d_m
-    });
-pub(crate) const SPEED: Quantity =
-    quantity(["v", "Mean speed v (mm/s)", "Mean speed", "v_mm_s", " mm/s"], |metrics| {
-        1e3 * metrics.v_m_s
-    });
-pub(crate) const TURNING: Quantity = quantity(
-    ["Δθ", "Net rotation Δθ (deg)", "Rotation per cycle", "dtheta_deg", " deg"],
-    |metrics| metrics.dtheta_rad.to_degrees(),
-);
-/// Of wheels 0, 1 and 2.
-pub(crate) const SKID: [Quantity; 3] = [
-    quantity(["σ₀", "Skid ratio σ₀", "Wheel 0 (middle)", "sigma0", ""], |metrics| {
-        metrics.sigma[0]
-    }),
-    quantity(["σ₁", "Skid ratio σ₁", "Wheel 1 (front)", "sigma1", ""], |metrics| {
-        metrics.sigma[1]
-    }),
-    quantity(["σ₂", "Skid ratio σ₂", "Wheel 2 (rear)", "sigma2", ""], |metrics| {
-        metrics.sigma[2]
-    }),
-];
-/// Of the swing of joint 1, and of joint 2 as if it were the first.
-pub(crate) const AMPLITUDES: [Quantity; 2] = [
-    quantity(
-        ["α₁", "Amplitude α₁ (deg)", "Amplitude of joint 1", "alpha1_deg", " deg"],
-        |metrics| metrics.alpha1_rad.to_degrees(),
-    ),
-    quantity(
-        ["α₂", "Amplitude α₂ (deg)", "Amplitude of joint 2", "alpha2_deg", " deg"],
-        |metrics| metrics.alpha1_rad.to_degrees(),
-    ),
-];
-pub(crate) const AMPLITUDE: Quantity = AMPLITUDES[0];
-/// Every quantity that a model is judged by.
-pub(crate) const QUANTITIES: [Quantity; 6] =
-    [DISPLACEMENT, SPEED, SKID[0], SKID[1], SKID[2], AMPLITUDE];
+pub(crate) const DISPLACEMENT: Quantity = Quantity::new(Metric::D);
+pub(crate) const SPEED: Quantity = Quantity::new(Metric::V);
+pub(crate) const TURNING: Quantity = Quantity::new(Metric::Dtheta);
+pub(crate) const AMPLITUDE: Quantity = Quantity::new(Metric::Alpha1);
+/// Of joint 2 as if it were the first.
+pub(crate) const AMPLITUDE2: Quantity =
+    Quantity {
+        symbol: "α₂", title: "Amplitude of joint 2", csv_name: "alpha2_deg", ..AMPLITUDE
+    };
 
-const fn quantity(names: [&'static str; 5], of: fn(&GaitMetrics) -> f64) -> Quantity {
-    let [symbol, axis_label, title, csv_name, unit] = names;
-    Quantity { symbol, axis_label, title, csv_name, unit, of }
+/// Every quantity that a model is judged by.
+pub(crate) fn fitted() -> [Quantity; Metric::FITTED.len()] {
+    Metric::FITTED.map(Quantity::new)
 }
 
 impl Quantity {
+    pub(crate) const fn new(metric: Metric) -> Self {
+        let of = metric.definition();
+        Self { metric, symbol: of.symbol, title: of.title, csv_name: of.shown_column }
+    }
+
     pub(crate) fn is_skid(&self) -> bool {
-        self.unit.is_empty()
+        Metric::SIGMA.contains(&self.metric)
+    }
+
+    /// In plotted units (mm, mm/s, deg).
+    pub(crate) fn of(&self, metrics: &GaitMetrics) -> f64 {
+        self.metric.shown(metrics)
+    }
+
+    pub(crate) fn axis_label(&self) -> String {
+        let named = format!("{} {}", self.metric.definition().label, self.symbol);
+        if self.unit().is_empty() { named } else { format!("{named} ({})", self.unit()) }
+    }
+
+    /// The plotted unit; skid ratios have none.
+    pub(crate) fn unit(&self) -> &'static str {
+        self.metric.definition().dimension.units()[1]
+    }
+
+    /// The unit as text puts it after a number.
+    pub(crate) fn after_number(&self) -> String {
+        if self.unit().is_empty() { String::new() } else { format!(" {}", self.unit()) }
     }
 
     /// What a trial measured, and its standard error.
     pub(crate) fn of_trial(&self, trial: &TrialRow, sigma: SigmaKind) -> Estimate {
         let skid = trial.sigma(sigma);
-        let of = |metrics, skid| (self.of)(&GaitMetrics { sigma: skid, ..metrics });
+        let of = |metrics, skid| self.of(&GaitMetrics { sigma: skid, ..metrics });
         Estimate {
             value: of(trial.metrics, skid.map(|sigma| sigma.value)),
             se: of(trial.metrics_se, skid.map(|sigma| sigma.se)),
@@ -255,7 +246,7 @@ impl<'t> Source<'t> {
         rows.sort_by(|a, b| a.omega_rad_s.total_cmp(&b.omega_rad_s));
         let shown = |row: &PredictionRow, metrics: &GaitMetrics| {
             let is_stable = row.status.is_stable();
-            if is_stable { (quantity.of)(metrics) } else { f64::NAN }
+            if is_stable { quantity.of(metrics) } else { f64::NAN }
         };
         let limits = |row: &&PredictionRow| [&row.lower, &row.upper].map(|of| shown(row, of));
         let mut band: Vec<[f64; 2]> = rows.iter().map(limits).collect();

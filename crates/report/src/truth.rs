@@ -103,7 +103,7 @@ impl PlantedTrial {
             v_m_s: known(self.v_m_s),
             sigma: self.sigma.unwrap_or([f64::NAN; 3]),
             alpha1_rad: known(self.alpha1_rad),
-            dtheta_rad: f64::NAN,
+            ..GaitMetrics::MISSING
         }
     }
 }

@@ -7,7 +7,9 @@ use polars::prelude::{
 use trilink_base::Named;
 use trilink_base::csv;
 use trilink_robot::decay::DecayLaw;
-use trilink_robot::metrics::{Bifurcation, BranchKind, FromRest, GaitMetrics, MotionStatus};
+use trilink_robot::metrics::{
+    Bifurcation, BranchKind, FromRest, GaitMetrics, Metric, MotionStatus,
+};
 use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
 
@@ -174,16 +176,6 @@ macro_rules! rows {
 }
 
 columns! {
-    GaitMetrics {
-        d_m: f64,
-        v_m_s: f64,
-        sigma: [f64; 3] as "sigma{}",
-        alpha1_rad: f64,
-        dtheta_rad: f64,
-    }
-}
-
-columns! {
     Estimate as "{field}{}" {
         value: f64 as "",
         se: f64 as "_se",
@@ -207,6 +199,26 @@ impl<T: Columns, const N: usize> Columns for [T; N] {
 
 pub(super) fn numbered<const N: usize>(pattern: &str) -> impl Iterator<Item = String> {
     (0..N).map(move |i| fill(pattern, &(i + usize::from(N == 2)).to_string()))
+}
+
+impl Columns for GaitMetrics {
+    const PATTERN: &'static str = "{}";
+
+    fn blank() -> Self {
+        Self::MISSING
+    }
+
+    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
+        for metric in Metric::ALL {
+            let parts: Vec<&f64> = values.iter().map(|value| &value[metric]).collect();
+            f64::write(&parts, &fill(pattern, metric.column()), columns);
+        }
+    }
+
+    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
+        let patterns = Metric::ALL.into_iter().map(|metric| fill(pattern, metric.column()));
+        Ok(read_parts(table, patterns)?.into_iter().map(Self::from_array).collect())
+    }
 }
 
 impl<T: Columns> Columns for ByParameter<T> {

@@ -30,6 +30,7 @@ pub use paths::{Paths, is_pattern};
 pub use robot::RobotConfig;
 pub use settings::Setting;
 use trilink_base::LengthUnit;
+use trilink_robot::metrics::{Metric, WeightKey};
 use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic, Unit};
 
 use strict::Strict;
@@ -315,6 +316,19 @@ pub struct Weights {
     pub v: f64,
     pub sigma: f64,
     pub alpha: f64,
+}
+
+impl Weights {
+    /// That of a metric's term; 0 of one that has none.
+    pub fn of(self, metric: Metric) -> f64 {
+        match metric.definition().weight {
+            Some(WeightKey::D) => self.d,
+            Some(WeightKey::V) => self.v,
+            Some(WeightKey::Sigma) => self.sigma,
+            Some(WeightKey::Alpha) => self.alpha,
+            None => 0.0,
+        }
+    }
 }
 
 /// Marker positions by label, mm in each link's own frame: origin at the link's wheel axle,

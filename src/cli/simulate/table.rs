@@ -2,7 +2,7 @@
 
 use trilink_fit::simulate::{Answer, Interval};
 use trilink_mechanics::{FromRest, MotionStatus, SharpLimit};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{Dimension, GaitMetrics, Metric, MetricDefinition};
 
 use crate::cli::output::say;
 use crate::template::fixed;
@@ -10,15 +10,15 @@ use crate::template::fixed;
 pub(super) fn print(answers: &[&Answer]) {
     let names = answers.iter().map(|answer| answer.model.name().chars().count());
     let width = names.chain([5]).max().unwrap_or_default();
-    let sigma = GaitMetrics::SIGMA_COLUMNS.map(|column| format!("{column:>12}")).join(" ");
+    let heading = |metric: Metric| match metric.definition().dimension.units()[1] {
+        "" => metric.name().to_owned(),
+        unit => format!("{metric} {unit}"),
+    };
     say!(
-        "{:<width$} {:>11} {:>13} {:>13} {sigma} {:>12} {:>13} {:>10}  status",
+        "{:<width$} {:>11} {} {:>10}  status",
         "model",
         "omega rad/s",
-        "d mm",
-        "v mm/s",
-        "alpha1 deg",
-        "dtheta deg",
+        in_columns(heading),
         "work J/m"
     );
     for answer in answers {
@@ -69,11 +69,24 @@ fn print_interval(interval: &Interval, width: usize) {
 
 /// Metrics in columns; `digits` are those of lengths, of skid ratios and of angles.
 fn numbers(metrics: &GaitMetrics, [length, ratio, angle]: [usize; 3]) -> String {
-    let GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad } = metrics;
-    let lengths = [d_m, v_m_s].map(|of| format!("{:>13.length$}", 1e3 * of)).join(" ");
-    let sigma = sigma.map(|sigma| format!("{sigma:>12.ratio$}")).join(" ");
-    let dtheta_deg = fixed(dtheta_rad.to_degrees(), angle);
-    format!("{lengths} {sigma} {:>12.angle$} {dtheta_deg:>13}", alpha1_rad.to_degrees())
+    in_columns(|metric| {
+        let digits = match metric.definition().dimension {
+            Dimension::Length | Dimension::Speed => length,
+            Dimension::Ratio => ratio,
+            Dimension::Angle => angle,
+        };
+        fixed(metric.shown(metrics), digits)
+    })
+}
+
+fn in_columns(of: impl Fn(Metric) -> String) -> String {
+    let cell = |metric: Metric| {
+        let MetricDefinition { dimension, is_size, .. } = *metric.definition();
+        // With a sign it takes a place more.
+        let is_narrow = is_size && matches!(dimension, Dimension::Ratio | Dimension::Angle);
+        format!("{:>1$}", of(metric), if is_narrow { 12 } else { 13 })
+    };
+    Metric::ALL.map(cell).join(" ")
 }
 
 /// What is to be known of a motion beside its numbers.

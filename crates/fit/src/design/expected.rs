@@ -10,14 +10,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_robot::Parameter;
+use trilink_robot::metrics::{ByFitted, Metric};
 use trilink_statistics::{HALF_WIDTH_95, SIDES_95, quantiles};
 use trilink_tables::{Columns as _, Extrapolation, FitRow};
 
 use super::criterion::predicted;
 use super::{Aim, ExpectedRow};
-use crate::{
-    ByMetric, FitInformation, FreeParameter, MEASURED_METRICS, TrialInformation, metric_names,
-};
+use crate::{FitInformation, FreeParameter, TrialInformation};
 
 /// Draws of the noise, and those of them with which the robot's uncertain numbers are off in turn.
 const DRAWS: u64 = 500;
@@ -54,8 +53,8 @@ impl Quantity {
             let none = vec![0.0; all.len()];
             let told = predicted(information, of, &none, true)?;
             all.push(Self::Prediction {
-                name: format!("{} at {}", metric_names()[of.metric], of.omega_rad_s),
-                value: told.metrics.to_array()[of.metric],
+                name: format!("{} at {}", of.metric, of.omega_rad_s),
+                value: told.metrics[of.metric],
                 extrapolation: information.extrapolation(information.command(), of.omega_rad_s),
                 slopes: told.slopes.iter().map(|slope| slope[of.metric]).collect(),
                 assumed: told.by_assumed.iter().map(|of_one| of_one[of.metric]).collect(),
@@ -167,15 +166,15 @@ impl Spread {
     ) -> Vec<Self> {
         let count = trials.first().map_or(0, |of| of.by_assumed.len());
         let draw = |number: u64| {
-            let off: Vec<ByMetric> =
+            let off: Vec<ByFitted<f64>> =
                 trials.iter().enumerate().map(|(i, of)| drawn(of, number, i as u64)).collect();
             let shifts = information.nearest(trials, &off);
             let others = if number < DRAWS_ASSUMED { count } else { 0 };
             let with = |assumed: usize| {
-                let moved = |(trial, off): (&&TrialInformation, &ByMetric)| {
-                    std::array::from_fn(|i| off[i] - trial.by_assumed[assumed][i])
+                let moved = |(trial, off): (&&TrialInformation, &ByFitted<f64>)| {
+                    ByFitted::from_fn(|i| off[i] - trial.by_assumed[assumed][i])
                 };
-                let off: Vec<ByMetric> = trials.iter().zip(&off).map(moved).collect();
+                let off: Vec<ByFitted<f64>> = trials.iter().zip(&off).map(moved).collect();
                 information.nearest(trials, &off)
             };
             (shifts, (0..others).map(with).collect())
@@ -209,17 +208,17 @@ impl Spread {
 }
 
 /// What a trial's metrics are off by in a draw, relative.
-fn drawn(trial: &TrialInformation, draw: u64, number: u64) -> ByMetric {
+fn drawn(trial: &TrialInformation, draw: u64, number: u64) -> ByFitted<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(draw);
     random.set_stream(number);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-    let mut own: ByMetric = std::array::from_fn(|_| normal());
+    let mut own: ByFitted<f64> = ByFitted::from_fn(|_| normal());
     // d and v are one measurement.
-    own[1] = own[0];
-    let mut off: ByMetric = std::array::from_fn(|i| trial.noise[i] * own[i]);
+    own[Metric::V] = own[Metric::D];
+    let mut off = ByFitted::from_fn(|i| trial.noise[i] * own[i]);
     for effect in &trial.by_gait {
         let moves = normal();
-        (0..MEASURED_METRICS).for_each(|i| off[i] += moves * effect[i]);
+        effect.iter().for_each(|(metric, effect)| off[metric] += moves * effect);
     }
     off
 }

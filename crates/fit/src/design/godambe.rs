@@ -14,8 +14,9 @@
 use std::f64::consts::{FRAC_2_PI, SQRT_2};
 
 use nalgebra::{DMatrix, DVector};
+use trilink_robot::metrics::{ByFitted, Metric};
 
-use crate::{ByMetric, FitInformation, MEASURED_METRICS, TrialInformation};
+use crate::{FitInformation, TrialInformation};
 
 /// Largest entry of the gradient's covariance, as a part of it, that rounding leaves where there is none.
 const ROUNDING: f64 = 1e-12;
@@ -38,11 +39,11 @@ impl Sums {
     pub(super) fn of(trial: &TrialInformation) -> Self {
         let mut sums = Self::none(trial.slopes.len());
         let deviations = deviations(trial);
-        let slopes = |metric: usize| {
+        let slopes = |metric: Metric| {
             DVector::from_iterator(trial.slopes.len(), trial.slopes.iter().map(|of| of[metric]))
         };
-        let known = |metric: &usize| trial.weights[*metric] > 0.0 && deviations[*metric] > 0.0;
-        let terms = || (0..MEASURED_METRICS).filter(known);
+        let known = |metric: &Metric| trial.weights[*metric] > 0.0 && deviations[*metric] > 0.0;
+        let terms = || Metric::FITTED.into_iter().filter(known);
         for one in terms() {
             let (slope, weight) = (slopes(one), trial.weights[one]);
             sums.curvature += SQRT_2 * weight / deviations[one] * &slope * slope.transpose();
@@ -83,13 +84,14 @@ pub(super) fn of_bounds(information: &FitInformation) -> DVector<f64> {
 }
 
 /// Relative standard deviation of each metric.
-pub(super) fn deviations(trial: &TrialInformation) -> ByMetric {
-    std::array::from_fn(|metric| covariance(trial, metric, metric).sqrt())
+pub(super) fn deviations(trial: &TrialInformation) -> ByFitted<f64> {
+    ByFitted::from_fn(|metric| covariance(trial, metric, metric).sqrt())
 }
 
 /// What the deviations of two metrics of a trial have in common: all for d and v, else the gait.
-fn covariance(trial: &TrialInformation, one: usize, other: usize) -> f64 {
-    let is_shared = one == other || one.max(other) <= 1;
+fn covariance(trial: &TrialInformation, one: Metric, other: Metric) -> f64 {
+    let is_of_d = |of: Metric| matches!(of, Metric::D | Metric::V);
+    let is_shared = one == other || is_of_d(one) && is_of_d(other);
     let own = if is_shared { trial.noise[one] * trial.noise[other] } else { 0.0 };
     own + trial.by_gait.iter().map(|of| of[one] * of[other]).sum::<f64>()
 }
@@ -101,15 +103,15 @@ mod tests {
     use super::*;
 
     pub(crate) fn trial(
-        slopes: &[ByMetric],
-        weights: ByMetric,
-        noise: ByMetric,
+        slopes: &[[f64; 6]],
+        weights: [f64; 6],
+        noise: [f64; 6],
     ) -> TrialInformation {
         TrialInformation {
             metrics: GaitMetrics::from_array([1.0; 7]),
-            weights,
-            slopes: slopes.to_vec(),
-            noise,
+            weights: weights.into(),
+            slopes: slopes.iter().map(|of| (*of).into()).collect(),
+            noise: noise.into(),
             by_gait: Vec::new(),
             by_assumed: Vec::new(),
         }
@@ -118,7 +120,7 @@ mod tests {
     #[test]
     fn d_and_v_are_one_measurement() {
         let slopes = [[0.5, 0.5, 0.0, 0.0, 0.0, 0.0]];
-        let noise = [0.1; MEASURED_METRICS];
+        let noise = [0.1; 6];
         let of = |d: f64, v: f64| {
             Sums::of(&trial(&slopes, [d, v, 0.0, 0.0, 0.0, 0.0], noise)).information()[(0, 0)]
         };
@@ -144,7 +146,7 @@ mod tests {
     fn what_no_trial_tells_has_no_information() {
         let slopes = [[1.0, 1.0, 0.0, 0.0, 0.0, 0.0], [2.0, 2.0, 0.0, 0.0, 0.0, 0.0]];
         let weights = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let information = Sums::of(&trial(&slopes, weights, [0.1; MEASURED_METRICS])).information();
+        let information = Sums::of(&trial(&slopes, weights, [0.1; 6])).information();
         let null = DVector::from_vec(vec![2.0, -1.0]);
         assert!((&information * &null).amax() < 1e-6 * information.amax());
         assert_eq!(Sums::none(2).information().amax(), 0.0);

@@ -14,11 +14,11 @@ mod untold;
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_base::named;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, JointCommand};
 use trilink_tables::{Extrapolation, FitRow, rows};
 
-use crate::{FitInformation, TrialInformation, metric_named, metric_names};
+use crate::{FitInformation, TrialInformation};
 use choice::{Choice, Size};
 use criterion::{Criterion, Weighed};
 use expected::{Quantity, Spread};
@@ -52,8 +52,8 @@ pub enum Aim {
 /// A metric at a frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// As [`metric_names`] counts them.
-    pub metric: usize,
+    /// One of [`Metric::FITTED`].
+    pub metric: Metric,
     pub omega_rad_s: f64,
 }
 
@@ -63,11 +63,12 @@ impl Prediction {
     /// # Errors
     /// A sentence on what was needed.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let names = metric_names().join("`, `");
+        let names = Metric::FITTED.map(Metric::name).join("`, `");
         let needed =
             || format!("found `{text}`, needed `METRIC at RAD_S`, such as `d at 2.5`: `{names}`");
         let (metric, omega_rad_s) = text.split_once(" at ").ok_or_else(needed)?;
-        let metric = metric_named(metric.trim()).ok_or_else(needed)?;
+        let is_named = |of: &Metric| of.name() == metric.trim();
+        let metric = Metric::FITTED.into_iter().find(is_named).ok_or_else(needed)?;
         let omega_rad_s: f64 = omega_rad_s.trim().parse().map_err(|_| needed())?;
         match omega_rad_s > 0.0 && omega_rad_s.is_finite() {
             true => Ok(Self { metric, omega_rad_s }),

@@ -10,14 +10,12 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
+use trilink_robot::metrics::Metric;
 
 use super::choice::{Size, best};
 use super::godambe::{deviations, of_bounds};
 use super::{Advice, AdviceError, Candidate, design_rows};
-use crate::{FitInformation, MEASURED_METRICS, TrialInformation};
-
-const D: usize = 0;
-const V: usize = 1;
+use crate::{FitInformation, TrialInformation};
 
 /// What trials add to the sums of squares of the model that is not true.
 #[derive(Debug, Clone)]
@@ -41,11 +39,11 @@ impl Squares {
     fn of(truth: &TrialInformation, rival: &TrialInformation) -> Self {
         let count = rival.slopes.len();
         let (mut squares, deviations) = (Self::none(count), deviations(rival));
-        let is_known = |of: usize| rival.weights[of] > 0.0 && deviations[of] > 0.0;
-        let (truth, own) = (truth.metrics.to_array(), rival.metrics.to_array());
-        for metric in (0..MEASURED_METRICS).filter(|of| is_known(*of)) {
+        let is_known = |of: Metric| rival.weights[of] > 0.0 && deviations[of] > 0.0;
+        let (truth, own) = (truth.metrics, rival.metrics);
+        for metric in Metric::FITTED.into_iter().filter(|of| is_known(*of)) {
             // d and v are one measurement.
-            if metric == V && is_known(D) {
+            if metric == Metric::V && is_known(Metric::D) {
                 continue;
             }
             let difference = (truth[metric] / own[metric]).ln() / deviations[metric];

@@ -1,6 +1,6 @@
 //! Whether one of the cycles that count is unlike the others: a robot that was touched, a camera that moved.
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::Metric;
 use trilink_statistics::{fisher, mean};
 
 use super::measure::Cycle;
@@ -10,19 +10,17 @@ use crate::checks::{Check, Finding};
 /// What chance does no more often than so many standard deviations is not taken for chance.
 const DEVIATIONS: f64 = 4.0;
 
-/// d, the skid ratios and alpha1: v follows d, and the rotation may be none.
-const METRICS: [usize; 5] = [0, 2, 3, 4, 5];
-
-/// By how much the cycle that differs most from the others does so, as a part of their mean, in one of the
-/// [`METRICS`]; 0 if chance would do as much. Its neighbours are none of the others: what happens where
+/// By how much the cycle that differs most from the others does so, as a part of their mean, in a metric; 0 if
+/// chance would do as much. v follows d, and what is no size may be none. Its neighbours are none of the others: what happens where
 /// one cycle ends is in two of them.
 pub(super) fn outlying_cycle(cycles: &[Cycle], steady: &Steady, rate_hz: f64) -> Finding {
     let used = &steady.used;
     let mut value = 0.0;
     let mut message = "no cycle differs from the others".to_owned();
-    for metric in METRICS {
-        let name = GaitMetrics::COLUMNS[metric];
-        let of = |&cycle: &usize| cycles[cycle].metrics.to_array()[metric];
+    let is_tested = |of: &Metric| *of != Metric::V && of.definition().is_size;
+    for metric in Metric::ALL.into_iter().filter(is_tested) {
+        let name = metric.column();
+        let of = |&cycle: &usize| cycles[cycle].metrics[metric];
         let found: Vec<f64> = used.iter().map(of).collect();
         let middle = mean(found.iter().copied());
         let off: Vec<f64> = found.iter().map(|found| found - middle).collect();
@@ -62,6 +60,7 @@ fn sums(values: &[f64]) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::metrics::GaitMetrics;
     use trilink_tables::{Columns as _, JointCycle};
 
     use super::*;

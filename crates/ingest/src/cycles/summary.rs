@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_robot::Gait;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_statistics::{self, Estimate, wrap};
 use trilink_tables::trial::Trial;
 use trilink_tables::{Columns as _, CycleRow, JointCycle, JointGait, TrialRow, TrialStatus};
@@ -48,16 +48,15 @@ pub(crate) fn describe_gait(
     let used: Vec<&Cycle> = steady.used.iter().map(|&i| &cycles[i]).collect();
     let frames = steady.frames(cycles).unwrap_or(0..0);
     let common = joint_errors(data, &frames);
-    let of = |metric: &dyn Fn(&GaitMetrics) -> f64| -> Vec<f64> {
-        used.iter().map(|cycle| metric(&cycle.metrics)).collect()
-    };
+    let of =
+        |metric: Metric| -> Vec<f64> { used.iter().map(|cycle| cycle.metrics[metric]).collect() };
     let [position, heading] = end_variances(data, row.smoothing_window as usize);
-    let d = mean_change(&of(&|metrics| metrics.d_m), &steady.used, position, 0.0);
+    let d = mean_change(&of(Metric::D), &steady.used, position, 0.0);
     let per_turn = driven.omega_rad_s / TAU;
-    let dtheta = mean_change(&of(&|metrics| metrics.dtheta_rad), &steady.used, heading, 0.0);
-    let alpha1 = mean_of(&of(&|metrics| metrics.alpha1_rad));
+    let dtheta = mean_change(&of(Metric::Dtheta), &steady.used, heading, 0.0);
+    let alpha1 = mean_of(&of(Metric::Alpha1));
     let scale = data.robot.l_m * driven.omega_rad_s;
-    let sigma = [0, 1, 2].map(|wheel| mean_of(&of(&|metrics| metrics.sigma[wheel])));
+    let sigma = Metric::SIGMA.map(|metric| mean_of(&of(metric)));
     row.metrics = GaitMetrics {
         d_m: d.value,
         v_m_s: d.value * per_turn,

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use polars::prelude::DataType;
 use trilink_base::Named;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::Metric;
 use trilink_tables::config::{
     Config, GaitInput, ParameterSource, SigmaKind, did_you_mean, nearest,
 };
@@ -241,7 +241,7 @@ fn truth(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Opti
 fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut Problems) -> f64 {
     let is_size = column.ends_with("_se")
         || column.ends_with("_amplitude_rad")
-        || (GaitMetrics::COLUMNS.contains(&column) && column != "dtheta_rad");
+        || Metric::of_column(column).is_some_and(|metric| metric.definition().is_size);
     let needed = match (is_whole, is_size, column) {
         (true, ..) => "a whole number",
         (_, _, "omega_rad_s") => NEEDED_OMEGA,

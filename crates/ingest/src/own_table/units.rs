@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{Dimension, Metric};
 use trilink_statistics::median;
 use trilink_tables::TrialRow;
 use trilink_tables::config::Config;
@@ -65,23 +65,24 @@ fn limits(trial: &TrialRow, config: &Config) -> Vec<(String, f64, f64, &'static 
         Some((robot, _)) => MOST_LENGTHS * 2.0 * (robot.h_m + robot.l_m),
         None => f64::INFINITY,
     };
-    let of_metrics = [
-        (most_m, LENGTH),
-        (most_m * trial.omega_rad_s / TAU, SPEED),
-        (MOST_SIGMA, RATIO),
-        (MOST_SIGMA, RATIO),
-        (MOST_SIGMA, RATIO),
-        (PI, ANGLE),
-        (TAU, ANGLE),
-    ];
-    let errors = trial.metrics_se.sigma.into_iter().enumerate();
-    let errors = errors.map(|(wheel, se)| (format!("sigma{wheel}_se"), se, MOST_SIGMA_SE, RATIO));
-    let metrics = GaitMetrics::COLUMNS.into_iter().zip(trial.metrics.to_array()).zip(of_metrics);
-    let metrics =
-        metrics.map(|((column, value), (most, mistake))| (column.to_owned(), value, most, mistake));
-    let debiased = trial.sigma_debiased.iter().enumerate();
-    let debiased = debiased
-        .map(|(wheel, sigma)| (format!("sigma{wheel}_debiased"), sigma.value, MOST_SIGMA, RATIO));
+    let of_metric = |metric: Metric| {
+        let definition = metric.definition();
+        let (most, mistake) = match definition.dimension {
+            Dimension::Length => (most_m, LENGTH),
+            Dimension::Speed => (most_m * trial.omega_rad_s / TAU, SPEED),
+            Dimension::Ratio => (MOST_SIGMA, RATIO),
+            Dimension::Angle => (if definition.is_size { PI } else { TAU }, ANGLE),
+        };
+        (definition.column.to_owned(), trial.metrics[metric], most, mistake)
+    };
+    let metrics = Metric::ALL.into_iter().map(of_metric);
+    let error =
+        |of: Metric| (format!("{}_se", of.column()), trial.metrics_se[of], MOST_SIGMA_SE, RATIO);
+    let errors = Metric::SIGMA.into_iter().map(error);
+    let debiased = Metric::SIGMA.into_iter().filter_map(|of| of.definition().debiased);
+    let debiased = debiased.zip(&trial.sigma_debiased);
+    let debiased =
+        debiased.map(|(column, sigma)| (column.to_owned(), sigma.value, MOST_SIGMA, RATIO));
     let joints = (1..).zip(&trial.gait).flat_map(|(joint, gait)| {
         let name = |of: &str| format!("phi{joint}_{of}_rad");
         [
@@ -139,10 +140,10 @@ fn speed_and_displacement(fitted: &[(usize, &TrialRow)]) -> Problems {
 
 /// Standard errors of d and v that are larger than these, in most rows.
 fn errors(fitted: &[(usize, &TrialRow)]) -> Problems {
-    let of_metric = |(metric, column): (usize, &str)| {
-        let ratio = |(_, trial): &(usize, &TrialRow)| {
-            trial.metrics_se.to_array()[metric] / trial.metrics.to_array()[metric]
-        };
+    let of_metric = |metric: Metric| {
+        let column = metric.column();
+        let ratio =
+            |(_, trial): &(usize, &TrialRow)| trial.metrics_se[metric] / trial.metrics[metric];
         let ratios: Vec<f64> = fitted.iter().map(ratio).filter(|ratio| ratio.is_finite()).collect();
         let (count, usual) = (ratios.len(), median(ratios));
         let problem = format!(
@@ -151,5 +152,5 @@ fn errors(fitted: &[(usize, &TrialRow)]) -> Problems {
         );
         (usual > 1.0).then_some((None, problem))
     };
-    GaitMetrics::COLUMNS.into_iter().enumerate().take(2).filter_map(of_metric).collect()
+    [Metric::D, Metric::V].into_iter().filter_map(of_metric).collect()
 }

@@ -8,7 +8,7 @@ use super::common::DEG;
 use super::frequency::{self, BARS};
 use super::texts::texts;
 use crate::ReportInput;
-use crate::series::{AMPLITUDES, Series, Source};
+use crate::series::{AMPLITUDE, AMPLITUDE2, Series, Source};
 use crate::simulated;
 use crate::tables::Tables;
 
@@ -20,7 +20,7 @@ pub(super) fn figure(
     config: &ReportInput,
 ) -> Option<Figure> {
     let joint = config.campaign_setup(campaign)?.1.passive_joint()?;
-    let (quantity, source) = (AMPLITUDES[joint], tables.source(config));
+    let (quantity, source) = ([AMPLITUDE, AMPLITUDE2][joint], tables.source(config));
     let series: Vec<Series> = if joint == 0 {
         let models = source.models(campaign);
         let models = models.iter().filter_map(|of| source.model(campaign, *of, &quantity, 0));

@@ -7,11 +7,12 @@ use minijinja::value::Serde;
 use trilink_base::csv::field as csv_field;
 use trilink_mechanics::Model;
 use trilink_plot::{Figure, Layout, Panel, Point, Range, Scale};
+use trilink_robot::metrics::Metric;
 use trilink_tables::config::SigmaKind;
 
 use super::common::FREQUENCY;
 use super::texts::texts;
-use crate::series::{DISPLACEMENT, Quantity, SKID, SPEED, Series, Source};
+use crate::series::{DISPLACEMENT, Quantity, SPEED, Series, Source};
 
 pub(crate) const BARS: &str = "Markers: means over the cycles of each trial, of flagged ones in orange, of many \
                     those that do not cover each other; bars: 95 % (1.96 standard errors), where \
@@ -73,7 +74,7 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
         }
     };
     let models: Vec<Vec<Model>> = campaigns.iter().map(|campaign| models(campaign)).collect();
-    let plots = SKID.map(|quantity| -> Plot {
+    let plots = Metric::SIGMA.map(Quantity::new).map(|quantity| -> Plot {
         let of_campaign = |(nth, campaign): (usize, &&str)| {
             let measured = source.measured(campaign, &quantity, nth).into_iter();
             let model = |model: &Model| source.model(campaign, *model, &quantity, nth);
@@ -132,14 +133,14 @@ fn panel((quantity, series): &Plot) -> Panel {
         let above = series.points().map(|point| point.y).filter(|value| Some(*value) > ceiling);
         let highest = ceiling.and(above.reduce(f64::max))?;
         let digits = usize::from(highest < 100.0) + 2 * usize::from(highest < 1.0);
-        let (name, unit) = (&series.layer.name, quantity.unit);
+        let (name, unit) = (&series.layer.name, quantity.after_number());
         Some(format!("{name} above, up to {}{unit}", trilink_base::numbers::fixed(highest, digits)))
     };
     let beyond: Vec<String> = modelled.iter().filter_map(beyond).collect();
     let layers = modelled.into_iter().chain(measured).map(|series| series.layer.clone());
     Panel {
-        y_scale: match quantity.symbol {
-            "d" => Scale::Linear,
+        y_scale: match quantity.metric {
+            Metric::D => Scale::Linear,
             _ => Scale::FromZero,
         },
         shown: ceiling.map(|high| Range { low: f64::NEG_INFINITY, high }),
@@ -148,7 +149,7 @@ fn panel((quantity, series): &Plot) -> Panel {
             [one] => one.clone(),
             several => format!("{} models lie above", several.len()),
         },
-        ..Panel::new(quantity.title, FREQUENCY, quantity.axis_label, layers.collect())
+        ..Panel::new(quantity.title, FREQUENCY, quantity.axis_label(), layers.collect())
     }
 }
 
@@ -161,7 +162,7 @@ fn extent(quantity: &Quantity, series: &Series) -> String {
         None => format!(" ({} trials)", series.points().count()),
         Some(_) => String::new(),
     };
-    let (name, unit) = (&series.layer.name, quantity.unit);
+    let (name, unit) = (&series.layer.name, quantity.after_number());
     format!("{name}{trials} from {low:.digits$} to {high:.digits$}{unit}")
 }
 

@@ -2,6 +2,7 @@
 
 use minijinja::context;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
+use trilink_robot::metrics::Metric;
 use trilink_statistics::Estimate;
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::TrialRow;
@@ -9,13 +10,13 @@ use trilink_tables::TrialRow;
 use super::common::{OMEGA, scaled};
 use super::texts::texts;
 use crate::looks;
-use crate::series::{AMPLITUDE, DISPLACEMENT, Quantity, SKID, Source};
+use crate::series::{AMPLITUDE, DISPLACEMENT, Quantity, Source};
 use crate::tables::Tables;
 use crate::truth::{self, Known, Truth};
 
 /// The figure; empty without trials and coefficients of which the truth is known.
 pub(super) fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) -> Figure {
-    let quantities = [DISPLACEMENT, AMPLITUDE].into_iter().chain(SKID);
+    let quantities = [DISPLACEMENT, AMPLITUDE].into_iter().chain(Metric::SIGMA.map(Quantity::new));
     let missed = quantities.map(|quantity| missed(truth, source, &quantity));
     let all = std::iter::once(coefficients(truth, tables)).chain(missed);
     let panels = all.filter(|panel| !panel.is_empty()).collect();
@@ -61,7 +62,7 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
 fn missed(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {
     let layer = |(nth, campaign): (usize, &str)| {
         let point = |trial: &TrialRow| {
-            let planted = (quantity.of)(&truth.trials.get(&trial.trial)?.metrics());
+            let planted = quantity.of(&truth.trials.get(&trial.trial)?.metrics());
             let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
             let half = 100.0 * HALF_WIDTH_95 * se / planted;
             let difference = 100.0 * (value / planted - 1.0);

@@ -11,7 +11,7 @@ use trilink_tables::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use super::common::OMEGA;
 use super::texts::texts;
 use crate::looks;
-use crate::series::{QUANTITIES, Quantity, SAME_FREQUENCY, Source};
+use crate::series::{Quantity, SAME_FREQUENCY, Source, fitted};
 
 /// A model that misses more than this many times what the nearest one does is not shown whole.
 const FARTHEST: f64 = 6.0;
@@ -20,7 +20,8 @@ const LEAST: f64 = 60.0;
 
 /// Residuals of a campaign's models in per cent of what was measured.
 pub(super) fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
-    let panels = QUANTITIES.iter().filter_map(|quantity| panel(quantity, campaign, source));
+    let quantities = fitted();
+    let panels = quantities.iter().filter_map(|quantity| panel(quantity, campaign, source));
     let texts = texts("residuals", context! { campaign });
     Figure::new(stem, texts, &[campaign], Layout::Grid, panels.collect())
 }
@@ -37,7 +38,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         let rows = source.predicted(campaign, model, PredictionSource::Trial);
         let point = |row: &PredictionRow| {
             let measured = quantity.of_trial(nearest(&by_omega, row)?, source.sigma).value;
-            let residual = (quantity.of)(&row.metrics) / measured - 1.0;
+            let residual = quantity.of(&row.metrics) / measured - 1.0;
             Some((row.omega_rad_s, 100.0 * residual))
         };
         let stable = rows.filter(|row| row.status.is_stable());

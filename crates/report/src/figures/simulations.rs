@@ -196,14 +196,17 @@ fn sweep(
     };
     let points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
     let panel = |quantity: Quantity| {
-        let Quantity { title, axis_label, unit, of, .. } = quantity;
-        let points: Vec<(f64, f64)> =
-            points.iter().map(|(omega_rad_s, metrics)| (*omega_rad_s, of(metrics))).collect();
+        let points: Vec<(f64, f64)> = points
+            .iter()
+            .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
+            .collect();
         let peak = peak(&points);
+        let unit = quantity.after_number();
         let said = peak.map(|(x, y)| format!(", peak {y:.1}{unit} at {x:.2} rad/s"));
         let layers =
             vec![Layer::new("no-skid", points, no_skid()), Layer::new("peak", peak, Look::Rings)];
-        Panel::new(title.to_owned() + &said.unwrap_or_default(), FREQUENCY, axis_label, layers)
+        let title = quantity.title.to_owned() + &said.unwrap_or_default();
+        Panel::new(title, FREQUENCY, quantity.axis_label(), layers)
     };
     let texts = texts("sweep", context! { campaign, joint });
     let panels = [DISPLACEMENT, SPEED].map(panel).into();

@@ -14,7 +14,7 @@ use super::tracking;
 use crate::ReportInput;
 use crate::looks;
 use crate::recording::Recording;
-use crate::series::{QUANTITIES, Quantity};
+use crate::series::{Quantity, fitted};
 use crate::tables::Tables;
 
 /// Parts of a trial of which the greatest residuals are shown.
@@ -106,18 +106,18 @@ fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
     let panel = |quantity: &Quantity| {
         let layer = |(name, look, used): (&str, Look, bool)| {
             let cycles = recording.cycles.iter().filter(|cycle| cycle.used == used);
-            let points = cycles.map(|cycle| (cycle.cycle as f64, (quantity.of)(&cycle.metrics)));
+            let points = cycles.map(|cycle| (cycle.cycle as f64, quantity.of(&cycle.metrics)));
             Layer::new(name, points, look)
         };
         let kinds = [("not in use", looks::UNUSED, false), ("in use", looks::measured(0), true)];
-        let mean = Layer::new("mean", [(f64::NAN, (quantity.of)(&trial.metrics))], Look::Guides);
+        let mean = Layer::new("mean", [(f64::NAN, quantity.of(&trial.metrics))], Look::Guides);
         let layers = [mean].into_iter().chain(kinds.map(layer)).collect();
         Panel {
             x_scale: Scale::Whole,
-            ..Panel::new(quantity.title, "Cycle", quantity.axis_label, layers)
+            ..Panel::new(quantity.title, "Cycle", quantity.axis_label(), layers)
         }
     };
-    let panels = QUANTITIES.iter().map(panel).collect();
+    let panels = fitted().iter().map(panel).collect();
     Figure::new("cycles", texts("cycles", context! {}), &[], Layout::Grid, panels)
 }
 

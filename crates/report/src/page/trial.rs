@@ -4,13 +4,14 @@ use minijinja::context;
 use minijinja::value::{Serde, Value};
 use serde::Serialize;
 use trilink_mechanics::Model;
+use trilink_robot::metrics::Metric;
 use trilink_statistics::Estimate;
 use trilink_tables::{CheckRow, Fill, RobotParameterRow, RobotQuantity, TrialRow};
 
 use super::{TrialPages, fill};
 use crate::recording::Recording;
 use crate::replay::Replay;
-use crate::series::{AMPLITUDE, QUANTITIES};
+use crate::series::fitted;
 use crate::tables::Tables;
 use crate::{ReportError, ReportInput};
 
@@ -94,18 +95,18 @@ fn predicted(
     let models = source.models(&trial.campaign).into_iter();
     let rows = models.filter_map(|model| source.of_trial(trial, model)).collect::<Vec<_>>();
     let passive = input.campaign_setup(&trial.campaign).and_then(|(_, gait)| gait.passive_joint());
-    let shown = QUANTITIES.iter().filter(|of| of.symbol != AMPLITUDE.symbol || passive == Some(0));
+    let shown = fitted().into_iter().filter(|of| of.metric != Metric::Alpha1 || passive == Some(0));
     let of_quantity = shown.map(|quantity| {
         let measured = quantity.of_trial(trial, source.sigma);
         let of_model = rows.iter().map(|row| {
             let is_stable = row.status.is_stable();
-            let value = if is_stable { (quantity.of)(&row.metrics) } else { f64::NAN };
+            let value = if is_stable { quantity.of(&row.metrics) } else { f64::NAN };
             let in_errors = (value - measured.value) / measured.se;
             let status = (!is_stable).then(|| row.status.name());
             let says = !quantity.is_skid() || source.skids(row.model);
             says.then_some(OfModel { value, in_errors, status })
         });
-        let (symbol, unit) = (quantity.symbol, quantity.unit.trim());
+        let (symbol, unit) = (quantity.symbol, quantity.unit());
         Predicted { symbol, unit, measured, of_models: of_model.collect() }
     });
     (rows.iter().map(|row| row.model).collect(), of_quantity.collect())

@@ -4,7 +4,7 @@ use minijinja::Error;
 use minijinja::value::{Object, Value};
 use trilink_mechanics::{Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::Robot;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 
 use super::missing::{NO_TRIALS, missing, unknown};
 use super::verdict::Found;
@@ -39,14 +39,12 @@ impl Point {
     /// There is no quantity of this name.
     pub(super) fn get(&self, quantity: &str) -> Result<f64, Error> {
         let Self { omega_rad_s, metrics, .. } = self;
-        let is_of = |column: &&str| *column == quantity;
-        if let Some(wheel) = GaitMetrics::SIGMA_COLUMNS.iter().position(is_of) {
-            return Ok(metrics.sigma[wheel]);
+        let is_of = |of: &Metric| of.definition().shown_column == quantity;
+        if let Some(metric) = Metric::ALL.into_iter().find(is_of) {
+            return Ok(metric.shown(metrics));
         }
         let largest_sigma = || metrics.sigma.into_iter().fold(f64::NAN, f64::max);
         Ok(match quantity {
-            "d_mm" => 1e3 * metrics.d_m,
-            "v_mm_s" => 1e3 * metrics.v_m_s,
             "v_over_omega_mm" => 1e3 * metrics.v_m_s / omega_rad_s,
             "sigma_sum" => metrics.sigma.iter().sum(),
             // RMS skid speed of the wheel that skids most over the mean forward speed: eq. 20
@@ -54,7 +52,6 @@ impl Point {
             "skid_percent" => {
                 100.0 * largest_sigma() * Robot::kinematic().l_m * omega_rad_s / metrics.v_m_s
             }
-            "alpha1_deg" => metrics.alpha1_rad.to_degrees(),
             // Net rotation a cycle, without its sign.
             "turned_deg" => metrics.dtheta_rad.abs().to_degrees(),
             // Largest Floquet multiplier.

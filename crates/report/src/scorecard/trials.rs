@@ -6,7 +6,7 @@ use minijinja::Error;
 use minijinja::value::{Object, Serde, Value, ValueKind};
 use trilink_base::Named as _;
 use trilink_mechanics::MotionStatus;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_robot::{Model, Parameter};
 use trilink_statistics::{self, HALF_WIDTH_95, wrap};
 use trilink_tables::config::{Config, GaitInput, SigmaKind};
@@ -73,11 +73,11 @@ impl Trials {
         let mean_of = |group: &[&TrialRow]| {
             let metrics = |row: &&TrialRow| {
                 let sigma = row.sigma(self.sigma).map(|sigma| sigma.value);
-                GaitMetrics { sigma, ..row.metrics }.to_array()
+                GaitMetrics { sigma, ..row.metrics }
             };
-            let all: Vec<[f64; 7]> = group.iter().map(metrics).collect();
-            let mean = |i: usize| trilink_statistics::mean(all.iter().map(|metrics| metrics[i]));
-            let metrics = GaitMetrics::from_array(std::array::from_fn(mean));
+            let all: Vec<GaitMetrics> = group.iter().map(metrics).collect();
+            let mean = |of| trilink_statistics::mean(all.iter().map(|metrics| metrics[of]));
+            let metrics = ByMetric::<f64>::from_fn(mean).into();
             Point::of_metrics(group[0].omega_commanded_rad_s, metrics)
         };
         groups.map(mean_of).collect()

@@ -2,15 +2,17 @@
 
 use trilink_base::named;
 use trilink_robot::Model;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::Metric;
 
 use crate::{Extrapolation, rows};
 
-/// The metrics of which there are sensitivities: d, v, sigma of the wheels, alpha_1, the actuators' work a
-/// cycle.
-pub const SENSITIVE_METRICS: [&str; 7] = {
-    let mut metrics = GaitMetrics::COLUMNS;
-    metrics[6] = "work_j";
+/// The metrics of which there are sensitivities: those that are fitted, and the actuators' work a cycle.
+pub const SENSITIVE_METRICS: [&str; Metric::FITTED.len() + 1] = {
+    let (mut metrics, mut i) = (["work_j"; Metric::FITTED.len() + 1], 0);
+    while i < Metric::FITTED.len() {
+        metrics[i] = Metric::FITTED[i].column();
+        i += 1;
+    }
     metrics
 };
 

@@ -9,7 +9,7 @@
 use trilink_mechanics::{
     Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_tables::SENSITIVE_METRICS;
 
 use super::quantity::{OF_FIRST, Quantity};
@@ -27,9 +27,8 @@ const FOURTH: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
 
 /// In the order of [`SENSITIVE_METRICS`].
 pub(super) fn by_metric(metrics: &GaitMetrics, work_j: f64) -> ByMetric {
-    let mut values = metrics.to_array();
-    values[COUNT - 1] = work_j;
-    values
+    let value = |i: usize| Metric::FITTED.get(i).map_or(work_j, |metric| metrics[*metric]);
+    std::array::from_fn(value)
 }
 
 /// A motion with its derivatives.
