@@ -78,7 +78,7 @@ fn with_d_and_v_alone_the_fit_says_what_is_missing_and_has_no_intervals() {
         assert!(skid.lower[parameter].is_nan() && skid.upper[parameter].is_nan());
     }
     let predictions: Vec<PredictionRow> = rows("two/predictions.parquet");
-    assert!(predictions.iter().all(|row| !row.no_interval.is_empty()));
+    assert!(predictions.iter().all(|row| row.no_interval.is_some()));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use trilink_base::text::known;
 use trilink_robot::Model;
-use trilink_tables::{ComparisonRow, FitRow};
+use trilink_tables::{ComparisonRow, FitRow, Misfit};
 
 use super::Fitted;
 use super::resampler::Resampler;
@@ -183,7 +183,8 @@ fn sentence(
         let won = (first.wins * replicates as f64).round();
         text += &format!(", the lowest in {won} of {replicates} replicates");
     }
-    let FitRow { lack_of_fit, lack_of_fit_limit, misfit, .. } = fit;
+    let FitRow { lack_of_fit, lack_of_fit_limit, .. } = fit;
+    let misfit = fit.misfit.as_ref().map_or(String::new(), Misfit::to_string);
     let ratio = known([*lack_of_fit, *lack_of_fit_limit], |[ratio, limit]| {
         format!(
             "J is {ratio:.2} times what noise alone leaves, of which up to {limit:.2} would be noise"
@@ -191,8 +192,8 @@ fn sentence(
     });
     let reasons = match fit.adequate {
         Some(true) => vec![ratio],
-        Some(false) => vec![ratio, misfit.clone()],
-        None => vec![misfit.clone()],
+        Some(false) => vec![ratio, misfit],
+        None => vec![misfit],
     };
     let reasons =
         reasons.into_iter().filter(|reason| !reason.is_empty()).collect::<Vec<_>>().join("; ");
@@ -253,7 +254,7 @@ fn sentence(
 #[cfg(test)]
 mod tests {
     use trilink_mechanics::Model;
-    use trilink_tables::Columns as _;
+    use trilink_tables::{Columns as _, MisfitRms, MisfitRun, Side};
 
     use super::*;
 
@@ -272,10 +273,16 @@ mod tests {
             lack_of_fit: if *adequate == Some(true) { 1.1 } else { 12.0 },
             lack_of_fit_limit: 1.5,
             misfit: match adequate {
-                Some(_) => {
-                    "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s".to_owned()
-                }
-                None => "the model is off by 12 % in d (RMS)".to_owned(),
+                Some(_) => Misfit::off(vec![MisfitRun {
+                    side: Side::Above,
+                    metric: "d".to_owned(),
+                    campaign: String::new(),
+                    least: 0.07,
+                    most: 1.19,
+                    from_rad_s: 4.5,
+                    to_rad_s: 6.0,
+                }]),
+                None => Misfit::rms(MisfitRms { d: 0.12, ..MisfitRms::blank() }),
             },
             ..FitRow::blank()
         };

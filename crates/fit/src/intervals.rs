@@ -26,6 +26,7 @@
 use rayon::prelude::*;
 use trilink_robot::Robot;
 use trilink_statistics::{HALF_WIDTH_95, SIDES_95, mean, quantiles};
+use trilink_tables::{NoInterval, NoIntervalReason};
 
 use super::adequacy::Adequacy;
 use super::fitted_point::FittedPoint;
@@ -54,7 +55,7 @@ pub(super) struct Intervals {
     /// Half widths by one part alone.
     pub scatter: Vec<f64>,
     pub systematic: Vec<f64>,
-    pub why_none: String,
+    pub why_none: Option<NoInterval>,
 }
 
 /// Shifts of the free parameters' logarithms by what all trials share.
@@ -161,7 +162,7 @@ impl Intervals {
         limits: [Vec::new(), Vec::new()],
         scatter: Vec::new(),
         systematic: Vec::new(),
-        why_none: String::new(),
+        why_none: None,
     };
 
     /// Of a fit with its profiles (one per parameter, or none) and replicates.
@@ -176,23 +177,18 @@ impl Intervals {
         let parameters = &point.evaluator.parameters;
         let none = || vec![f64::NAN; parameters.len()];
         let lacking = resampler.without_noise(point.evaluator.objective);
-        let mut all = Self {
-            limits: [none(), none()],
-            scatter: none(),
-            systematic: none(),
-            why_none: String::new(),
-        };
+        let mut all =
+            Self { limits: [none(), none()], scatter: none(), systematic: none(), why_none: None };
         if parameters.is_empty() {
             return all;
         }
         if !lacking.is_empty() {
-            let lacking = lacking.join(", ");
-            all.why_none =
-                format!("no cycles, repeats or standard errors tell the noise of {lacking}");
+            let of = lacking.into_iter().map(str::to_owned).collect();
+            all.why_none = Some(NoInterval { reason: NoIntervalReason::UnknownNoise, of });
             return all;
         }
         if replicates.is_empty() && profiles.is_empty() {
-            all.why_none = "neither replicates nor profiles were asked for".to_owned();
+            all.why_none = Some(NoIntervalReason::NotAskedFor.into());
             return all;
         }
         let correction = NoiseCorrection::of(point, resampler).spread;
@@ -219,7 +215,7 @@ impl Intervals {
         }
         if adequacy.is_adequate == Some(false) {
             all.limits = [none(), none()];
-            all.why_none = "the model does not fit".to_owned();
+            all.why_none = Some(NoIntervalReason::Inadequate.into());
         }
         all
     }

@@ -2,7 +2,8 @@
 
 use trilink_robot::{ByParameter, Parameter, Robot};
 use trilink_tables::{
-    BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
+    BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, NoInterval, NoIntervalReason,
+    ProfileRow, StartRow,
 };
 
 use super::Fitted;
@@ -42,7 +43,7 @@ impl Job<'_> {
         let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
         let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
         let mut notes = self.notes();
-        let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_empty();
+        let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_none();
         if has_intervals && fit.systematic.blocks.is_empty() {
             notes.push(format!(
                 "no interval holds what the model leaves out: that takes {LEAST_BLOCKS} frequencies"
@@ -99,8 +100,8 @@ impl Job<'_> {
         let row = self.row(&fit, starts, status);
         let Fit { point, profiles, replicates, systematic, .. } = &fit;
         let bands = match why_no_bands(&row, replicates.len()) {
-            "" => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
-            why => Err(why.to_owned()),
+            None => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
+            Some(why) => Err(why),
         };
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
@@ -244,16 +245,18 @@ impl Job<'_> {
     }
 }
 
-/// Why the predictions of a fit have no intervals; empty where they have.
-pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> &str {
-    match fit {
-        _ if !fit.status.is_ok() => "the fit has failed",
-        _ if !fit.no_interval.is_empty() => &fit.no_interval,
-        _ if fit.adequate == Some(false) => "the model does not fit",
-        _ if fit.free.is_empty() => "no coefficient is fitted",
-        _ if replicates == 0 => "no replicates were asked for",
-        _ => "",
-    }
+/// Why the predictions of a fit have no intervals.
+pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> Option<NoInterval> {
+    use NoIntervalReason::{FitFailed, Inadequate, NoReplicates, NothingFitted};
+    let reason = match fit {
+        _ if !fit.status.is_ok() => FitFailed,
+        FitRow { no_interval: Some(why), .. } => return Some(why.clone()),
+        _ if fit.adequate == Some(false) => Inadequate,
+        _ if fit.free.is_empty() => NothingFitted,
+        _ if replicates == 0 => NoReplicates,
+        _ => return None,
+    };
+    Some(reason.into())
 }
 
 /// Values of the free parameters among all parameters; the others are missing.

@@ -12,8 +12,8 @@ use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
 
 use super::{
-    Fill, FitStatus, KnownFrom, LabelFault, MapPoint, Objective, PredictionSource, RunStatus,
-    Severity, Sharing, Stopped, StoreError, Table, TrialStatus,
+    Fill, FitStatus, KnownFrom, LabelFault, LawKind, MapPoint, NoIntervalReason, Objective,
+    PredictionSource, RunStatus, Severity, Sharing, Side, Stopped, StoreError, Table, TrialStatus,
 };
 use crate::config::GaitInput;
 use crate::trial::TrialKind;
@@ -330,15 +330,18 @@ named_cells![
     GaitInput,
     KnownFrom,
     LabelFault,
+    LawKind,
     MapPoint,
     Model,
     MotionStatus,
+    NoIntervalReason,
     Objective,
     Parameter,
     PredictionSource,
     RunStatus,
     Severity,
     Sharing,
+    Side,
     Stopped,
     String,
     TrialKind,

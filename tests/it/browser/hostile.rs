@@ -2,7 +2,10 @@
 
 use trilink::compare::HistoryRow;
 use trilink_tables::TrialStatus;
-use trilink_tables::{CheckRow, FitRow, Provenance, Severity, Table, TrialRow};
+use trilink_tables::{
+    CheckRow, FitRow, Misfit, MisfitRun, NoInterval, NoIntervalReason, Provenance, Severity, Side,
+    Table, TrialRow,
+};
 
 use super::*;
 use crate::common::Small;
@@ -87,9 +90,20 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
         let like = rows[0].clone();
         rows.extend(names.iter().step_by(16).map(|name| FitRow {
             campaign: name.clone(),
-            misfit: name.clone(),
+            misfit: Misfit::off(vec![MisfitRun {
+                side: Side::Above,
+                metric: name.clone(),
+                campaign: name.clone(),
+                least: 0.1,
+                most: 0.2,
+                from_rad_s: 1.0,
+                to_rad_s: 2.0,
+            }]),
             notes: name.clone(),
-            no_interval: name.clone(),
+            no_interval: Some(NoInterval {
+                reason: NoIntervalReason::UnknownNoise,
+                of: vec![name.clone()],
+            }),
             ..like.clone()
         }));
     });

@@ -8,7 +8,7 @@ use trilink_robot::Quantity;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, SigmaKind};
-use trilink_tables::{TrialRow, TrialStatus};
+use trilink_tables::{Misfit, NoIntervalReason, TrialRow, TrialStatus};
 
 use crate::common::noisy_trial;
 
@@ -75,10 +75,10 @@ fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
         for fit in &fits {
             assert_eq!(fit.adequate, Some(false), "{campaign} {fit:?}");
             assert!(fit.lack_of_fit > 2.0 * fit.lack_of_fit_limit, "{campaign} {fit:?}");
-            assert!(fit.misfit.contains("rad/s") && fit.misfit.contains("the model at"));
+            assert!(matches!(fit.misfit, Some(Misfit::Off(_))), "{campaign} {fit:?}");
             let limits = Quantity::Skid.of_each().map(|of| [fit.lower[of], fit.upper[of]]);
             assert!(limits.as_flattened().iter().all(|limit| limit.is_nan()), "{limits:?}");
-            assert_eq!(fit.no_interval, "the model does not fit");
+            assert_eq!(fit.no_interval, Some(NoIntervalReason::Inadequate.into()));
         }
         let sentence = &comparison[0].sentence;
         assert!(sentence.starts_with("None fits; "), "{sentence}");
@@ -112,7 +112,7 @@ fn of_filtered_coordinates_it_is_not_known_whether_a_model_fits() {
     let Fitted { fits, comparison, .. } = fitted(&config, trials);
     for fit in &fits {
         assert!(fit.adequate.is_none() && fit.lack_of_fit.is_nan(), "{fit:?}");
-        assert!(fit.misfit.starts_with("the model is off by "), "{}", fit.misfit);
+        assert!(matches!(fit.misfit, Some(Misfit::Rms(_))), "{fit:?}");
     }
     let sentence = &comparison[0].sentence;
     let why = "whether it fits is not known, since 1 trial was filtered before the export (W026: export unfiltered)";
@@ -128,14 +128,16 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
     let one = fitted(&config, trials.clone());
     trials.iter_mut().for_each(|trial| trial.metrics_se = GaitMetrics::MISSING);
     let none = fitted(&config, trials);
-    let reason = "no cycles, repeats or standard errors tell the noise of ";
-    for (fitted, metrics) in [(&one, "sigma1"), (&none, "d, v, sigma0, sigma1, sigma2")] {
+    let all = ["d", "v", "sigma0", "sigma1", "sigma2"];
+    for (fitted, metrics) in [(&one, &all[3..4]), (&none, &all)] {
         let fit = &fitted.fits[0];
         for of in Quantity::Skid.of_each() {
             let missing = [fit.lower[of], fit.upper[of], fit.scatter[of], fit.systematic[of]];
             assert!(missing.iter().all(|limit| limit.is_nan()), "{missing:?}");
         }
-        assert_eq!(fit.no_interval, format!("{reason}{metrics}"));
+        let why = fit.no_interval.as_ref().expect("a reason");
+        assert_eq!(why.reason, NoIntervalReason::UnknownNoise);
+        assert_eq!(why.of, metrics);
     }
     assert!(one.fits[0].lack_of_fit > 0.0);
     assert_eq!((none.fits[0].adequate, none.bootstrap.len()), (None, 0));
@@ -150,7 +152,7 @@ fn models_with_as_many_coefficients_as_measurements_are_neither_tested_nor_prefe
     let trials = trials(CAMPAIGN, &viscous(CAMPAIGN)[5..6], 1);
     let Fitted { fits, comparison, .. } = fitted(&config, trials.clone());
     for fit in &fits {
-        assert!(fit.j < 1e-9 && fit.adequate.is_none() && fit.misfit.is_empty(), "{fit:?}");
+        assert!(fit.j < 1e-9 && fit.adequate.is_none() && fit.misfit.is_none(), "{fit:?}");
     }
     let sentence = &comparison[0].sentence;
     let start = "The data do not clearly prefer one model; ";
@@ -183,9 +185,9 @@ fn a_fit_to_the_one_trial_that_is_left_says_so_and_where_it_is_off() {
         trials[0].metrics.d_m *= off;
         trials[0].metrics.v_m_s *= off;
         let fit = &fitted(&config, trials).fits[0];
-        let [part, at] = fit.misfit.split_once(" is measured ").map(Into::into).unwrap();
+        let Some(Misfit::Off(runs)) = &fit.misfit else { panic!("{fit:?}") };
         assert_eq!(fit.adequate, Some(false), "{fit:?}");
-        assert!(part != "v" && !at.starts_with("0.0") && at.ends_with(" at 3 rad/s"), "{fit:?}");
+        assert!(runs[0].metric != "v" && runs[0].most > 1e-3 && runs[0].to_rad_s == 3.0, "{fit:?}");
         assert_eq!(fit.notes, "");
     }
 }
@@ -196,7 +198,7 @@ fn absurd_errors_leave_open_whether_a_model_fits() {
     trials[0].metrics_se.d_m = 1e308;
     let Fitted { fits, comparison, .. } = fitted(&config(CAMPAIGN, &[Model::SKID_ROLL]), trials);
     assert_eq!(fits[0].adequate, None, "{:?}", fits[0]);
-    assert!(fits[0].misfit.starts_with("the model is off by "), "{:?}", fits[0]);
+    assert!(matches!(fits[0].misfit, Some(Misfit::Rms(_))), "{:?}", fits[0]);
     assert!(comparison[0].sentence.contains("whether it fits is not known"), "{comparison:?}");
 }
 

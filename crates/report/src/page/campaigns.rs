@@ -80,7 +80,7 @@ pub(super) fn sections(
 /// intervals knows and does not fit.
 fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
     let has_intervals =
-        |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_empty();
+        |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_none();
     let fits: Vec<&FitRow> = tables.fits.iter().filter(has_intervals).collect();
     let is_held = |quantity: &Quantity| {
         let mut held = fits.iter().flat_map(|fit| {
@@ -169,7 +169,7 @@ fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
         ))
     });
     let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
-    let alike = fits.filter(|fit| !fit.law_is_like.is_empty());
-    let alike = alike.map(|fit| format!("{} is like {}.", fit.model, fit.law_is_like));
+    let alike = fits.filter_map(|fit| Some((fit.model, fit.law_is_like.as_ref()?)));
+    let alike = alike.map(|(model, law)| format!("{model} is like {law}."));
     of_status.chain(from_rest).chain(alike).collect()
 }

@@ -10,9 +10,9 @@ use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitRow, FitStatus, JointGait,
-    PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity,
-    SharedFitRow, Sharing, StartRow, TrialRow, TrialStatus,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitRow, FitStatus, JointGait, Misfit,
+    MisfitRun, NoIntervalReason, PredictionRow, PredictionSource, ProfileRow, Provenance,
+    RobotParameterRow, Severity, SharedFitRow, Sharing, Side, StartRow, TrialRow, TrialStatus,
 };
 
 use super::recording;
@@ -354,7 +354,7 @@ fn prediction(
         metrics: metrics(1.0),
         lower: metrics(if is_known { 0.98 } else { f64::NAN }),
         upper: metrics(if is_known { 1.03 } else { f64::NAN }),
-        no_interval: if is_known { "" } else { "the model does not fit" }.to_owned(),
+        no_interval: (!is_known).then(|| NoIntervalReason::Inadequate.into()),
         j: if is_trial { 1.0 } else { f64::NAN },
         status: match predicted {
             Some(_) => MotionStatus::Stable,
@@ -434,7 +434,15 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         _ => Some(false),
     };
     let told = |value: f64| when(adequate.is_some(), value);
-    let misfit = "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s";
+    let misfit = MisfitRun {
+        side: Side::Above,
+        metric: "d".to_owned(),
+        campaign: String::new(),
+        least: 0.07,
+        most: 1.19,
+        from_rad_s: 4.5,
+        to_rad_s: 6.0,
+    };
     FitRow {
         campaign: campaign.to_owned(),
         model,
@@ -445,15 +453,13 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             () if of == SKID[1] => when(skids, 0.0),
             () => f64::NAN,
         }),
-        no_interval: match passive && model == Model::NO_SKID_DAMPED {
-            true => "no repeats, cycles or errors".to_owned(),
-            false => String::new(),
-        },
+        no_interval: (passive && model == Model::NO_SKID_DAMPED)
+            .then(|| NoIntervalReason::NotAskedFor.into()),
         lack_of_fit: told(if adequate == Some(true) { 1.04 } else { 23.7 }),
         lack_of_fit_limit: told(1.38),
         lack_of_fit_d: told(31.4),
         adequate,
-        misfit: if adequate == Some(false) { misfit.to_owned() } else { String::new() },
+        misfit: if adequate == Some(false) { Misfit::off(vec![misfit]) } else { None },
         notes: match campaign {
             SYMMETRIC => "raw skid ratios are fitted: trial one".to_owned(),
             _ => String::new(),

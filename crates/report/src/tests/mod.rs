@@ -542,7 +542,7 @@ fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
         "<span class=\"soft\">not known</span>",
         "23.7<small>at most 1.38</small>",
         "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad&#x2f;s",
-        "No intervals: no-skid-damped (no repeats, cycles or errors).",
+        "No intervals: no-skid-damped (neither replicates nor profiles were asked for).",
         "<strong>kinematic-symmetric</strong>: raw skid ratios are fitted: trial one",
         "Taken as exact, so that no interval contains what they are off by: h_m, l_m, b_m, mass_kg, inertia_kg_m2, \
          roll_kg_s of robot kinematic.",
@@ -790,7 +790,7 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
         fit.adequate = Some(fit.model != Model::SKID_ROLL);
         fit.scatter = trilink_robot::ByParameter::from_fn(|of| 0.02 * fit.parameters[of]);
         if fit.model == Model::SKID_ROLL {
-            fit.no_interval = "the model does not fit".to_owned();
+            fit.no_interval = Some(trilink_tables::NoIntervalReason::Inadequate.into());
         }
     }
     let folder = temporary();

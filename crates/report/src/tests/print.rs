@@ -151,7 +151,7 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
     for parameter in Parameter::ALL {
         (fit.lower[parameter], fit.upper[parameter]) = (f64::NAN, f64::NAN);
     }
-    fit.no_interval = "nothing tells the noise of the measurements".to_owned();
+    fit.no_interval = Some(trilink_tables::NoIntervalReason::NotAskedFor.into());
     let of = |fit: &&trilink_tables::FitRow| fit.campaign == SKEWED && fit.model == Model::SKID;
     let skid = tables.fits.iter().find(of).expect("a fit").clone();
     tables.write(&folder.path().join("derived"));

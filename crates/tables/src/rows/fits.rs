@@ -4,7 +4,7 @@ use serde::Serialize;
 use trilink_robot::{ByParameter, Model, Parameter};
 
 use crate::config::GaitInput;
-use crate::{FitStatus, Sharing, Stopped, rows};
+use crate::{FitStatus, LawLike, Misfit, NoInterval, Sharing, Stopped, rows};
 
 rows! {
     /// One model fitted to one campaign: `fits.parquet`, and `alternative_fits.parquet` for the other
@@ -26,7 +26,7 @@ rows! {
         pub scatter: ByParameter<f64> as "{}_scatter" after "{}_hi",
         pub systematic: ByParameter<f64> as "{}_systematic" after "{}_scatter",
         /// Why there are no confidence limits.
-        pub no_interval: String,
+        pub no_interval: Option<NoInterval>,
         /// The fitted parameters.
         pub free: Vec<Parameter>,
         /// The parameters that joint-release and coast-down trials gave.
@@ -35,9 +35,8 @@ rows! {
         pub identifiable: Vec<Parameter>,
         pub practically_not: Vec<Parameter>,
         pub structurally_not: Vec<Parameter>,
-        /// The law that a law with dry friction is not told from at any of the trials' motions,
-        /// and why.
-        pub law_is_like: String,
+        /// The law that a law with dry friction is not told from at any of the trials' motions.
+        pub law_is_like: Option<LawLike>,
         /// Fitted parameters that ended at a bound.
         pub at_bound: Vec<Parameter>,
         /// Value of the objective (eq. 22), averaged over the trials.
@@ -63,7 +62,7 @@ rows! {
         pub adequate: Option<bool>,
         /// Where and to which side the measurements are off an inadequate model, or by how much where
         /// nothing tells the noise.
-        pub misfit: String,
+        pub misfit: Option<Misfit>,
         /// Whether the same coefficients describe the robot's other campaigns; missing where that
         /// was not asked for or could not be tested.
         pub sharing: Option<Sharing>,
