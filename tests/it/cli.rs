@@ -286,7 +286,8 @@ fn the_tables_have_the_documented_columns() {
          practically_not structurally_not law_is_like law_is_like0_kg_s law_is_like1_kg_s law_is_like2_kg_s at_bound j lack_of_fit lack_of_fit_limit \
          lack_of_fit_d lack_of_fit_v lack_of_fit_sigma lack_of_fit_alpha \
          autocorrelation autocorrelation_limit runs runs_limit adequate {misfit} misfit_rms_d misfit_rms_v misfit_rms_sigma0 misfit_rms_sigma1 \
-         misfit_rms_sigma2 misfit_rms_alpha1 sharing notes \
+         misfit_rms_sigma2 misfit_rms_alpha1 sharing raw_skid_trials missing_metrics \
+         few_frequencies \
          trials starts starts_reached starts_failed resumed solves status"
     );
     for (name, columns) in [
@@ -340,7 +341,7 @@ fn the_tables_have_the_documented_columns() {
         ("alternative_fits.parquet".to_owned(), fits.clone()),
         (
             SHARED.to_owned(),
-            format!("robot campaigns {fits} j_separate rise rise_limit p_value not_tested"),
+            format!("robot campaigns {fits} j_separate rise rise_limit p_value not_tested not_tested_of not_tested_blocks"),
         ),
         (
             "starts.parquet".to_owned(),
@@ -361,8 +362,10 @@ fn the_tables_have_the_documented_columns() {
         (
             "comparison.parquet".to_owned(),
             "campaign model j j_d j_v j_sigma j_alpha j_left_out j_extrapolated \
-             extrapolated_above_rad_s free terms criterion wins preferred tell_omega_rad_s tell_metric \
-             tell_standard_errors status sentence"
+             extrapolated_above_rad_s free terms criterion wins rank preferred rival tell_omega_rad_s tell_metric \
+             tell_standard_errors status outcome contradiction contradiction_trial contradiction_missing \
+             contradiction_robot contradiction_quantity contradiction_unit contradiction_measured \
+             contradiction_configured replicates trials_without_metrics trials_filtered"
                 .to_owned(),
         ),
         (

@@ -6,8 +6,8 @@
 //! - *Systematic*: what all trials share, and no repeat shows.
 //!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
 //!     spreads by more than the scatter if no one set of coefficients describes them all. Only
-//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts. Fewer than [`LEAST_BLOCKS`]
-//!     frequencies do not tell it, and it is missing.
+//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts. Fewer than
+//!     [`FitNotes::LEAST_FREQUENCIES`] do not tell it, and it is missing.
 //!   - What is assumed of the robot: every standard deviation that the configuration gives, or
 //!     that joint-release and coast-down trials have, moves the fit by so much.
 //!   - The gait, where the command drives the model: servos miss it, and the measured gait gives
@@ -26,7 +26,7 @@
 use rayon::prelude::*;
 use trilink_robot::Robot;
 use trilink_statistics::{HALF_WIDTH_95, SIDES_95, mean, quantiles};
-use trilink_tables::{NoInterval, NoIntervalReason};
+use trilink_tables::{FitNotes, NoInterval, NoIntervalReason};
 
 use super::adequacy::Adequacy;
 use super::fitted_point::FittedPoint;
@@ -44,8 +44,6 @@ const BLOCKS: usize = 6;
 /// is true, of the 534 coefficients of sixty nights (crates/fit/tests/it/coverage.rs): more than of least squares
 /// (2.2), because least absolute deviations go from breakpoint to breakpoint.
 const BY_CHANCE: f64 = 6.0;
-/// Fewer do not tell a spread.
-pub(super) const LEAST_BLOCKS: usize = 3;
 
 /// Of the free parameters, in their order.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,7 +72,7 @@ impl Systematic {
     pub(crate) fn new(point: &FittedPoint, robots: &[Robot]) -> (Self, usize) {
         let objective = point.evaluator.objective;
         let mut blocks = blocks(&objective.measurements);
-        blocks.retain(|of_campaign| of_campaign.len() >= LEAST_BLOCKS);
+        blocks.retain(|of_campaign| of_campaign.len() >= FitNotes::LEAST_FREQUENCIES);
         let without: Vec<Start> =
             blocks.concat().par_iter().map(|block| point.refit_without(block)).collect();
         let with = |robot: &Robot| {

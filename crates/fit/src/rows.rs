@@ -2,8 +2,8 @@
 
 use trilink_robot::{ByParameter, Parameter, Robot};
 use trilink_tables::{
-    BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, NoInterval, NoIntervalReason,
-    ProfileRow, StartRow,
+    BootstrapRow, Columns as _, ComparisonRow, FitNotes, FitRow, FitStatus, NoInterval,
+    NoIntervalReason, ProfileRow, StartRow,
 };
 
 use super::Fitted;
@@ -12,7 +12,7 @@ use super::bands::Bands;
 use super::criterion::criterion;
 use super::fitted_point::HeldPoint;
 use super::input::FreeParameter;
-use super::intervals::{Intervals, LEAST_BLOCKS};
+use super::intervals::Intervals;
 use super::job::{Fit, Job};
 use super::objective::METRICS;
 use super::predict::{predictions, residuals};
@@ -42,13 +42,8 @@ impl Job<'_> {
         };
         let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
         let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
-        let mut notes = self.notes();
         let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_none();
-        if has_intervals && fit.systematic.blocks.is_empty() {
-            notes.push(format!(
-                "no interval holds what the model leaves out: that takes {LEAST_BLOCKS} frequencies"
-            ));
-        }
+        let few_frequencies = has_intervals && fit.systematic.blocks.is_empty();
         FitRow {
             lower,
             upper,
@@ -67,7 +62,7 @@ impl Job<'_> {
             runs_limit: runs[1],
             adequate: fit.adequacy.is_adequate,
             misfit: fit.adequacy.misfit.clone(),
-            notes: notes.join("; "),
+            notes: FitNotes { few_frequencies, ..self.notes() },
             measured: self.measured.iter().copied().filter(held).collect(),
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
@@ -170,30 +165,20 @@ impl Job<'_> {
     }
 
     /// What was fitted instead of what is missing, and what the objective lacks.
-    fn notes(&self) -> Vec<String> {
+    fn notes(&self) -> FitNotes {
         let measurements = &self.objective.measurements;
-        let raw: Vec<&str> = measurements
-            .iter()
-            .filter(|measurement| measurement.lacks_debiased)
-            .map(|measurement| measurement.trial.as_str())
-            .collect();
-        let mut notes = Vec::new();
-        if !raw.is_empty() {
-            notes.push(format!(
-                "raw skid ratios are fitted, since debiased ones are not known: trial {}",
-                raw.join(", ")
-            ));
-        }
+        let raw = measurements.iter().filter(|measurement| measurement.lacks_debiased);
         let lacks = |i: &usize| {
             let mut measured = measurements.iter().map(|of| of.metrics.to_array()[*i]);
             let protocols = &self.objective.protocols;
             protocols.iter().any(|of| of.term_weights()[*i] > 0.0) && measured.all(f64::is_nan)
         };
-        let lacking: Vec<&str> = (0..METRICS.len()).filter(lacks).map(|i| METRICS[i]).collect();
-        if !lacking.is_empty() {
-            notes.push(format!("the objective lacks {}: no trial has it", lacking.join(", ")));
+        let missing = (0..METRICS.len()).filter(lacks);
+        FitNotes {
+            raw_skid_trials: raw.map(|measurement| measurement.trial.clone()).collect(),
+            missing_metrics: missing.map(|i| METRICS[i].to_owned()).collect(),
+            ..FitNotes::default()
         }
-        notes
     }
 
     /// The model's row of the comparison, without what needs the other models.

@@ -12,8 +12,9 @@ use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
 
 use super::{
-    Fill, FitStatus, KnownFrom, LabelFault, LawKind, MapPoint, NoIntervalReason, Objective,
-    PredictionSource, RunStatus, Severity, Sharing, Side, Stopped, StoreError, Table, TrialStatus,
+    ContradictionKind, Fill, FitStatus, KnownFrom, LabelFault, LawKind, MapPoint, NoIntervalReason,
+    NotTestedReason, Objective, Outcome, PredictionSource, Resistance, RunStatus, Severity,
+    Sharing, Side, Stopped, StoreError, Table, TrialStatus,
 };
 use crate::config::GaitInput;
 use crate::trial::TrialKind;
@@ -323,6 +324,7 @@ macro_rules! named_cells {
 named_cells![
     Bifurcation,
     BranchKind,
+    ContradictionKind,
     DecayLaw,
     Fill,
     FitStatus,
@@ -335,9 +337,12 @@ named_cells![
     Model,
     MotionStatus,
     NoIntervalReason,
+    NotTestedReason,
     Objective,
+    Outcome,
     Parameter,
     PredictionSource,
+    Resistance,
     RunStatus,
     Severity,
     Sharing,

@@ -70,7 +70,9 @@ pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stop
 pub use table::{Provenance, Table, guarded, hush_damaged_tables, is_own_table, row_names};
 pub use time::{UtcTime, time_text};
 pub use verdict::{
-    LINEAR_PART, LawKind, LawLike, Misfit, MisfitRms, MisfitRun, NoInterval, NoIntervalReason, Side,
+    Comparison, Contradiction, ContradictionKind, FitNotes, LINEAR_PART, LawKind, LawLike, Misfit,
+    MisfitRms, MisfitRun, NoInterval, NoIntervalReason, NotTested, NotTestedReason, Outcome,
+    Resistance, Side,
 };
 
 use std::io::ErrorKind;

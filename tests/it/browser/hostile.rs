@@ -3,8 +3,8 @@
 use trilink::compare::HistoryRow;
 use trilink_tables::TrialStatus;
 use trilink_tables::{
-    CheckRow, FitRow, Misfit, MisfitRun, NoInterval, NoIntervalReason, Provenance, Severity, Side,
-    Table, TrialRow,
+    CheckRow, FitNotes, FitRow, Misfit, MisfitRun, NoInterval, NoIntervalReason, Provenance,
+    Severity, Side, Table, TrialRow,
 };
 
 use super::*;
@@ -99,7 +99,7 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
                 from_rad_s: 1.0,
                 to_rad_s: 2.0,
             }]),
-            notes: name.clone(),
+            notes: FitNotes { raw_skid_trials: vec![name.clone()], ..FitNotes::default() },
             no_interval: Some(NoInterval {
                 reason: NoIntervalReason::UnknownNoise,
                 of: vec![name.clone()],

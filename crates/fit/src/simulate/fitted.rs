@@ -124,9 +124,7 @@ impl KnownFits {
             Reader::default().rows(&path).map_err(|error| format!("--model: {error}"))?;
         let rows: Vec<ComparisonRow> =
             rows.into_iter().filter(|row| row.campaign == campaign).collect();
-        let fits: Vec<FitRow> =
-            self.fits.iter().filter(|row| row.campaign == campaign).cloned().collect();
-        match preferred(&rows, &fits)[..] {
+        match preferred(&rows)[..] {
             [] => Err(format!(
                 "--model: needed: {} has no fit of campaign {campaign}",
                 path.display()

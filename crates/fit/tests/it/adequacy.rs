@@ -8,7 +8,9 @@ use trilink_robot::Quantity;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, SigmaKind};
-use trilink_tables::{Misfit, NoIntervalReason, TrialRow, TrialStatus};
+use trilink_tables::{
+    Comparison, ComparisonRow, FitRow, Misfit, NoIntervalReason, Outcome, TrialRow, TrialStatus,
+};
 
 use crate::common::noisy_trial;
 
@@ -66,6 +68,10 @@ fn fitted(config: &Config, trials: Vec<TrialRow>) -> Fitted {
     fit(&config, &FitData::from(trials), &|_| {})
 }
 
+fn said(rows: &[ComparisonRow], fits: &[FitRow]) -> String {
+    Comparison::new(rows, fits).expect("rows").to_string()
+}
+
 #[test]
 fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
     for campaign in ["kinematic-skewed", CAMPAIGN] {
@@ -80,8 +86,8 @@ fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
             assert!(limits.as_flattened().iter().all(|limit| limit.is_nan()), "{limits:?}");
             assert_eq!(fit.no_interval, Some(NoIntervalReason::Inadequate.into()));
         }
-        let sentence = &comparison[0].sentence;
-        assert!(sentence.starts_with("None fits; "), "{sentence}");
+        assert_eq!(comparison[0].outcome, Outcome::NoneFits);
+        let sentence = said(&comparison, &fits);
         assert!(sentence.contains("rad/s") && !sentence.contains("prefer"), "{sentence}");
     }
 }
@@ -95,7 +101,8 @@ fn the_true_model_fits_and_a_wrong_one_does_not() {
         let Fitted { fits, comparison, .. } = fitted(&config, trials(CAMPAIGN, &motions, seed));
         assert_eq!(fits[0].adequate, Some(false), "{:?}", fits[0]);
         let is_adequate = fits[1].adequate == Some(true);
-        assert_eq!(is_adequate, comparison[0].sentence.starts_with("The data prefer skid-roll"));
+        let is_preferred = comparison[1].outcome == Outcome::Clear && comparison[1].preferred;
+        assert_eq!(is_adequate, is_preferred, "{comparison:?}");
         let ratio = fits[1].lack_of_fit;
         assert!((0.5..2.0).contains(&ratio), "{ratio}");
         is_adequate
@@ -114,7 +121,7 @@ fn of_filtered_coordinates_it_is_not_known_whether_a_model_fits() {
         assert!(fit.adequate.is_none() && fit.lack_of_fit.is_nan(), "{fit:?}");
         assert!(matches!(fit.misfit, Some(Misfit::Rms(_))), "{fit:?}");
     }
-    let sentence = &comparison[0].sentence;
+    let sentence = said(&comparison, &fits);
     let why = "whether it fits is not known, since 1 trial was filtered before the export (W026: export unfiltered)";
     assert!(sentence.contains(why), "{sentence}");
 }
@@ -141,7 +148,8 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
     }
     assert!(one.fits[0].lack_of_fit > 0.0);
     assert_eq!((none.fits[0].adequate, none.bootstrap.len()), (None, 0));
-    assert!(none.comparison[0].sentence.contains("is not known"), "{:?}", none.comparison);
+    let sentence = said(&none.comparison, &none.fits);
+    assert!(sentence.contains("is not known"), "{sentence}");
 }
 
 #[test]
@@ -154,7 +162,7 @@ fn models_with_as_many_coefficients_as_measurements_are_neither_tested_nor_prefe
     for fit in &fits {
         assert!(fit.j < 1e-9 && fit.adequate.is_none() && fit.misfit.is_none(), "{fit:?}");
     }
-    let sentence = &comparison[0].sentence;
+    let sentence = said(&comparison, &fits);
     let start = "The data do not clearly prefer one model; ";
     let end = "is not known, since there are no more measurements than free coefficients.";
     assert!(sentence.starts_with(start) && sentence.ends_with(end), "{sentence}");
@@ -176,9 +184,10 @@ fn a_fit_to_the_one_trial_that_is_left_says_so_and_where_it_is_off() {
     trials[1].status = TrialStatus::Failed;
     let Fitted { fits, comparison, .. } = fitted(&config, trials.clone());
     assert_eq!(fits[0].adequate, Some(true), "{:?}", fits[0]);
-    assert!(fits[0].notes.ends_with("the model leaves out: that takes 3 frequencies"));
+    assert!(fits[0].notes.few_frequencies);
     let begins = "Fitted to 1 of 2 trials: the others have no metrics. Only skid-roll has a fit";
-    assert!(comparison[0].sentence.starts_with(begins), "{:?}", comparison[0].sentence);
+    let sentence = said(&comparison, &fits);
+    assert!(sentence.starts_with(begins), "{sentence}");
     // Of its four measurements three are as the model has them.
     for off in [1.04, 1.1] {
         let mut trials = trials.clone();
@@ -188,7 +197,7 @@ fn a_fit_to_the_one_trial_that_is_left_says_so_and_where_it_is_off() {
         let Some(Misfit::Off(runs)) = &fit.misfit else { panic!("{fit:?}") };
         assert_eq!(fit.adequate, Some(false), "{fit:?}");
         assert!(runs[0].metric != "v" && runs[0].most > 1e-3 && runs[0].to_rad_s == 3.0, "{fit:?}");
-        assert_eq!(fit.notes, "");
+        assert!(fit.notes.is_empty());
     }
 }
 
@@ -199,7 +208,8 @@ fn absurd_errors_leave_open_whether_a_model_fits() {
     let Fitted { fits, comparison, .. } = fitted(&config(CAMPAIGN, &[Model::SKID_ROLL]), trials);
     assert_eq!(fits[0].adequate, None, "{:?}", fits[0]);
     assert!(matches!(fits[0].misfit, Some(Misfit::Rms(_))), "{:?}", fits[0]);
-    assert!(comparison[0].sentence.contains("whether it fits is not known"), "{comparison:?}");
+    let sentence = said(&comparison, &fits);
+    assert!(sentence.contains("whether it fits is not known"), "{sentence}");
 }
 
 #[test]
@@ -207,22 +217,20 @@ fn raw_skid_ratios_stand_for_debiased_ones_that_are_not_known_and_that_is_said()
     let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
     let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     let raw = fitted(&config, trials.clone());
-    assert_eq!(raw.fits[0].notes, "");
+    assert!(raw.fits[0].notes.is_empty());
     config.fit.sigma = SigmaKind::Debiased;
     let substituted = fitted(&config, trials.clone());
     for of in Quantity::Skid.of_each() {
         assert_eq!(substituted.fits[0].parameters[of], raw.fits[0].parameters[of]);
     }
     assert_eq!(substituted.comparison[0].j_sigma, raw.comparison[0].j_sigma);
-    let notes = &substituted.fits[0].notes;
-    let said = "raw skid ratios are fitted, since debiased ones are not known: trial at-0.5, at-1,";
-    assert!(notes.starts_with(said), "{notes}");
+    assert_eq!(substituted.fits[0].notes.raw_skid_trials[..2], ["at-0.5", "at-1"]);
     // Nothing is left of these above the noise.
     for trial in &mut trials {
         trial.sigma_debiased = [Estimate { value: 0.0, se: 0.001 }; 3];
     }
-    let notes = &fitted(&config, trials).fits[0].notes;
-    assert_eq!(notes, "the objective lacks sigma0, sigma1, sigma2: no trial has it");
+    let missing = &fitted(&config, trials).fits[0].notes.missing_metrics;
+    assert_eq!(missing, &["sigma0", "sigma1", "sigma2"]);
 }
 
 #[test]

@@ -66,8 +66,8 @@ pub(super) fn sections(
                 exact => taken_as_exact(input, tables, name),
                 // With the other gait than the configured one.
                 alternatives => fits(&tables.alternative_fits),
-                // Its first sentence says which model the measurements prefer.
                 comparison => Serde(comparison.collect::<Vec<_>>()),
+                compared => tables.compared(name).map(|compared| compared.to_string()),
                 optima => optima::section(tables, name),
                 notes => remarks(tables, name),
                 answer => answer(name, (tables, truth), tables.source(input))?,
@@ -102,13 +102,6 @@ fn answer(
     source: Source<'_>,
 ) -> Result<Value, ReportError> {
     let fit = tables.preferred(name);
-    let mut compared = tables.comparison.iter().filter(|row| row.campaign == name);
-    // Whether it fits stands beside it; the whole sentence is with the campaign.
-    let says_more =
-        |part: &&str| ["it ", "J is", "whether"].iter().any(|how| part.starts_with(how));
-    let said = |sentence: &str| {
-        sentence.split("; ").take_while(|part| !says_more(part)).collect::<Vec<_>>().join("; ")
-    };
     let coefficient = |parameter: &Parameter| {
         let of_fit = fit.map(|fit| FittedParameter::of(fit, *parameter));
         context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
@@ -120,7 +113,8 @@ fn answer(
     let curve = (!curve.is_empty()).then(|| image(&curve)).transpose()?;
     Ok(context! {
         fit => Serde(fit),
-        sentence => compared.next().map(|row| said(&row.sentence)),
+        // Whether it fits stands beside it; the whole sentence is with the campaign.
+        sentence => tables.compared(name).map(|compared| compared.answer()),
         coefficients => free.iter().map(coefficient).collect::<Vec<_>>(),
         curve,
     })

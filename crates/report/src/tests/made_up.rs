@@ -10,9 +10,10 @@ use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitRow, FitStatus, JointGait, Misfit,
-    MisfitRun, NoIntervalReason, PredictionRow, PredictionSource, ProfileRow, Provenance,
-    RobotParameterRow, Severity, SharedFitRow, Sharing, Side, StartRow, TrialRow, TrialStatus,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitNotes, FitRow, FitStatus,
+    JointGait, Misfit, MisfitRun, NoIntervalReason, Outcome, PredictionRow, PredictionSource,
+    ProfileRow, Provenance, RobotParameterRow, Severity, SharedFitRow, Sharing, Side, StartRow,
+    TrialRow, TrialStatus,
 };
 
 use super::recording;
@@ -149,7 +150,7 @@ impl Tables {
             rise: 0.25,
             rise_limit: 0.05,
             p_value: 0.001,
-            not_tested: String::new(),
+            not_tested: None,
         }]
     }
 
@@ -228,10 +229,16 @@ impl Tables {
             criterion: 96.0 * fit.j.ln(),
             wins: if fit.model == Model::SKID_ROLL { 0.985 } else { 0.005 },
             preferred: fit.model == Model::SKID_ROLL,
+            rank: if fit.model == Model::SKID_ROLL { 1 } else { 2 },
+            rival: false,
+            outcome: Outcome::Clear,
+            contradiction: None,
+            replicates: 200,
+            trials_without_metrics: 0,
+            trials_filtered: 0,
             tell_omega_rad_s: if fit.model == Model::SKID_ROLL { f64::NAN } else { 5.6 },
             tell_metric: if fit.model == Model::SKID_ROLL { "" } else { "sigma1" }.to_owned(),
             tell_standard_errors: if fit.model == Model::SKID_ROLL { f64::NAN } else { 12.0 },
-            sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
             status: fit.status.clone(),
         };
         self.fits.iter().map(row).collect()
@@ -461,8 +468,10 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         adequate,
         misfit: if adequate == Some(false) { Misfit::off(vec![misfit]) } else { None },
         notes: match campaign {
-            SYMMETRIC => "raw skid ratios are fitted: trial one".to_owned(),
-            _ => String::new(),
+            SYMMETRIC => {
+                FitNotes { raw_skid_trials: vec!["<one>".to_owned()], ..FitNotes::default() }
+            }
+            _ => FitNotes::default(),
         },
         parameters: ByParameter::from_fn(|of| match (of.quantity(), of.is_sum()) {
             _ if of == SKID[0] => when(skids, 104.21),

@@ -184,7 +184,10 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
         text.contains("50 \\% of \\$x\\_1\\$ \\& \\textbackslash{}input\\{secret\\} \\#1"),
         "{text}"
     );
-    assert!(text.contains("No interval: Nothing tells the noise of the measurements."), "{text}");
+    assert!(
+        text.contains("No interval: Neither replicates nor profiles were asked for."),
+        "{text}"
+    );
     let of = Quantity::Skid.of(0);
     let [value, up, down] = [
         skid.parameters[of],

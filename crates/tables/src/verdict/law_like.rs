@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use trilink_base::named;
+use trilink_base::text::known;
 
 use super::{serialize_as_sentence, verdict};
 
@@ -36,8 +37,10 @@ impl Display for LawLike {
                 write!(f, "constrained: {below}, and F moves nothing by its noise")
             }
             LawKind::Viscous => {
-                let same = self.viscous_kg_s.map(|of| format!("{of:.4}")).join(", ");
-                write!(f, "viscous with F / v_t = {same} kg/s: {below}")
+                let same = known(self.viscous_kg_s, |[of0, of1, of2]| {
+                    format!(" with F / v_t = {of0:.4}, {of1:.4}, {of2:.4} kg/s")
+                });
+                write!(f, "viscous{same}: {below}")
             }
         }
     }

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use trilink_base::named;
+use trilink_base::text::known;
 
 use super::{serialize_as_sentence, verdict};
 use crate::{Column, Columns, StoreError, Table, fill, rows};
@@ -114,16 +115,18 @@ impl Display for MisfitRun {
         if !campaign.is_empty() {
             write!(f, "{campaign}: ")?;
         }
-        let [least, most] = [least, most].map(|part| two_digits(100.0 * part));
-        let by = if least == most { most } else { format!("{least} to {most}") };
+        let by = known([*least, *most], |ends| {
+            let [least, most] = ends.map(|part| two_digits(100.0 * part));
+            if least == most { format!("{most} % ") } else { format!("{least} to {most} % ") }
+        });
+        let at = known([*from_rad_s, *to_rad_s], |[from, to]| match from == to {
+            true => format!(" at {to} rad/s"),
+            false => format!(" at {from} to {to} rad/s"),
+        });
         match side {
-            Side::Absent => write!(f, "the model has no {metric} at ")?,
-            _ => write!(f, "{metric} is measured {by} % {side} the model at ")?,
+            Side::Absent => write!(f, "the model has no {metric}{at}"),
+            _ => write!(f, "{metric} is measured {by}{side} the model{at}"),
         }
-        if from_rad_s != to_rad_s {
-            write!(f, "{from_rad_s} to ")?;
-        }
-        write!(f, "{to_rad_s} rad/s")
     }
 }
 
