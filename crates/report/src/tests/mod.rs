@@ -37,7 +37,7 @@ const SHEET: &str = "<div class=\"sheet\" role=\"group\" aria-label=\"";
 fn report(config: &Config) -> Result<Reported, ReportError> {
     let input = ReportInput::new(config, BTreeSet::new());
     let content = Content::read(&input, Reader::default())?;
-    let written = content.write(&input, BTreeMap::new(), &BTreeSet::new(), &Default::default())?;
+    let written = content.write(&input, &BTreeSet::new(), &BTreeSet::new(), &Default::default())?;
     Ok(written.reported)
 }
 
@@ -408,7 +408,7 @@ fn a_thousand_trials_more_are_less_than_what_a_page_may_grow() {
         let input = ReportInput::new(&config, BTreeSet::new());
         let content = Content::read(&input, Reader::default()).expect("reads");
         let written = content
-            .write(&input, BTreeMap::new(), &BTreeSet::new(), &Default::default())
+            .write(&input, &BTreeSet::new(), &BTreeSet::new(), &Default::default())
             .expect("writes");
         (read(&written.reported.page).len(), tables.trials.len())
     };

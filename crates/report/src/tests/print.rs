@@ -20,7 +20,7 @@ fn printed(width_mm: FigureWidth, font_pt: f64, stem: &str) -> [Vec<u8>; 3] {
     let write = |name: &str, bytes: &[u8]| {
         trilink_tables::write_bytes(&input.paths.reports.join(name), bytes).map(drop)
     };
-    draw(figure, None, &write).expect("draws");
+    draw(figure, &BTreeSet::new(), &write).expect("draws");
     let figures = input.paths.reports.join("figures");
     ["svg", "png", "pdf"]
         .map(|kind| std::fs::read(figures.join(format!("{stem}.{kind}"))).expect("a file"))

@@ -7,6 +7,7 @@ use crate::{NoInterval, PredictionSource, rows};
 
 rows! {
     /// What a fitted model predicts: `predictions.parquet`.
+    #[derive(serde::Serialize)]
     pub struct PredictionRow {
         pub campaign: String,
         pub model: Model,
