@@ -100,7 +100,7 @@ impl SharedInput {
         let mut pairs = free.iter().flat_map(|a| free.iter().map(|b| (a.parameter, b.parameter)));
         let (part, whole) = pairs.find(|(a, b)| a != b && a.is_part_of(*b))?;
         let of = [whole, part].map(|of| of.name().to_owned()).to_vec();
-        Some(NotTested { of, ..NotTestedReason::PartOfFree.into() })
+        Some(NotTested { reason: NotTestedReason::PartOfFree, of })
     }
 
     /// The fit beside those to each campaign.

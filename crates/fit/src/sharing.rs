@@ -39,6 +39,8 @@ use super::terms::TERMS;
 const DRAWS: usize = 999;
 /// Part of them that a rise by chance is within.
 const LEVEL: f64 = 0.95;
+/// Fewer blocks of a campaign have too few signs.
+const LEAST_BLOCKS: usize = 4;
 /// Linearised residuals are good within about this factor's logarithm.
 const RADIUS: f64 = 1.0;
 /// Of the objective: less is the search's and the motions' own inaccuracy.
@@ -94,11 +96,9 @@ impl SharingTest {
         }
         let blocks = blocks(&shared.evaluator.objective.measurements);
         let protocols = &shared.evaluator.objective.protocols;
-        if let Some((few, of)) =
-            blocks.iter().zip(protocols).find(|(of, _)| of.len() < NotTested::LEAST_BLOCKS)
-        {
-            let why = NotTested::of(NotTestedReason::FewBlocks, &of.name);
-            return Self::none(NotTested { blocks: Some(few.len() as i64), ..why });
+        let few = blocks.iter().zip(protocols).find(|(of, _)| of.len() < LEAST_BLOCKS);
+        if let Some((_, of)) = few {
+            return Self::none(NotTested::of(NotTestedReason::FewBlocks, &of.name));
         }
         let left = left_by(shared.evaluator.objective, nearest);
         let rises: Option<Vec<f64>> = (0..DRAWS)

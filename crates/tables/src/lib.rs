@@ -72,7 +72,7 @@ pub use time::{UtcTime, time_text};
 pub use verdict::{
     Comparison, Contradiction, ContradictionKind, FitNotes, LINEAR_PART, LawKind, LawLike, Misfit,
     MisfitRms, MisfitRun, NoInterval, NoIntervalReason, NotTested, NotTestedReason, Outcome,
-    Resistance, Side,
+    Reason, Resistance, Side, Why,
 };
 
 use std::io::ErrorKind;

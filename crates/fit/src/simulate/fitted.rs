@@ -297,8 +297,7 @@ impl FittedSetup {
         let row = &self.known.row;
         let is_other = |parameter: &&Parameter| is_other(**parameter, &setup.robot, row);
         if let Some(other) = row.free.iter().find(is_other) {
-            let of = vec![other.name().to_owned()];
-            return Err(NoInterval { reason: NoIntervalReason::ParameterSet, of });
+            return Err(NoInterval::of(NoIntervalReason::ParameterSet, other.name()));
         }
         self.known.with_bands(&self.input, data, task)
     }

@@ -19,19 +19,9 @@ named! {
 named! {
     /// What resists a motion.
     pub enum Resistance {
-        ViscousRoll = "viscous-roll",
-        DryRoll = "dry-roll",
-        DryJoint = "dry-joint",
-    }
-}
-
-impl Resistance {
-    fn words(self) -> &'static str {
-        match self {
-            Self::ViscousRoll => "viscous roll resistance",
-            Self::DryRoll => "dry friction of rolling",
-            Self::DryJoint => "dry friction of the joint",
-        }
+        ViscousRoll = "viscous roll resistance",
+        DryRoll = "dry friction of rolling",
+        DryJoint = "dry friction of the joint",
     }
 }
 
@@ -59,7 +49,7 @@ impl Contradiction {
         let Self { kind, trial, missing, robot, quantity, unit, measured, configured } = self;
         match kind {
             ContradictionKind::MissingLaw => {
-                let missing: Vec<&str> = missing.iter().map(|of| of.words()).collect();
+                let missing: Vec<&str> = missing.iter().map(|of| of.name()).collect();
                 format!("{trial} shows {}, and {model} has none", missing.join(" and "))
             }
             ContradictionKind::WrongNumber => known([*measured, *configured], |[found, known]| {

@@ -4,18 +4,16 @@
 mod contradiction;
 mod law_like;
 mod misfit;
-mod no_interval;
-mod not_tested;
 mod notes;
 mod outcome;
+mod why;
 
 pub use contradiction::{Contradiction, ContradictionKind, Resistance};
 pub use law_like::{LINEAR_PART, LawKind, LawLike};
 pub use misfit::{Misfit, MisfitRms, MisfitRun, Side};
-pub use no_interval::{NoInterval, NoIntervalReason};
-pub use not_tested::{NotTested, NotTestedReason};
 pub use notes::FitNotes;
 pub use outcome::{Comparison, Outcome};
+pub use why::{NoInterval, NoIntervalReason, NotTested, NotTestedReason, Reason, Why};
 
 /// Defines a verdict that there may be none of: what it is, by a name, and its numbers. Its columns are those of
 /// an `Option`, each named by the row's field and an end.
