@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 use trilink_robot::Quantity;
-use trilink_tables::{Columns, ComparisonRow, FitRow, PredictionRow, Table};
+use trilink_tables::{Columns, Comparison, ComparisonRow, FitRow, PredictionRow, Table};
 
 use crate::common::{files, small_run, small_settings, succeed, text, trilink};
 
@@ -103,7 +103,9 @@ fn a_table_says_of_which_trials_the_noise_is_not_white() {
     assert_eq!(status, Some(0), "{said}");
     let compared: Vec<ComparisonRow> = rows("filtered/comparison.parquet");
     assert!(compared[0].trials_filtered == 1 && !is_tested("filtered"), "{compared:?}");
-    assert!(said.contains("export unfiltered"), "{said}");
+    let fits: Vec<FitRow> = rows("filtered/fits.parquet");
+    let sentence = Comparison::new(&compared, &fits).unwrap().to_string();
+    assert!(sentence.contains("export unfiltered"), "{sentence}");
     let (status, said) = fit("pink", &table(["true", "", "pink", "-", "true", "true"]));
     assert_eq!(status, Some(2), "{said}");
     let wrong = "line 4, column `noise_white`: found `pink`, needed true or false";
