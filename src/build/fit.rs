@@ -74,7 +74,7 @@ impl FitStage {
                 let status = status.to_string();
                 tracing::debug!(campaign, model = model.name(), j, status, "fit");
                 if !notes.is_empty() {
-                    tracing::warn!(campaign, model = model.name(), notes, "fit");
+                    tracing::warn!(campaign, model = model.name(), %notes, "fit");
                 }
             }
             FitEvent::Shared(SharedFitRow { robot, fit, .. }) => {

@@ -100,18 +100,12 @@ impl Stage for ReportStage {
         Work { sources, wanted, mut kept }: Work<Self>,
         steps: &Steps,
     ) -> Result<(Reported, StageState), RunError> {
-        let (mut svgs, mut pages) = (BTreeMap::new(), BTreeSet::new());
-        for (Target { name, .. }, (made, ())) in &kept {
-            match made.outputs.iter().find(|(file, _)| file.ends_with(".svg")) {
-                Some((file, stamp)) => {
-                    let path = self.home().join(file);
-                    let svg = stamp.content_of(&path).and_then(|svg| String::from_utf8(svg).ok());
-                    svgs.insert(name.clone(), svg.ok_or(StoreError::Changed { path })?);
-                }
-                None => drop(pages.insert(name.clone())),
-            }
-        }
-        let made = sources.write(&self.0, svgs, &pages, &steps.watch.cancel_token())?;
+        let of_kind = |kind: Kind| -> BTreeSet<String> {
+            let targets = kept.keys().filter(|target| target.kind == kind);
+            targets.map(|target| target.name.clone()).collect()
+        };
+        let (figures, pages) = (of_kind(Kind::Figure), of_kind(Kind::Page));
+        let made = sources.write(&self.0, &figures, &pages, &steps.watch.cancel_token())?;
         made.reported.missing.iter().for_each(|missing| tracing::warn!(missing, "not drawn"));
         steps.step(&format!("{} figures and pages", wanted.len() - kept.len()));
         let mut written = made.targets;

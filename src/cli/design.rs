@@ -9,8 +9,8 @@ use trilink_fit::design::{
 use trilink_fit::simulate::{FitSummary, KnownFits};
 use trilink_fit::{FitInformation, FitInput, KnownFit};
 use trilink_robot::{Gait, Model};
-use trilink_tables::Columns;
 use trilink_tables::config::{Config, did_you_mean};
+use trilink_tables::{Columns, NoInterval};
 
 use super::output::{note, say, write_json};
 use super::parse::{Omegas, parse_numbers, parse_omegas};
@@ -86,7 +86,7 @@ impl Design {
         }
         let gaits = self.gaits(config)?;
         let size = [self.add, self.repeats].map(|of| of as usize);
-        let of_model = |name: &str, why: String| format!("{} {name}: {why}", self.campaign);
+        let of_model = |name: &str, why: NoInterval| format!("{} {name}: {why}", self.campaign);
         let rival = self.tell.as_deref().map(|name| Ok::<_, Failure>((name, fit(name)?)));
         let advice = match rival.transpose()? {
             Some((name, _)) if name == model => {

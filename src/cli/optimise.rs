@@ -13,7 +13,7 @@ use trilink_report::{FigureFile, optimum_drawing};
 use trilink_robot::metrics::FromRest;
 use trilink_robot::{Gait, JointCommand};
 use trilink_tables::config::{Config, did_you_mean};
-use trilink_tables::{Extrapolation, Objective, OptimumRow};
+use trilink_tables::{Extrapolation, NoInterval, Objective, OptimumRow};
 
 use super::output::{note, say};
 use super::parse::{finite, low_high, positive};
@@ -219,7 +219,7 @@ impl Optimise {
         search: &Search,
         found: &Found,
         present: Option<&Optimum>,
-        certainty: &Result<Certainty, String>,
+        certainty: &Result<Certainty, NoInterval>,
         rows: &[OptimumRow],
     ) -> Result<Outcome, Failure> {
         let objective = search.objective;

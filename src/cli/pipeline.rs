@@ -12,7 +12,8 @@ use trilink_synth::{Recipe, planted_models};
 use trilink_tables::config::Campaign;
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE};
 use trilink_tables::{
-    FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus, is_there,
+    Comparison, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
+    is_there,
 };
 
 use super::output::{note, say};
@@ -226,7 +227,9 @@ pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
 pub(super) fn print_fitted(Fitted { fits, comparison, shared, .. }: &Fitted) {
     print_fits(fits);
     for models in comparison.chunk_by(|a, b| a.campaign == b.campaign) {
-        say!("{}: {}", models[0].campaign, models[0].sentence);
+        if let Some(compared) = Comparison::new(models, fits) {
+            say!("{}: {compared}", models[0].campaign);
+        }
     }
     for row in shared {
         let SharedFitRow { robot, fit, .. } = row;

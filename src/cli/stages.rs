@@ -115,9 +115,10 @@ impl Fit {
 /// Says what was fitted to a table that was made elsewhere, and where there are no intervals.
 fn say_fitted_own(fitted: &Fitted, home: &Path) -> Outcome {
     pipeline::print_fitted(fitted);
-    let without = fitted.fits.iter().filter(|fit| !fit.no_interval.is_empty());
-    for FitRow { campaign, model, no_interval, .. } in without {
-        note!("{campaign} {model}: no confidence limits, because {no_interval}");
+    for FitRow { campaign, model, no_interval, .. } in &fitted.fits {
+        if let Some(why) = no_interval {
+            note!("{campaign} {model}: no confidence limits, because {why}");
+        }
     }
     say!("tables in {}", home.display());
     Outcome::well_if(fitted.fits.iter().all(|fit| fit.status.is_ok()))

@@ -275,12 +275,19 @@ fn the_tables_have_the_documented_columns() {
         fit.chain(values).collect::<Vec<_>>().join(" ")
     };
     let laws = ["viscous", "coulomb", "coulomb_viscous"].map(of_law).join(" ");
+    let misfit = |nth: usize| {
+        let parts = "side metric campaign least most from_rad_s to_rad_s";
+        parts.split(' ').map(|part| format!("misfit{nth}_{part} ")).collect::<String>()
+    };
+    let misfit: String = (0..3).map(misfit).collect();
     const SHARED: &str = "shared_fits.parquet";
     let fits = format!(
-        "campaign model gait_input {parameters} {limits} no_interval free measured identifiable \
-         practically_not structurally_not law_is_like at_bound j lack_of_fit lack_of_fit_limit \
+        "campaign model gait_input {parameters} {limits} no_interval no_interval_of free measured identifiable \
+         practically_not structurally_not law_is_like law_is_like0_kg_s law_is_like1_kg_s law_is_like2_kg_s at_bound j lack_of_fit lack_of_fit_limit \
          lack_of_fit_d lack_of_fit_v lack_of_fit_sigma lack_of_fit_alpha \
-         autocorrelation autocorrelation_limit runs runs_limit adequate misfit sharing notes \
+         autocorrelation autocorrelation_limit runs runs_limit adequate {misfit} misfit_rms_d misfit_rms_v misfit_rms_sigma0 misfit_rms_sigma1 \
+         misfit_rms_sigma2 misfit_rms_alpha1 sharing raw_skid_trials missing_metrics \
+         few_frequencies \
          trials starts starts_reached starts_failed resumed solves status"
     );
     for (name, columns) in [
@@ -334,7 +341,7 @@ fn the_tables_have_the_documented_columns() {
         ("alternative_fits.parquet".to_owned(), fits.clone()),
         (
             SHARED.to_owned(),
-            format!("robot campaigns {fits} j_separate rise rise_limit p_value not_tested"),
+            format!("robot campaigns {fits} j_separate rise rise_limit p_value not_tested not_tested_of"),
         ),
         (
             "starts.parquet".to_owned(),
@@ -355,14 +362,16 @@ fn the_tables_have_the_documented_columns() {
         (
             "comparison.parquet".to_owned(),
             "campaign model j j_d j_v j_sigma j_alpha j_left_out j_extrapolated \
-             extrapolated_above_rad_s free terms criterion wins preferred tell_omega_rad_s tell_metric \
-             tell_standard_errors status sentence"
+             extrapolated_above_rad_s free terms criterion wins rank preferred rival tell_omega_rad_s tell_metric \
+             tell_standard_errors status outcome contradiction contradiction_trial contradiction_missing \
+             contradiction_robot contradiction_quantity contradiction_unit contradiction_measured \
+             contradiction_configured replicates trials_without_metrics trials_filtered"
                 .to_owned(),
         ),
         (
             "predictions.parquet".to_owned(),
             format!(
-                "campaign model trial omega_rad_s source {} no_interval j status from_rest",
+                "campaign model trial omega_rad_s source {} no_interval no_interval_of j status from_rest",
                 metrics.split(' ').map(|of| format!("{of} {of}_lo {of}_hi")).collect::<Vec<_>>().join(" ")
             ),
         ),

@@ -371,7 +371,7 @@ fn fitted_coefficients_are_those_of_the_preferred_model() {
     assert!((-1e-6..1e-3).contains(&number(&best, "regret_hi")), "{best}");
     let (named, said) = found(&["--fitted", "--model", "skid-roll", "--replicates", "0"]);
     assert!(best["value"] == named["value"] && !said.contains("prefers"), "{said}");
-    assert_eq!(named["no_interval"], "no replicates were asked for");
+    assert_eq!(named["no_interval"], "no-replicates");
     assert!(named["value_lo"].is_null() && named["replicates"].is_null(), "{named}");
     // The trials were made with these.
     let (known, _) = found(&["--model", "skid-roll", "--set", "skid_kg_s=104,34,45"]);

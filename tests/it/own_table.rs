@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use tempfile::TempDir;
 use trilink_robot::Quantity;
-use trilink_tables::{Columns, ComparisonRow, FitRow, PredictionRow, Table};
+use trilink_tables::{Columns, Comparison, ComparisonRow, FitRow, PredictionRow, Table};
 
 use crate::common::{files, small_run, small_settings, succeed, text, trilink};
 
@@ -78,7 +78,7 @@ fn with_d_and_v_alone_the_fit_says_what_is_missing_and_has_no_intervals() {
         assert!(skid.lower[parameter].is_nan() && skid.upper[parameter].is_nan());
     }
     let predictions: Vec<PredictionRow> = rows("two/predictions.parquet");
-    assert!(predictions.iter().all(|row| !row.no_interval.is_empty()));
+    assert!(predictions.iter().all(|row| row.no_interval.is_some()));
 }
 
 #[test]
@@ -102,8 +102,10 @@ fn a_table_says_of_which_trials_the_noise_is_not_white() {
     let (status, said) = fit("filtered", &table(["true", "", "false", "-", "true", "true"]));
     assert_eq!(status, Some(0), "{said}");
     let compared: Vec<ComparisonRow> = rows("filtered/comparison.parquet");
-    let sentence = &compared[0].sentence;
-    assert!(sentence.contains("export unfiltered") && !is_tested("filtered"), "{sentence}");
+    assert!(compared[0].trials_filtered == 1 && !is_tested("filtered"), "{compared:?}");
+    let fits: Vec<FitRow> = rows("filtered/fits.parquet");
+    let sentence = Comparison::new(&compared, &fits).unwrap().to_string();
+    assert!(sentence.contains("export unfiltered"), "{sentence}");
     let (status, said) = fit("pink", &table(["true", "", "pink", "-", "true", "true"]));
     assert_eq!(status, Some(2), "{said}");
     let wrong = "line 4, column `noise_white`: found `pink`, needed true or false";

@@ -30,6 +30,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
 use trilink_statistics::{mean, quantiles_low};
+use trilink_tables::{Misfit, MisfitRms, MisfitRun, Side};
 
 use super::fitted_point::FittedPoint;
 use super::least_absolute::{dot, minimise};
@@ -48,8 +49,6 @@ const RADIUS: f64 = 1.0;
 const LEAST_PATTERN: usize = 5;
 /// Standard deviations below which a residual is one of those that the fit has made zero.
 const ZERO: f64 = 1e-4;
-/// Metrics that a misfit names at most.
-const MOST_NAMED: usize = 3;
 
 /// The result of the test. Ratios are NaN where nothing tells the noise, as of filtered coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,9 +62,9 @@ pub(super) struct Adequacy {
     /// The fewest, over the number of independent residuals', and its limit.
     pub runs: [f64; 2],
     pub is_adequate: Option<bool>,
-    /// Where and to which side the measurements are off, or by how much where nothing tells the noise; empty
+    /// Where and to which side the measurements are off, or by how much where nothing tells the noise; `None`
     /// for an adequate model, and for one with as many coefficients as measurements.
-    pub misfit: String,
+    pub misfit: Option<Misfit>,
 }
 
 impl Adequacy {
@@ -75,7 +74,7 @@ impl Adequacy {
         autocorrelation: [f64::NAN; 2],
         runs: [f64::NAN; 2],
         is_adequate: None,
-        misfit: String::new(),
+        misfit: None,
     };
 
     /// Tests a fit all motions of which exist.
@@ -147,14 +146,14 @@ impl Adequacy {
         // v errs as d does.
         let has_d = off.contains(&Metric::D);
         off.retain(|i| *i != Metric::V || !has_d);
-        let named = off.into_iter().take(MOST_NAMED).filter_map(|i| where_off(&terms, i));
+        let named = off.into_iter().take(Misfit::MOST).filter_map(|i| where_off(&terms, i));
         Self {
             lack_of_fit,
             by_metric,
             autocorrelation,
             runs,
             is_adequate: Some(is_adequate),
-            misfit: named.collect::<Vec<_>>().join("; "),
+            misfit: Misfit::off(named.collect()),
         }
     }
 }
@@ -366,8 +365,8 @@ fn runs(series: &[f64]) -> f64 {
 }
 
 /// Of a metric's residuals of one sign at neighbouring frequencies those that are the furthest
-/// off: by how much, to which side and where.
-fn where_off(terms: &[Term], metric: Metric) -> Option<String> {
+/// off.
+fn where_off(terms: &[Term], metric: Metric) -> Option<MisfitRun> {
     let known = terms.iter().filter(|term| term.metric == metric && term.deviation > 0.0);
     let known: Vec<&Term> = known.collect();
     let size = |term: &&Term| (term.value / term.deviation).abs();
@@ -379,50 +378,39 @@ fn where_off(terms: &[Term], metric: Metric) -> Option<String> {
         sum(a).total_cmp(&sum(b))
     })?;
     // Predicted over measured, less 1, as measured over predicted.
-    let percent = |term: &&Term| 100.0 * (1.0 / (1.0 + term.value) - 1.0).abs();
+    let part = |term: &&Term| (1.0 / (1.0 + term.value) - 1.0).abs();
     // The fit may have brought all of them near.
-    let most = furthest.iter().map(size).fold(0.0, f64::max);
-    let off = furthest.iter().filter(|term| size(term) >= most.min(1.0));
+    let largest = furthest.iter().map(size).fold(0.0, f64::max);
+    let off = furthest.iter().filter(|term| size(term) >= largest.min(1.0));
     let off: Vec<&&Term> = off.collect();
     let (first, last) = (off.first()?, off.last()?);
-    let [low, high] = trilink_statistics::extremes(off.iter().map(|term| percent(term)));
-    let side = if first.value > 0.0 { "below" } else { "above" };
-    let [from, to] = [first.omega_rad_s, last.omega_rad_s];
-    let at = if from == to { format!("{to} rad/s") } else { format!("{from} to {to} rad/s") };
-    let of = match first.campaign {
-        "" => String::new(),
-        campaign => format!("{campaign}: "),
+    let [least, most] = trilink_statistics::extremes(off.iter().map(|term| part(term)));
+    let (side, [least, most]) = match (least.is_finite(), most.is_finite()) {
+        (false, _) => (Side::Absent, [f64::NAN; 2]),
+        // It has none at some of the frequencies.
+        (true, is_everywhere) => {
+            let side = if first.value > 0.0 { Side::Below } else { Side::Above };
+            (side, [least, if is_everywhere { most } else { least }])
+        }
     };
-    if low.is_infinite() {
-        return Some(format!("{of}the model has no {metric} at {at}"));
-    }
-    // It has none at some of the frequencies.
-    let high = if high.is_finite() { high } else { low };
-    let [low, high] = [low, high].map(two_digits);
-    let by = if low == high { high } else { format!("{low} to {high}") };
-    Some(format!("{of}{metric} is measured {by} % {side} the model at {at}"))
+    Some(MisfitRun {
+        side,
+        metric,
+        campaign: first.campaign.to_owned(),
+        least,
+        most,
+        from_rad_s: first.omega_rad_s,
+        to_rad_s: last.omega_rad_s,
+    })
 }
 
 /// By how much each metric is off, where there is no noise to compare that with.
-fn how_far_off(terms: &[Term]) -> String {
-    let of_metric = |metric: Metric| {
-        let squares =
-            terms.iter().filter(|term| term.metric == metric).map(|term| term.value.powi(2));
-        let percent = 100.0 * mean(squares).sqrt();
-        percent.is_finite().then(|| format!("{} % in {metric}", two_digits(percent)))
-    };
-    let off: Vec<String> = Metric::FITTED.into_iter().filter_map(of_metric).collect();
-    if off.is_empty() {
-        String::new()
-    } else {
-        format!("the model is off by {} (RMS)", off.join(", "))
-    }
-}
-
-/// A positive number with two digits, or all of those before the point.
-fn two_digits(value: f64) -> String {
-    let decimals = (1.0 - value.abs().max(1e-9).log10().floor()).max(0.0) as usize;
-    format!("{value:.decimals$}")
+fn how_far_off(terms: &[Term]) -> Option<Misfit> {
+    let [d, v, sigma @ .., alpha1] = Metric::FITTED.map(|metric| {
+        let of_metric = terms.iter().filter(|term| term.metric == metric);
+        mean(of_metric.map(|term| term.value.powi(2))).sqrt()
+    });
+    Misfit::rms(MisfitRms { d, v, sigma, alpha1 })
 }
 
 #[cfg(test)]
@@ -492,27 +480,26 @@ mod tests {
         // Predicted over measured, less 1.
         let values = [(0.5, -0.03), (1.0, 0.002), (2.0, -0.02), (3.0, 0.25), (4.0, 1.0 / 3.0)];
         let terms: Vec<Term> = values.into_iter().map(term).collect();
+        let said = |terms: &[Term]| where_off(terms, Metric::Sigma0).map(|run| run.to_string());
         assert_eq!(
-            where_off(&terms, Metric::Sigma0).as_deref(),
+            said(&terms).as_deref(),
             Some("sigma0 is measured 20 to 25 % below the model at 3 to 4 rad/s")
         );
         assert_eq!(
-            where_off(&terms[..1], Metric::Sigma0).as_deref(),
+            said(&terms[..1]).as_deref(),
             Some("sigma0 is measured 3.1 % above the model at 0.5 rad/s")
         );
         // The least that is off is where it is furthest off.
         assert_eq!(
-            where_off(&terms[1..2], Metric::Sigma0).as_deref(),
+            said(&terms[1..2]).as_deref(),
             Some("sigma0 is measured 0.20 % below the model at 1 rad/s")
         );
         assert_eq!(where_off(&terms, Metric::D), None);
-        assert_eq!(how_far_off(&terms[3..]), "the model is off by 29 % in sigma0 (RMS)");
-        assert_eq!(how_far_off(&[]), "");
+        let rms = how_far_off(&terms[3..]).map(|misfit| misfit.to_string());
+        assert_eq!(rms.as_deref(), Some("the model is off by 29 % in sigma0 (RMS)"));
+        assert_eq!(how_far_off(&[]), None);
         // A model without skid.
         let none = [(0.5, -1.0), (1.0, -1.0)].map(term);
-        assert_eq!(
-            where_off(&none, Metric::Sigma0).as_deref(),
-            Some("the model has no sigma0 at 0.5 to 1 rad/s")
-        );
+        assert_eq!(said(&none).as_deref(), Some("the model has no sigma0 at 0.5 to 1 rad/s"));
     }
 }

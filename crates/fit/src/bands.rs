@@ -17,6 +17,7 @@ use trilink_robot::metrics::{ByMetric, GaitMetrics, Metric};
 use trilink_robot::{Parameter, Robot};
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::GaitInput;
+use trilink_tables::{NoInterval, NoIntervalReason};
 
 use super::alternatives::Alternatives;
 use super::fitted_point::FittedPoint;
@@ -36,14 +37,14 @@ const NOTHING: f64 = 10.0 * FIT_ACCURACY;
 /// Changes of the metrics.
 type Changes = ByMetric<f64>;
 
-/// Why a motion has no band, and what to do about it.
-pub(super) fn explained(error: &MotionError) -> String {
-    match error {
-        MotionError::GaitUnknown => {
-            format!("{error}; gait_input = \"commanded\" under [fit] does without")
-        }
-        _ => error.to_string(),
-    }
+/// That a motion has no band, as the fit to a resample has no motion there.
+pub(super) fn without_resample(error: &MotionError) -> NoInterval {
+    let reason = match error {
+        MotionError::GaitUnknown => NoIntervalReason::ResampleGaitUnknown,
+        MotionError::Singular { .. } => NoIntervalReason::ResampleSingular,
+        _ => NoIntervalReason::ResampleDiverged,
+    };
+    reason.into()
 }
 
 /// How far a motion's metrics may be off.

@@ -1,8 +1,7 @@
 //! Which of a campaign's models the measurements prefer, and by how much.
 
-use trilink_base::text::known;
 use trilink_robot::Model;
-use trilink_tables::{ComparisonRow, FitRow};
+use trilink_tables::{ComparisonRow, Contradiction, FitRow, Outcome};
 
 use super::Fitted;
 use super::resampler::Resampler;
@@ -11,39 +10,39 @@ use super::tell_apart::{Noise, Tell};
 /// Part of the replicates from which on a model is clearly preferred.
 const CLEARLY: f64 = 0.95;
 
-/// Predictions whose objectives differ by less than this part are as good as each other.
-const ALIKE: f64 = 0.05;
-
 /// Completes the rows of a comparison of a campaign, with so many trials `without` metrics, by what needs all
-/// of its models. Where none is known to fit, what `contradicts` the configuration by the nearest one is said.
+/// of its models, and by what `contradicts` each.
 pub(super) fn complete(
     models: &mut [Fitted],
     without: usize,
     resampler: &Resampler,
     replicates: usize,
-    contradicts: impl Fn(Model) -> Option<String>,
+    contradicts: impl Fn(Model) -> Option<Contradiction>,
 ) {
     let criteria =
         |model: &Fitted| model.bootstrap.iter().map(|row| row.criterion_resampled).collect();
     let frequencies = selection_frequencies(&models.iter().map(criteria).collect::<Vec<_>>());
-    for (model, frequency) in models.iter_mut().zip(frequencies) {
-        model.comparison.iter_mut().for_each(|row| row.wins = frequency);
-    }
-    let both = models.iter().flat_map(|model| model.comparison.iter().zip(&model.fits));
-    let ranked = ranked(both.collect());
-    let preferred = ranked.first().map(|(row, _)| row.model);
     let filtered = resampler.measurements.iter().filter(|of| of.is_filtered).count();
-    let sentence = fitted_to(resampler.measurements.len(), without)
-        + &sentence(&ranked, replicates, filtered, contradicts);
-    let is_preferred = |model: &&Fitted| model.fits.iter().any(|fit| Some(fit.model) == preferred);
+    for (model, frequency) in models.iter_mut().zip(frequencies) {
+        for row in &mut model.comparison {
+            row.wins = frequency;
+            row.contradiction = contradicts(row.model);
+            row.replicates = replicates as i64;
+            row.trials_without_metrics = without as i64;
+            row.trials_filtered = filtered as i64;
+        }
+    }
+    let both = models
+        .iter_mut()
+        .flat_map(|Fitted { comparison, fits, .. }| comparison.iter_mut().zip(&*fits));
+    judge(both.collect());
+    let is_preferred = |model: &&Fitted| model.comparison.iter().any(|row| row.preferred);
     let best = models.iter().find(is_preferred).map_or(&[][..], |best| &best.predictions);
     let noise = Noise::new(resampler);
     let tell = |model: &Fitted| noise.tell(best, &model.predictions);
     let tells: Vec<Option<Tell>> = models.iter().map(tell).collect();
     for (model, tell) in models.iter_mut().zip(tells) {
         for row in &mut model.comparison {
-            row.sentence.clone_from(&sentence);
-            row.preferred = Some(row.model) == preferred;
             // Rows of a former run may have one from when another model was preferred.
             let tell = tell.as_ref().filter(|_| !row.preferred);
             row.tell_omega_rad_s = tell.map_or(f64::NAN, |tell| tell.omega_rad_s);
@@ -51,6 +50,41 @@ pub(super) fn complete(
             row.tell_standard_errors = tell.map_or(f64::NAN, |tell| tell.standard_errors);
         }
     }
+}
+
+/// Says of the rows of a campaign which model is preferred, and how clearly.
+fn judge(mut models: Vec<(&mut ComparisonRow, &FitRow)>) {
+    for (row, _) in &mut models {
+        (row.rank, row.preferred, row.rival) = (0, false, false);
+        row.outcome = Outcome::NoFit;
+    }
+    let (mut models, without_fit): (Vec<_>, Vec<_>) =
+        models.into_iter().partition(|(row, _)| row.criterion.is_finite());
+    // Those that fit before others, and by their criterion.
+    models.sort_by(|(a, fit_a), (b, fit_b)| {
+        adequacy_rank(fit_a).cmp(&adequacy_rank(fit_b)).then(a.criterion.total_cmp(&b.criterion))
+    });
+    let Some((first, fit)) = models.first() else { return };
+    let (best, criterion) = (adequacy_rank(fit), first.criterion);
+    let has_nearer = models.iter().any(|(row, _)| row.criterion < criterion);
+    // Models that fit as well as the preferred one, and have the lowest criterion in so many replicates
+    // that it is not clearly so.
+    let is_rival = |row: &ComparisonRow, fit: &FitRow| adequacy_rank(fit) == best && row.wins > 0.0;
+    let others = models.iter().skip(1).filter(|(row, fit)| is_rival(row, fit));
+    let is_clear = others.map(|(row, _)| row.wins).sum::<f64>() <= 1.0 - CLEARLY;
+    let outcome = match (best, has_nearer) {
+        _ if models.len() == 1 => Outcome::OnlyOne,
+        (2, _) => Outcome::NoneFits,
+        (0, true) => Outcome::FitsAlone,
+        (_, true) => Outcome::MayFit,
+        _ if is_clear => Outcome::Clear,
+        _ => Outcome::Unclear,
+    };
+    for (nth, (row, fit)) in models.into_iter().enumerate() {
+        (row.rank, row.preferred, row.outcome) = (nth as i64 + 1, nth == 0, outcome);
+        row.rival = nth > 0 && !is_clear && is_rival(row, fit);
+    }
+    without_fit.into_iter().for_each(|(row, _)| row.outcome = outcome);
 }
 
 /// Selection frequency of each model: the part of the replicates in which its criterion is the
@@ -74,190 +108,28 @@ fn selection_frequencies(criteria: &[Vec<f64>]) -> Vec<f64> {
     won.into_iter().zip(criteria).map(part).collect()
 }
 
-/// A model as it compares with the others, and as it was fitted.
-type Candidate<'f> = (&'f ComparisonRow, &'f FitRow);
-
 /// How a model fits: it does, that is not known, it does not.
-fn rank(fit: &FitRow) -> usize {
+fn adequacy_rank(fit: &FitRow) -> usize {
     [Some(true), None].iter().position(|adequate| *adequate == fit.adequate).unwrap_or(2)
-}
-
-/// The models that have a fit, the preferred one first: those that fit before others, and by their
-/// criterion.
-fn ranked(mut models: Vec<Candidate>) -> Vec<Candidate> {
-    models.retain(|(row, _)| row.criterion.is_finite());
-    models.sort_by(|(a, fit_a), (b, fit_b)| {
-        rank(fit_a).cmp(&rank(fit_b)).then(a.criterion.total_cmp(&b.criterion))
-    });
-    models
-}
-
-/// Models that fit as well as the preferred one, and have the lowest criterion in so many replicates
-/// that it is not clearly so; none where it is.
-fn rivals<'f>(ranked: &[Candidate<'f>]) -> Vec<&'f ComparisonRow> {
-    let Some((&(_, fit), others)) = ranked.split_first() else { return Vec::new() };
-    let rivals = others.iter().filter(|(row, other)| rank(other) == rank(fit) && row.wins > 0.0);
-    let rivals: Vec<&ComparisonRow> = rivals.map(|(row, _)| *row).collect();
-    let wins: f64 = rivals.iter().map(|row| row.wins).sum();
-    if wins <= 1.0 - CLEARLY { Vec::new() } else { rivals }
 }
 
 /// Of one campaign's rows: the preferred model and after it those that it is not told apart from; none
 /// without a fit.
-pub fn preferred(comparison: &[ComparisonRow], fits: &[FitRow]) -> Vec<Model> {
-    let fit_of = |row: &ComparisonRow| fits.iter().find(|fit| fit.model == row.model);
-    let both = comparison.iter().filter_map(|row| Some((row, fit_of(row)?)));
-    let ranked = ranked(both.collect());
-    let first = ranked.first().map(|(row, _)| *row).into_iter();
-    first.chain(rivals(&ranked)).map(|row| row.model).collect()
-}
-
-/// Of how many of its trials a campaign's fits are, if not of all.
-fn fitted_to(measured: usize, without: usize) -> String {
-    match (measured, without) {
-        (0, _) | (_, 0) => String::new(),
-        _ => {
-            let trials = measured + without;
-            format!("Fitted to {measured} of {trials} trials: the others have no metrics. ")
-        }
-    }
-}
-
-/// Why the noise is unknown if trials are filtered.
-fn filtered_why(filtered: usize) -> String {
-    let trials = match filtered {
-        1 => "1 trial was".to_owned(),
-        several => format!("{several} trials were"),
-    };
-    format!(
-        "{trials} filtered before the export (W026: export unfiltered), so that nothing tells the noise"
-    )
-}
-
-/// The outcome of a campaign's comparison, in a sentence; so many of its trials are filtered.
-fn sentence(
-    ranked: &[Candidate],
-    replicates: usize,
-    filtered: usize,
-    contradicts: impl Fn(Model) -> Option<String>,
-) -> String {
-    let Some(&(first, fit)) = ranked.first() else {
-        return "No model of this campaign has a fit.".to_owned();
-    };
-    let lowest = |value: fn(&ComparisonRow) -> f64| {
-        let known = ranked.iter().filter(|(row, _)| !value(row).is_nan());
-        known.min_by(|(a, _), (b, _)| value(a).total_cmp(&value(b)))
-    };
-    let rivals = rivals(ranked);
-    let is_clear = rivals.is_empty();
-    let nearer = lowest(|row| row.criterion).filter(|(row, _)| row.model != first.model);
-    let model = first.model;
-    let mut text = match (rank(fit), nearer) {
-        _ if ranked.len() == 1 => format!("Only {model} has a fit"),
-        (2, _) => format!("None fits; {model} is the best of those"),
-        (0, Some((nearer, fit))) => {
-            let whether = if rank(fit) == 2 { "does not fit" } else { "may not fit" };
-            format!("The data fit {model}; {} is nearer and {whether}", nearer.model)
-        }
-        (_, Some((nearer, _))) => {
-            format!("{model} is nearest of those that may fit; {} does not fit", nearer.model)
-        }
-        _ if is_clear => format!("The data prefer {model}"),
-        _ => format!("The data do not clearly prefer one model; {model} is nearest"),
-    };
-    if !is_clear {
-        let names: Vec<&str> = rivals.iter().map(|row| row.model.name()).collect();
-        text += &format!(" and not told apart from {}", names.join(", "));
-    }
-    text += &known([first.j], |[j]| format!(": J = {j:.4}"));
-    if let Some((second, _)) = ranked.get(1) {
-        let numbers = [first.criterion, second.criterion, second.j];
-        text += &known(numbers, |[ours, other, j]| {
-            format!(
-                " with {} free, criterion {ours:.1} against {other:.1} of {} (J = {j:.4} with {})",
-                first.free, second.model, second.free
-            )
-        });
-    }
-    if first.wins.is_finite() && ranked.len() > 1 {
-        let won = (first.wins * replicates as f64).round();
-        text += &format!(", the lowest in {won} of {replicates} replicates");
-    }
-    let FitRow { lack_of_fit, lack_of_fit_limit, misfit, .. } = fit;
-    let ratio = known([*lack_of_fit, *lack_of_fit_limit], |[ratio, limit]| {
-        format!(
-            "J is {ratio:.2} times what noise alone leaves, of which up to {limit:.2} would be noise"
-        )
-    });
-    let reasons = match fit.adequate {
-        Some(true) => vec![ratio],
-        Some(false) => vec![ratio, misfit.clone()],
-        None => vec![misfit.clone()],
-    };
-    let reasons =
-        reasons.into_iter().filter(|reason| !reason.is_empty()).collect::<Vec<_>>().join("; ");
-    let verdict = match fit.adequate {
-        Some(true) => "it fits".to_owned(),
-        Some(false) if ranked.len() == 1 => "it does not fit".to_owned(),
-        // Said at the beginning.
-        Some(false) => String::new(),
-        None => {
-            let why = match (first.terms <= first.free, filtered) {
-                (true, _) => "there are no more measurements than free coefficients".to_owned(),
-                (false, 0) => "nothing tells the noise".to_owned(),
-                (false, filtered) => filtered_why(filtered),
-            };
-            format!("whether it fits is not known, since {why}")
-        }
-    };
-    text += &match (&*verdict, &*reasons) {
-        ("", "") => String::new(),
-        ("", one) | (one, "") => format!("; {one}"),
-        (verdict, reasons) if fit.adequate.is_none() => format!("; {verdict}: {reasons}"),
-        (verdict, reasons) => format!("; {verdict} ({reasons})"),
-    };
-    let cause = contradicts(model).filter(|_| fit.adequate != Some(true));
-    text += &cause.map_or(String::new(), |cause| format!("; {cause}"));
-    if ranked.len() == 1 {
-        return text + ".";
-    }
-    let is_alike = |ours: f64, best: f64| ours <= (1.0 + ALIKE) * best;
-    if let Some((best, _)) = lowest(|row| row.j_left_out) {
-        text += &known([first.j_left_out, best.j_left_out], |[ours, least]| match best.model {
-            _ if best.model == model => {
-                format!("; it predicts left-out frequencies best ({least:.4})")
-            }
-            other if is_alike(ours, least) => format!(
-                "; it predicts left-out frequencies as well as {other} ({ours:.4} and {least:.4})"
-            ),
-            other => format!(
-                "; left-out frequencies are predicted better by {other} ({least:.4} against \
-                 {ours:.4})"
-            ),
-        });
-    }
-    if let Some((best, _)) = lowest(|row| row.j_extrapolated) {
-        let numbers = [first.j_extrapolated, best.j_extrapolated, best.extrapolated_above_rad_s];
-        text += &known(numbers, |[ours, least, above_rad_s]| match is_alike(ours, least) {
-            true => String::new(),
-            false => format!(
-                "; fitted up to {above_rad_s} rad/s, what is above is predicted better by {} \
-                 ({least:.4} against {ours:.4})",
-                best.model
-            ),
-        });
-    }
-    text + "."
+pub fn preferred(comparison: &[ComparisonRow]) -> Vec<Model> {
+    let mut rows: Vec<_> = comparison.iter().filter(|row| row.preferred || row.rival).collect();
+    rows.sort_by_key(|row| row.rank);
+    rows.into_iter().map(|row| row.model).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use trilink_mechanics::Model;
-    use trilink_tables::Columns as _;
+    use trilink_tables::{
+        Columns as _, Comparison, ContradictionKind, Misfit, MisfitRms, MisfitRun, Resistance, Side,
+    };
 
     use super::*;
-
-    const CAUSE: &str = "push measures twice what is configured";
+    use trilink_robot::metrics::Metric;
 
     fn row(model: Model, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
         let criterion = 100.0 * j.ln();
@@ -266,21 +138,55 @@ mod tests {
         ComparisonRow { model, j, j_left_out, wins, criterion, free, terms, ..blank }
     }
 
+    /// Rows and fits of models with their outcome.
+    fn judged(rows: &[ComparisonRow], fits: &[FitRow]) -> (Vec<ComparisonRow>, Vec<FitRow>) {
+        let (mut rows, mut fits) = (rows.to_vec(), fits.to_vec());
+        rows.iter_mut().for_each(|row| row.replicates = 200);
+        fits.iter_mut().zip(&rows).for_each(|(fit, row)| fit.model = row.model);
+        judge(rows.iter_mut().zip(&fits).collect());
+        (rows, fits)
+    }
+
+    fn sentence(rows: &[ComparisonRow], fits: &[FitRow]) -> String {
+        let (rows, fits) = judged(rows, fits);
+        Comparison::new(&rows, &fits).expect("rows").to_string()
+    }
+
     fn of(rows: &[ComparisonRow], adequate: &[Option<bool>]) -> String {
         let fit = |adequate: &Option<bool>| FitRow {
             adequate: *adequate,
             lack_of_fit: if *adequate == Some(true) { 1.1 } else { 12.0 },
             lack_of_fit_limit: 1.5,
             misfit: match adequate {
-                Some(_) => {
-                    "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s".to_owned()
-                }
-                None => "the model is off by 12 % in d (RMS)".to_owned(),
+                Some(_) => Misfit::off(vec![MisfitRun {
+                    side: Side::Above,
+                    metric: Metric::D,
+                    campaign: String::new(),
+                    least: 0.07,
+                    most: 1.19,
+                    from_rad_s: 4.5,
+                    to_rad_s: 6.0,
+                }]),
+                None => Misfit::rms(MisfitRms { d: 0.12, ..MisfitRms::blank() }),
             },
             ..FitRow::blank()
         };
         let fits: Vec<FitRow> = adequate.iter().map(fit).collect();
-        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, 0, |_| Some(CAUSE.to_owned()))
+        let contradiction = Some(Contradiction {
+            kind: ContradictionKind::MissingLaw,
+            trial: "push".to_owned(),
+            missing: vec![Resistance::DryRoll],
+            robot: String::new(),
+            quantity: String::new(),
+            unit: String::new(),
+            measured: f64::NAN,
+            configured: f64::NAN,
+        });
+        let told = |row: &ComparisonRow| ComparisonRow {
+            contradiction: contradiction.clone(),
+            ..row.clone()
+        };
+        sentence(&rows.iter().map(told).collect::<Vec<_>>(), &fits)
     }
 
     #[test]
@@ -306,8 +212,8 @@ mod tests {
         assert!(
             none.contains(
                 "; J is 12.00 times what noise alone leaves, of which up to 1.50 would be noise; d \
-                 is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s; push measures twice \
-                 what is configured; it predicts"
+                 is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s; push shows dry \
+                 friction of rolling, and skid-roll has none; it predicts"
             ),
             "{none}"
         );
@@ -350,17 +256,14 @@ mod tests {
     fn what_is_preferred_is_named_with_what_it_is_not_told_apart_from() {
         let rows = [row(Model::SKID, 0.31, 0.33, 0.4), row(Model::SKID_ROLL, 0.30, 0.35, 0.6)];
         let of = |adequate: [bool; 2]| {
-            let fit = |(row, adequate): (&ComparisonRow, bool)| FitRow {
-                model: row.model,
-                adequate: Some(adequate),
-                ..FitRow::blank()
-            };
-            preferred(&rows, &rows.iter().zip(adequate).map(fit).collect::<Vec<_>>())
+            let fits =
+                adequate.map(|adequate| FitRow { adequate: Some(adequate), ..FitRow::blank() });
+            preferred(&judged(&rows, &fits).0)
         };
         assert_eq!(of([true; 2]), [Model::SKID_ROLL, Model::SKID]);
         assert_eq!(of([false, true]), [Model::SKID_ROLL]);
         assert_eq!(of([true, false]), [Model::SKID]);
-        assert!(preferred(&rows, &[]).is_empty());
+        assert!(preferred(&rows).is_empty());
     }
 
     #[test]
@@ -440,8 +343,7 @@ mod tests {
                         7 => fits[lacking].lack_of_fit_limit = f64::NAN,
                         _ => {}
                     }
-                    let text =
-                        sentence(&ranked(rows.iter().zip(&fits).collect()), 200, 0, |_| None);
+                    let text = sentence(&rows, &fits);
                     let is_whole = !text.contains("NaN")
                         && ["; ;", ";.", ": ;", "()", "  "].iter().all(|gap| !text.contains(gap));
                     assert!(is_whole, "{part} {lacking} {adequate:?}: {text}");
@@ -454,13 +356,14 @@ mod tests {
     fn of_filtered_trials_it_is_not_known_whether_a_model_fits() {
         let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
         let fits = [FitRow::blank(), FitRow::blank()];
-        let ranked = ranked(rows.iter().zip(&fits).collect());
         for (filtered, why) in [
             (0, "since nothing tells the noise"),
             (1, "since 1 trial was filtered before the export (W026: "),
             (4, "since 4 trials were filtered before the export (W026: "),
         ] {
-            let text = sentence(&ranked, 200, filtered, |_| None);
+            let filtered_rows =
+                rows.clone().map(|row| ComparisonRow { trials_filtered: filtered, ..row });
+            let text = sentence(&filtered_rows, &fits);
             assert!(text.contains(why) && !text.contains("it fits ("), "{text}");
             assert_eq!(text.contains("export unfiltered"), filtered > 0, "{text}");
         }
@@ -473,7 +376,8 @@ mod tests {
         assert_eq!(
             of(&rows, &[None, None]),
             "Only skid has a fit: J = 0.3000; whether it fits is not known, since nothing tells \
-             the noise: the model is off by 12 % in d (RMS); push measures twice what is configured."
+             the noise: the model is off by 12 % in d (RMS); push shows dry friction of rolling, and \
+             skid has none."
         );
         let few = [rows[0].clone(), ComparisonRow { terms: 3, ..rows[1].clone() }];
         let text = of(&few, &[None, None]);
@@ -500,7 +404,14 @@ mod tests {
 
     #[test]
     fn fits_of_a_part_of_the_trials_say_so() {
-        let text = "Fitted to 1 of 13 trials: the others have no metrics. ";
-        assert_eq!([0, 1, 13].map(|measured| fitted_to(measured, 13 - measured)), ["", text, ""]);
+        let starts = [0, 1, 13].map(|trials| {
+            let fit = FitRow { trials, ..FitRow::blank() };
+            let trials_without_metrics = 13 - trials;
+            let row = ComparisonRow { trials_without_metrics, ..row(Model::SKID, 0.3, 0.4, 1.0) };
+            sentence(&[row], &[fit]).split(" has ").next().map(str::to_owned)
+        });
+        let all = "Only skid";
+        let part = "Fitted to 1 of 13 trials: the others have no metrics. Only skid";
+        assert_eq!(starts.each_ref().map(Option::as_deref), [Some(all), Some(part), Some(all)]);
     }
 }

@@ -11,7 +11,9 @@ use trilink_tables::config::{
     RobotConfig, Weights,
 };
 use trilink_tables::trial::TrialKind;
-use trilink_tables::{CycleRow, RobotParameterRow, RobotQuantity, hash};
+use trilink_tables::{
+    Contradiction, ContradictionKind, CycleRow, Resistance, RobotParameterRow, RobotQuantity, hash,
+};
 
 use super::{FitData, FitKey, Measurement, Protocol};
 
@@ -170,33 +172,40 @@ impl FitInput {
     }
 
     /// What a trial tells of the robot that the model has not, or that is not what is configured.
-    pub fn contradiction(&self, data: &FitData) -> Option<String> {
+    pub fn contradiction(&self, data: &FitData) -> Option<Contradiction> {
         self.missing_law(data).or_else(|| self.wrong_number(data))
     }
 
     /// What resists the motion of a trial, where nothing does so in the model.
-    fn missing_law(&self, data: &FitData) -> Option<String> {
+    fn missing_law(&self, data: &FitData) -> Option<Contradiction> {
         let roll = self.model.value.roll;
         self.of_robot(data).find_map(|row| {
             let law = row.law?;
             let is_coast = row.kind == TrialKind::CoastDown;
             let parts = [
-                ("viscous roll resistance", is_coast && law.is_viscous() && !roll.is_viscous()),
-                ("dry friction of rolling", is_coast && law.is_dry() && !roll.is_dry()),
-                ("dry friction of the joint", !is_coast && law.is_dry()),
+                (Resistance::ViscousRoll, is_coast && law.is_viscous() && !roll.is_viscous()),
+                (Resistance::DryRoll, is_coast && law.is_dry() && !roll.is_dry()),
+                (Resistance::DryJoint, !is_coast && law.is_dry()),
             ];
             let missing =
                 parts.into_iter().filter_map(|(part, is_missing)| is_missing.then_some(part));
-            let missing: Vec<&str> = missing.collect();
-            let (trial, model) = (&row.trial, self.model.name);
-            (!missing.is_empty())
-                .then(|| format!("{trial} shows {}, and {model} has none", missing.join(" and ")))
+            let missing: Vec<Resistance> = missing.collect();
+            (!missing.is_empty()).then(|| Contradiction {
+                kind: ContradictionKind::MissingLaw,
+                trial: row.trial.clone(),
+                missing,
+                robot: self.robot.name.clone(),
+                quantity: String::new(),
+                unit: String::new(),
+                measured: f64::NAN,
+                configured: f64::NAN,
+            })
         })
     }
 
     /// A number that is not what is configured, the one by most: beyond [`MOST_ERRORS`] standard errors and
     /// [`MOST_PART`] of it. Nothing where what is measured is used.
-    fn wrong_number(&self, data: &FitData) -> Option<String> {
+    fn wrong_number(&self, data: &FitData) -> Option<Contradiction> {
         if self.fit.robot_parameters == ParameterSource::Measured {
             return None;
         }
@@ -209,11 +218,16 @@ impl FitInput {
         let told = told.filter(|(_, of)| is_off(of));
         let (row, of) = told.max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)))?;
         let RobotQuantity { name, unit, measured, configured } = of;
-        Some(format!(
-            "{} measures {name} {:.4} {unit} where {configured:.4} is configured: that, the masses or the \
-             moments of inertia of robot.{} may be wrong",
-            row.trial, measured.value, self.robot.name
-        ))
+        Some(Contradiction {
+            kind: ContradictionKind::WrongNumber,
+            trial: row.trial.clone(),
+            missing: Vec::new(),
+            robot: self.robot.name.clone(),
+            quantity: name.to_owned(),
+            unit: unit.to_owned(),
+            measured: measured.value,
+            configured,
+        })
     }
 
     /// The robot with each of its parameters in turn off by the standard deviation that the
@@ -419,7 +433,10 @@ mod tests {
         let alike = FitData { robots: alike.cloned().collect(), ..FitData::default() };
         assert_eq!(input.contradiction(&alike), None);
         let dry = input.contradiction(&data).expect("a law that is missing");
-        assert_eq!(dry, " shows dry friction of rolling, and skid-roll has none");
+        assert_eq!(
+            (dry.kind, dry.missing),
+            (ContradictionKind::MissingLaw, vec![Resistance::DryRoll])
+        );
         input.fit.robot_parameters = ParameterSource::Configured;
         let told = |value: f64, se: f64, configured: f64| {
             let row = RobotParameterRow {
@@ -430,9 +447,9 @@ mod tests {
             };
             input.contradiction(&FitData { robots: vec![row], ..FitData::default() })
         };
-        let says = "push measures sum c_R 1.3750 kg/s where 1.2000 is configured: that, the masses or the \
-                    moments of inertia of robot.ours may be wrong";
-        assert_eq!(told(1.375, 0.01, 1.2).as_deref(), Some(says));
+        let wrong = told(1.375, 0.01, 1.2).expect("another number");
+        assert_eq!((&*wrong.trial, &*wrong.quantity, &*wrong.robot), ("push", "sum c_R", "ours"));
+        assert_eq!((wrong.measured, wrong.configured), (1.375, 1.2));
         // Within the errors, within a few per cent, without an error, not configured.
         for (value, se, configured) in
             [(1.375, 0.1, 1.2), (1.23, 0.001, 1.2), (1.375, f64::NAN, 1.2), (1.375, 0.01, f64::NAN)]

@@ -6,8 +6,8 @@
 //! - *Systematic*: what all trials share, and no repeat shows.
 //!   - What the fit takes the model for: a jackknife over blocks of neighbouring frequencies
 //!     spreads by more than the scatter if no one set of coefficients describes them all. Only
-//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts. Fewer than [`LEAST_BLOCKS`]
-//!     frequencies do not tell it, and it is missing.
+//!     what exceeds [`BY_CHANCE`] times the scatter's variance counts. Fewer than
+//!     [`FitNotes::LEAST_FREQUENCIES`] do not tell it, and it is missing.
 //!   - What is assumed of the robot: every standard deviation that the configuration gives, or
 //!     that joint-release and coast-down trials have, moves the fit by so much.
 //!   - The gait, where the command drives the model: servos miss it, and the measured gait gives
@@ -26,6 +26,7 @@
 use rayon::prelude::*;
 use trilink_robot::Robot;
 use trilink_statistics::{HALF_WIDTH_95, SIDES_95, mean, quantiles};
+use trilink_tables::{FitNotes, NoInterval, NoIntervalReason};
 
 use super::adequacy::Adequacy;
 use super::fitted_point::FittedPoint;
@@ -43,8 +44,6 @@ const BLOCKS: usize = 6;
 /// is true, of the 534 coefficients of sixty nights (crates/fit/tests/it/coverage.rs): more than of least squares
 /// (2.2), because least absolute deviations go from breakpoint to breakpoint.
 const BY_CHANCE: f64 = 6.0;
-/// Fewer do not tell a spread.
-pub(super) const LEAST_BLOCKS: usize = 3;
 
 /// Of the free parameters, in their order.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +53,7 @@ pub(super) struct Intervals {
     /// Half widths by one part alone.
     pub scatter: Vec<f64>,
     pub systematic: Vec<f64>,
-    pub why_none: String,
+    pub why_none: Option<NoInterval>,
 }
 
 /// Shifts of the free parameters' logarithms by what all trials share.
@@ -73,7 +72,7 @@ impl Systematic {
     pub(crate) fn new(point: &FittedPoint, robots: &[Robot]) -> (Self, usize) {
         let objective = point.evaluator.objective;
         let mut blocks = blocks(&objective.measurements);
-        blocks.retain(|of_campaign| of_campaign.len() >= LEAST_BLOCKS);
+        blocks.retain(|of_campaign| of_campaign.len() >= FitNotes::LEAST_FREQUENCIES);
         let without: Vec<Start> =
             blocks.concat().par_iter().map(|block| point.refit_without(block)).collect();
         let with = |robot: &Robot| {
@@ -161,7 +160,7 @@ impl Intervals {
         limits: [Vec::new(), Vec::new()],
         scatter: Vec::new(),
         systematic: Vec::new(),
-        why_none: String::new(),
+        why_none: None,
     };
 
     /// Of a fit with its profiles (one per parameter, or none) and replicates.
@@ -176,23 +175,18 @@ impl Intervals {
         let parameters = &point.evaluator.parameters;
         let none = || vec![f64::NAN; parameters.len()];
         let lacking = resampler.without_noise(point.evaluator.objective);
-        let mut all = Self {
-            limits: [none(), none()],
-            scatter: none(),
-            systematic: none(),
-            why_none: String::new(),
-        };
+        let mut all =
+            Self { limits: [none(), none()], scatter: none(), systematic: none(), why_none: None };
         if parameters.is_empty() {
             return all;
         }
         if !lacking.is_empty() {
-            let lacking = lacking.join(", ");
-            all.why_none =
-                format!("no cycles, repeats or standard errors tell the noise of {lacking}");
+            let of = lacking.into_iter().map(str::to_owned).collect();
+            all.why_none = Some(NoInterval { reason: NoIntervalReason::UnknownNoise, of });
             return all;
         }
         if replicates.is_empty() && profiles.is_empty() {
-            all.why_none = "neither replicates nor profiles were asked for".to_owned();
+            all.why_none = Some(NoIntervalReason::NotAskedFor.into());
             return all;
         }
         let correction = NoiseCorrection::of(point, resampler).spread;
@@ -219,7 +213,7 @@ impl Intervals {
         }
         if adequacy.is_adequate == Some(false) {
             all.limits = [none(), none()];
-            all.why_none = "the model does not fit".to_owned();
+            all.why_none = Some(NoIntervalReason::Inadequate.into());
         }
         all
     }

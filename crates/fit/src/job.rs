@@ -7,7 +7,7 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::REFERENCE_ACCURACY;
 use trilink_robot::{Parameter, Robot};
 use trilink_tables::config::GaitInput;
-use trilink_tables::{BootstrapRow, FitRow, FitStatus};
+use trilink_tables::{BootstrapRow, FitRow, FitStatus, LawLike};
 
 use super::adequacy::Adequacy;
 use super::criterion;
@@ -328,7 +328,7 @@ pub(super) struct Fit<'o> {
     pub criteria: Vec<f64>,
     pub adequacy: Adequacy,
     /// The law that its own is not told from.
-    pub law_is_like: String,
+    pub law_is_like: Option<LawLike>,
     pub systematic: Systematic,
 }
 
@@ -343,7 +343,7 @@ impl<'o> Fit<'o> {
             replicates: Vec::new(),
             criteria: Vec::new(),
             adequacy: Adequacy::UNKNOWN,
-            law_is_like: String::new(),
+            law_is_like: None,
             systematic: Systematic::default(),
         }
     }
@@ -431,7 +431,7 @@ mod tests {
         // Nothing tells their noise.
         assert!(fit.upper[first].is_nan() && bootstrap.is_empty());
         let reasons = predictions.iter().all(|row| row.no_interval == fit.no_interval);
-        assert!(!fit.no_interval.is_empty() && reasons);
+        assert!(fit.no_interval.is_some() && reasons);
         let found = found.chain([fit.j]);
         let predicted = predictions[20].metrics;
         let others = [comparison[0].j_left_out, predicted.d_m, predicted.sigma[0]];

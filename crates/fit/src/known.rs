@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use trilink_mechanics::{MotionError, Problem, Solver};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Parameter, Robot};
-use trilink_tables::{BootstrapRow, FitRow};
+use trilink_tables::{BootstrapRow, FitRow, NoInterval, NoIntervalReason};
 
 use super::alternatives::Alternatives;
 use super::bands::Bands;
@@ -73,13 +73,13 @@ impl KnownFit {
     /// for any gait that is commanded, at any frequency. `data` are what was fitted.
     ///
     /// # Errors
-    /// A sentence on why there are none.
+    /// There are none.
     pub fn with_bands<T>(
         &self,
         input: &FitInput,
         data: &FitData,
         task: impl FnOnce(&PredictionBands) -> T,
-    ) -> Result<T, String> {
+    ) -> Result<T, NoInterval> {
         self.with_fit(input, data, |bands, _, _| task(&PredictionBands(bands)))
     }
 
@@ -87,13 +87,13 @@ impl KnownFit {
     /// fitted, and others.
     ///
     /// # Errors
-    /// A sentence on why that is not known.
+    /// That is not known.
     pub fn with_information<T>(
         &self,
         input: &FitInput,
         data: &FitData,
         task: impl FnOnce(&FitInformation) -> T,
-    ) -> Result<T, String> {
+    ) -> Result<T, NoInterval> {
         self.with_fit(input, data, |bands, job, point| {
             let (_, replicates) = bands.replicates();
             task(&FitInformation::new(point, job.resampler, replicates, &job.others))
@@ -105,14 +105,13 @@ impl KnownFit {
         input: &FitInput,
         data: &FitData,
         task: impl FnOnce(Bands, &Job, &FittedPoint) -> T,
-    ) -> Result<T, String> {
-        let why = why_no_bands(&self.row, self.replicates.len());
-        if !why.is_empty() {
-            return Err(why.to_owned());
+    ) -> Result<T, NoInterval> {
+        if let Some(why) = why_no_bands(&self.row, self.replicates.len()) {
+            return Err(why);
         }
         let free = input.free().into_iter().map(|free| free.parameter);
         if !free.eq(self.row.free.iter().copied()) || input.gait_input() != self.row.gait_input {
-            return Err("the settings are not those of the fit; `trilink fit` fits anew".to_owned());
+            return Err(NoIntervalReason::OtherSettings.into());
         }
         let resampler = Resampler::new(input.fit.seed, input.measurements(data), &data.cycles);
         let given = BTreeMap::from([(self.row.gait_input, self.replicates.clone())]);
@@ -122,11 +121,7 @@ impl KnownFit {
         let fit = job.known(&self.row, otherwise);
         let Fit { point, replicates, systematic, .. } = &fit;
         if (point.cost - self.row.j).abs() > SAME_OBJECTIVE * self.row.j.abs().max(1e-6) {
-            return Err(format!(
-                "the trials are not those of the fit: its objective is {:.6} and not {:.6}; \
-                 `trilink fit` fits anew",
-                point.cost, self.row.j
-            ));
+            return Err(NoIntervalReason::OtherTrials.into());
         }
         let bands = Bands::new(point, replicates, &resampler, systematic, &job.others);
         Ok(task(bands, &job, point))

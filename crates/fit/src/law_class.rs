@@ -5,17 +5,16 @@
 //! that a factor e of it moves no metric by a trial's noise, the wheels are as good as constrained.
 
 use trilink_mechanics::{FIT_ACCURACY, MotionError, Solver};
+use trilink_tables::{LINEAR_PART, LawKind, LawLike};
 
 use super::fitted_point::FittedPoint;
 use super::resampler::Resampler;
 
-/// Part of v_t up to which tanh is within 5 % of its argument.
-const LINEAR: f64 = 0.4;
 /// Samples of a cycle.
 const SAMPLES: usize = 64;
 
-/// What a fit's law, which has dry friction, is like at all of its motions; empty where it is like no other.
-pub(super) fn law_is_like(point: &FittedPoint, resampler: &Resampler) -> String {
+/// What a fit's law, which has dry friction, is like at all of its motions, if any.
+pub(super) fn law_is_like(point: &FittedPoint, resampler: &Resampler) -> Option<LawLike> {
     let objective = point.evaluator.objective;
     let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
     let (skid, transition_m_s) = (objective.laws.skid, robot.transition_m_s);
@@ -31,18 +30,13 @@ pub(super) fn law_is_like(point: &FittedPoint, resampler: &Resampler) -> String 
         }
         Ok(fastest_m_s)
     };
-    match fastest_m_s() {
-        Ok(fastest_m_s) if fastest_m_s <= LINEAR * transition_m_s => {
-            let dry_n = if skid.has_static() { robot.skid_static_n } else { robot.skid_dry_n };
-            let same = dry_n.map(|dry_n| format!("{:.4}", dry_n / transition_m_s)).join(", ");
-            let below = format!("no wheel skids faster than {LINEAR} times the transition speed");
-            match is_idle(point, resampler) {
-                true => format!("constrained: {below}, and F moves nothing by its noise"),
-                false => format!("viscous with F / v_t = {same} kg/s: {below}"),
-            }
-        }
-        _ => String::new(),
-    }
+    let is_slow = fastest_m_s().is_ok_and(|fastest| fastest <= LINEAR_PART * transition_m_s);
+    is_slow.then(|| {
+        let dry_n = if skid.has_static() { robot.skid_static_n } else { robot.skid_dry_n };
+        let is_idle = is_idle(point, resampler);
+        let kind = if is_idle { LawKind::Constrained } else { LawKind::Viscous };
+        LawLike { kind, viscous_kg_s: dry_n.map(|dry_n| dry_n / transition_m_s) }
+    })
 }
 
 /// Whether a factor e of any free parameter moves no metric by a trial's noise.

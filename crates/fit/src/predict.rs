@@ -6,10 +6,10 @@ use trilink_mechanics::{
 };
 use trilink_robot::Robot;
 use trilink_robot::metrics::{GaitMetrics, Metric};
-use trilink_tables::{PredictionRow, PredictionSource, ResidualRow};
+use trilink_tables::{NoInterval, NoIntervalReason, PredictionRow, PredictionSource, ResidualRow};
 
 use super::FitInput;
-use super::bands::{Band, Bands, explained};
+use super::bands::{Band, Bands, without_resample};
 use super::conditions::Condition;
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
@@ -24,7 +24,7 @@ const CURVE_ACCURACY: f64 = 1e-8;
 struct Predicted {
     solved: Result<(GaitMetrics, MotionStatus), MotionError>,
     /// How far its metrics may be off, or why that is not known.
-    band: Result<Band, String>,
+    band: Result<Band, NoInterval>,
 }
 
 impl Predicted {
@@ -33,7 +33,7 @@ impl Predicted {
         solver: &mut Solver,
         problem: Result<&Problem, MotionError>,
         accuracy: f64,
-        bands: &Result<Bands, String>,
+        bands: &Result<Bands, NoInterval>,
     ) -> Self {
         let solve = |problem: &Problem| {
             solver.forget();
@@ -41,16 +41,14 @@ impl Predicted {
             let status = solver.status()?;
             let band = bands.as_ref().map_err(Clone::clone).and_then(|bands| {
                 // Others go on from this motion.
-                bands.band(solver.clone(), problem, metrics).map_err(|error| {
-                    let why = explained(&error);
-                    format!("the fit to a resample has no motion at this frequency: {why}")
-                })
+                let band = bands.band(solver.clone(), problem, metrics);
+                band.map_err(|error| without_resample(&error))
             });
             Ok((metrics, status, band))
         };
         match problem.and_then(solve) {
             Ok((metrics, status, band)) => Self { solved: Ok((metrics, status)), band },
-            Err(error) => Self { band: Err("there is no motion".to_owned()), solved: Err(error) },
+            Err(error) => Self { band: Err(NoIntervalReason::NoMotion.into()), solved: Err(error) },
         }
     }
 }
@@ -60,7 +58,7 @@ pub(super) fn predictions(
     input: &FitInput,
     point: &FittedPoint,
     robot: &Robot,
-    bands: &Result<Bands, String>,
+    bands: &Result<Bands, NoInterval>,
 ) -> Vec<PredictionRow> {
     let objective = point.evaluator.objective;
     let (campaign, model, conditions) = (&input.campaign.name, &input.model, &objective.conditions);
@@ -78,8 +76,8 @@ pub(super) fn predictions(
             Err(error) => (GaitMetrics::MISSING, error.status()),
         };
         let ([lower, upper], no_interval) = match &predicted.band {
-            Ok(band) => (band.limits(&metrics, &errors_rad), String::new()),
-            Err(why) => ([GaitMetrics::MISSING; 2], why.clone()),
+            Ok(band) => (band.limits(&metrics, &errors_rad), None),
+            Err(why) => ([GaitMetrics::MISSING; 2], Some(why.clone())),
         };
         PredictionRow {
             campaign: campaign.clone(),

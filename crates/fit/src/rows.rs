@@ -3,7 +3,8 @@
 use trilink_robot::metrics::{Metric, WeightKey};
 use trilink_robot::{ByParameter, Parameter, Robot};
 use trilink_tables::{
-    BootstrapRow, Columns as _, ComparisonRow, FitRow, FitStatus, ProfileRow, StartRow,
+    BootstrapRow, Columns as _, ComparisonRow, FitNotes, FitRow, FitStatus, NoInterval,
+    NoIntervalReason, ProfileRow, StartRow,
 };
 
 use super::Fitted;
@@ -12,7 +13,7 @@ use super::bands::Bands;
 use super::criterion::criterion;
 use super::fitted_point::HeldPoint;
 use super::input::FreeParameter;
-use super::intervals::{Intervals, LEAST_BLOCKS};
+use super::intervals::Intervals;
 use super::job::{Fit, Job};
 use super::predict::{predictions, residuals};
 use super::profile::Class;
@@ -42,13 +43,8 @@ impl Job<'_> {
         let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
         let [lack_of_fit_d, lack_of_fit_v, lack_of_fit_sigma, lack_of_fit_alpha] = by_metric;
         let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
-        let mut notes = self.notes();
-        let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_empty();
-        if has_intervals && fit.systematic.blocks.is_empty() {
-            notes.push(format!(
-                "no interval holds what the model leaves out: that takes {LEAST_BLOCKS} frequencies"
-            ));
-        }
+        let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_none();
+        let few_frequencies = has_intervals && fit.systematic.blocks.is_empty();
         FitRow {
             lower,
             upper,
@@ -67,7 +63,7 @@ impl Job<'_> {
             runs_limit: runs[1],
             adequate: fit.adequacy.is_adequate,
             misfit: fit.adequacy.misfit.clone(),
-            notes: notes.join("; "),
+            notes: FitNotes { few_frequencies, ..self.notes() },
             measured: self.measured.iter().copied().filter(held).collect(),
             identifiable: classed(Class::Identifiable),
             practically_not: classed(Class::PracticallyNot),
@@ -100,8 +96,8 @@ impl Job<'_> {
         let row = self.row(&fit, starts, status);
         let Fit { point, profiles, replicates, systematic, .. } = &fit;
         let bands = match why_no_bands(&row, replicates.len()) {
-            "" => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
-            why => Err(why.to_owned()),
+            None => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
+            Some(why) => Err(why),
         };
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
@@ -170,31 +166,20 @@ impl Job<'_> {
     }
 
     /// What was fitted instead of what is missing, and what the objective lacks.
-    fn notes(&self) -> Vec<String> {
+    fn notes(&self) -> FitNotes {
         let measurements = &self.objective.measurements;
-        let raw: Vec<&str> = measurements
-            .iter()
-            .filter(|measurement| measurement.lacks_debiased)
-            .map(|measurement| measurement.trial.as_str())
-            .collect();
-        let mut notes = Vec::new();
-        if !raw.is_empty() {
-            notes.push(format!(
-                "raw skid ratios are fitted, since debiased ones are not known: trial {}",
-                raw.join(", ")
-            ));
-        }
+        let raw = measurements.iter().filter(|measurement| measurement.lacks_debiased);
         let lacks = |i: &Metric| {
             let mut measured = measurements.iter().map(|of| of.metrics[*i]);
             let protocols = &self.objective.protocols;
             protocols.iter().any(|of| of.term_weights()[*i] > 0.0) && measured.all(f64::is_nan)
         };
-        let lacking = Metric::FITTED.into_iter().filter(lacks).map(Metric::name);
-        let lacking: Vec<&str> = lacking.collect();
-        if !lacking.is_empty() {
-            notes.push(format!("the objective lacks {}: no trial has it", lacking.join(", ")));
+        let missing = Metric::FITTED.into_iter().filter(lacks);
+        FitNotes {
+            raw_skid_trials: raw.map(|measurement| measurement.trial.clone()).collect(),
+            missing_metrics: missing.collect(),
+            ..FitNotes::default()
         }
-        notes
     }
 
     /// The model's row of the comparison, without what needs the other models.
@@ -248,16 +233,18 @@ impl Job<'_> {
     }
 }
 
-/// Why the predictions of a fit have no intervals; empty where they have.
-pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> &str {
-    match fit {
-        _ if !fit.status.is_ok() => "the fit has failed",
-        _ if !fit.no_interval.is_empty() => &fit.no_interval,
-        _ if fit.adequate == Some(false) => "the model does not fit",
-        _ if fit.free.is_empty() => "no coefficient is fitted",
-        _ if replicates == 0 => "no replicates were asked for",
-        _ => "",
-    }
+/// Why the predictions of a fit have no intervals.
+pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> Option<NoInterval> {
+    use NoIntervalReason::{FitFailed, Inadequate, NoReplicates, NothingFitted};
+    let reason = match fit {
+        _ if !fit.status.is_ok() => FitFailed,
+        FitRow { no_interval: Some(why), .. } => return Some(why.clone()),
+        _ if fit.adequate == Some(false) => Inadequate,
+        _ if fit.free.is_empty() => NothingFitted,
+        _ if replicates == 0 => NoReplicates,
+        _ => return None,
+    };
+    Some(reason.into())
 }
 
 /// Values of the free parameters among all parameters; the others are missing.

@@ -6,7 +6,9 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_robot::Model;
 use trilink_statistics::mean;
 use trilink_tables::config::Config;
-use trilink_tables::{Columns as _, FitRow, FitStatus, PredictionSource, SharedFitRow};
+use trilink_tables::{
+    Columns as _, FitRow, FitStatus, NotTested, NotTestedReason, PredictionSource, SharedFitRow,
+};
 
 use super::input::FreeParameter;
 use super::job::Job;
@@ -88,16 +90,17 @@ impl SharedInput {
     }
 
     /// Why there is no fit of these measurements.
-    fn impossible(&self, measurements: &[Measurement]) -> Option<String> {
+    fn impossible(&self, measurements: &[Measurement]) -> Option<NotTested> {
         let lacks = |campaign: &usize| measurements.iter().all(|of| of.campaign != *campaign);
         if let Some(campaign) = (0..self.campaigns.len()).find(lacks) {
             let name = &self.campaigns[campaign].campaign.name;
-            return Some(format!("campaign {name} has no trial with metrics"));
+            return Some(NotTested::of(NotTestedReason::NoTrials, name));
         }
         let free = self.free();
         let mut pairs = free.iter().flat_map(|a| free.iter().map(|b| (a.parameter, b.parameter)));
         let (part, whole) = pairs.find(|(a, b)| a != b && a.is_part_of(*b))?;
-        Some(format!("one campaign leaves {whole} free, and another {part}, which is part of it"))
+        let of = [whole, part].map(|of| of.name().to_owned()).to_vec();
+        Some(NotTested { reason: NotTestedReason::PartOfFree, of })
     }
 
     /// The fit beside those to each campaign.
@@ -127,7 +130,7 @@ impl SharedInput {
             let gait_input = first.gait_input();
             let model = self.model;
             let fit = FitRow { campaign, model, gait_input, status, ..FitRow::blank() };
-            return Ok(SharedFitRow { fit, not_tested: why, ..blank });
+            return Ok(SharedFitRow { fit, not_tested: Some(why), ..blank });
         }
         let resampler = Resampler::new(first.fit.seed, measurements, &data.cycles);
         let replicates = Replicates::default();
@@ -136,7 +139,7 @@ impl SharedInput {
         let (fit, row) = job.run_alone(&near(&job, separate))?;
         let test = match (self.untestable(&row, separate), nearest) {
             (Some(why), _) => SharingTest::none(why),
-            (None, None) => SharingTest::none("no model of a campaign has all motions".to_owned()),
+            (None, None) => SharingTest::none(NotTestedReason::NoWholeModel),
             (None, Some(nearest)) => {
                 SharingTest::new(&fit.point, blank.j_separate, &nearest, &resampler)
             }
@@ -148,18 +151,18 @@ impl SharedInput {
     }
 
     /// Why sharing cannot be tested, whatever the fits leave.
-    fn untestable(&self, shared: &FitRow, separate: &[&FitRow]) -> Option<String> {
+    fn untestable(&self, shared: &FitRow, separate: &[&FitRow]) -> Option<NotTested> {
         if !shared.status.is_ok() {
-            return Some("the shared fit has failed".to_owned());
+            return Some(NotTestedReason::SharedFitFailed.into());
         }
         if let Some(failed) = separate.iter().find(|row| !row.status.is_ok()) {
-            return Some(format!("the fit of campaign {} has failed", failed.campaign));
+            return Some(NotTested::of(NotTestedReason::FitFailed, &failed.campaign));
         }
         let differs = |row: &&&FitRow| row.free.len() < shared.free.len();
         separate
             .iter()
             .find(differs)
-            .map(|row| format!("campaign {} does not leave free what the others do", row.campaign))
+            .map(|row| NotTested::of(NotTestedReason::OtherFree, &row.campaign))
     }
 }
 

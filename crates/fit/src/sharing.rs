@@ -24,7 +24,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_statistics::{median, quantiles_low};
-use trilink_tables::Sharing;
+use trilink_tables::{NotTested, NotTestedReason, Sharing};
 
 use super::fitted_point::FittedPoint;
 use super::intervals::blocks;
@@ -67,12 +67,13 @@ pub(super) struct SharingTest {
     /// Part of the worlds with a larger rise.
     pub p_value: f64,
     pub sharing: Option<Sharing>,
-    pub not_tested: String,
+    pub not_tested: Option<NotTested>,
 }
 
 impl SharingTest {
-    pub(crate) fn none(why: String) -> Self {
-        Self { rise: [f64::NAN; 2], p_value: f64::NAN, sharing: None, not_tested: why }
+    pub(crate) fn none(why: impl Into<NotTested>) -> Self {
+        let not_tested = Some(why.into());
+        Self { rise: [f64::NAN; 2], p_value: f64::NAN, sharing: None, not_tested }
     }
 
     /// Tests a shared fit, where the model's separate ones leave `j_separate`, with each campaign's
@@ -87,21 +88,16 @@ impl SharingTest {
         let j_nearest: f64 = nearest.iter().map(|of| of.j).sum();
         let rise = added / j_nearest;
         if shared.cost <= INACCURACY {
-            return Self::none("the fits leave nothing that would tell the noise".to_owned());
+            return Self::none(NotTestedReason::NothingLeft);
         }
         if added < -INACCURACY * (1.0 + shared.cost) {
-            return Self::none("a separate fit is not at its lowest objective".to_owned());
+            return Self::none(NotTestedReason::NotLowest);
         }
         let blocks = blocks(&shared.evaluator.objective.measurements);
         let protocols = &shared.evaluator.objective.protocols;
-        if let Some((few, of)) =
-            blocks.iter().zip(protocols).find(|(of, _)| of.len() < LEAST_BLOCKS)
-        {
-            return Self::none(format!(
-                "campaign {} has {} blocks of frequencies, and {LEAST_BLOCKS} are needed",
-                of.name,
-                few.len()
-            ));
+        let few = blocks.iter().zip(protocols).find(|(of, _)| of.len() < LEAST_BLOCKS);
+        if let Some((_, of)) = few {
+            return Self::none(NotTested::of(NotTestedReason::FewBlocks, &of.name));
         }
         let left = left_by(shared.evaluator.objective, nearest);
         let rises: Option<Vec<f64>> = (0..DRAWS)
@@ -116,14 +112,14 @@ impl SharingTest {
             })
             .collect();
         let Some(rises) = rises else {
-            return Self::none("a motion of the shared fit does not exist".to_owned());
+            return Self::none(NotTestedReason::NoMotion);
         };
         let above = rises.iter().filter(|drawn| **drawn >= rise).count();
         let p_value = (above + 1) as f64 / (DRAWS + 1) as f64;
         let limit = j_nearest * quantiles_low(rises, [LEVEL])[0];
         let is_kept = p_value >= 1.0 - LEVEL || added <= INACCURACY;
         let sharing = Some(if is_kept { Sharing::Kept } else { Sharing::Refused });
-        Self { rise: [added, limit], p_value, sharing, not_tested: String::new() }
+        Self { rise: [added, limit], p_value, sharing, not_tested: None }
     }
 }
 

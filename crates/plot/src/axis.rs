@@ -10,7 +10,7 @@ use trilink_statistics::extremes;
 use super::style::text_width;
 
 /// From where to where an axis goes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Range {
     pub low: f64,
     pub high: f64,
@@ -33,7 +33,7 @@ impl Range {
 }
 
 /// How an axis divides.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub enum Scale {
     /// Linear, from zero if the values come near it.
     #[default]

@@ -14,10 +14,10 @@ use crate::svg::{Markup, escaped};
 
 const TICK: f64 = 4.0;
 
-/// Draws a figure with its legend onto an area of the grid's size.
-pub(crate) fn draw(grid: Grid<'_>, area: &Area<'_>) -> Drawn {
-    draw_legend(&grid.legend, MARGIN, true, area)?;
-    grid.cells.into_iter().try_for_each(|cell| draw_panel(cell, area))
+/// Draws the legend and the panels of a figure onto areas of the grid's size.
+pub(crate) fn draw(grid: Grid<'_>, [legend, panels]: [&Area<'_>; 2]) -> Drawn {
+    draw_legend(&grid.legend, MARGIN, true, legend)?;
+    grid.cells.into_iter().try_for_each(|cell| draw_panel(cell, panels))
 }
 
 /// Draws the samples and texts of a legend from the height `top` on, each as a group or as a

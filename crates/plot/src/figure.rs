@@ -1,5 +1,7 @@
 //! A figure before it is drawn.
 
+use serde::Serialize;
+
 use super::axis::{Range, Scale};
 use super::style::{EM, Look, SAMPLE, Shape};
 
@@ -12,7 +14,7 @@ pub(crate) const PX_PER_INCH: f32 = 96.0;
 const MM_PER_INCH: f64 = 25.4;
 
 /// A point of a layer with the half-width of its error bar. What is not a number is not known.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Point {
     pub x: f64,
     pub y: f64,
@@ -20,7 +22,7 @@ pub struct Point {
 }
 
 /// One of the things that a panel shows.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Layer {
     pub name: String,
     pub points: Vec<Point>,
@@ -32,7 +34,7 @@ pub struct Layer {
 }
 
 /// One panel with its axes.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Panel {
     pub title: String,
     pub x_label: String,
@@ -51,7 +53,7 @@ pub struct Panel {
 }
 
 /// How panels are put together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub enum Layout {
     /// Side by side, up to three in a row.
     #[default]
@@ -63,7 +65,7 @@ pub enum Layout {
 }
 
 /// The size of a figure in print.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Print {
     /// As wide as the panels need if there is none.
     pub width_mm: Option<f64>,
@@ -94,7 +96,7 @@ impl Print {
 }
 
 /// A grid of panels.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Figure {
     /// Name of its files without extension, such as `fig16`.
     pub stem: String,

@@ -32,7 +32,7 @@ pub struct Drawing {
     scale: f64,
     is_synthetic: bool,
     /// Its legend and its panels as SVG.
-    body: String,
+    parts: [String; 2],
 }
 
 impl Drawing {
@@ -43,32 +43,19 @@ impl Drawing {
     pub fn of(figure: &Figure) -> Result<Self, DrawError> {
         let grid = Grid::new(figure);
         let Grid { columns, width, height, .. } = grid;
-        let mut body = String::new();
-        let backend = Svg::new(&mut body, (units(width) as u32, units(height) as u32));
-        draw::draw(grid, &backend.into_drawing_area())
-            .map_err(|error| figure.error(error.to_string()))?;
+        let mut parts = [String::new(), String::new()];
+        let [legend, panels] = parts.each_mut().map(|part| {
+            Svg::new(part, (units(width) as u32, units(height) as u32)).into_drawing_area()
+        });
+        draw::draw(grid, [&legend, &panels]).map_err(|error| figure.error(error.to_string()))?;
+        drop((legend, panels));
         // Names can have characters that XML cannot.
         let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
-        if !body.chars().all(is_text) {
-            body = body.replace(|c| !is_text(c), "\u{fffd}");
+        for part in parts.iter_mut().filter(|part| !part.chars().all(is_text)) {
+            *part = part.replace(|c| !is_text(c), "\u{fffd}");
         }
-        Ok(Self::new(figure, [width, height], columns, body))
-    }
-
-    /// That of a figure of which the `svg` is kept.
-    pub fn of_svg(figure: &Figure, svg: &str) -> Self {
-        let Grid { columns, width, height, .. } = Grid::new(figure);
-        let mut drawing = Self::new(figure, [width, height], columns, String::new());
-        let from = svg.find(BODY).map_or(svg.len(), |from| from + BODY.len());
-        let body = svg[from..].strip_suffix(END);
-        let body = body.and_then(|body| body.strip_prefix(&drawing.mark()));
-        drawing.body.push_str(body.unwrap_or_default());
-        drawing
-    }
-
-    fn new(figure: &Figure, [width, height]: [f64; 2], columns: usize, body: String) -> Self {
         let (scale, is_synthetic) = (figure.print.scale(), figure.is_synthetic);
-        Self { columns, width, height, scale, is_synthetic, body }
+        Ok(Self { columns, width, height, scale, is_synthetic, parts })
     }
 
     /// What its file says of trials that were computed, below the panels.
@@ -85,7 +72,7 @@ impl Drawing {
     /// The figure with its font inside.
     pub fn svg(&self) -> String {
         static FONT: LazyLock<String> = LazyLock::new(|| BASE64.encode(style::ROBOTO));
-        let Self { width, height, scale, is_synthetic, body, .. } = self;
+        let Self { width, height, scale, is_synthetic, parts: [legend, panels], .. } = self;
         let rounded = |px: f64| (1e3 * px).round() / 1e3;
         let height = if *is_synthetic { height + SYNTHETIC_ROW } else { *height };
         let [across, down] = [*width, height].map(|px| rounded(scale * px));
@@ -94,18 +81,14 @@ impl Drawing {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
              viewBox=\"0 0 {width} {height}\">\n\
              <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{mark}{body}{END}"
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{mark}{legend}{panels}{END}"
         )
     }
 
     /// The legend and the panels, for pages: drawn as it is where a page may have no styles, too.
     pub fn parts(&self) -> [String; 2] {
-        let panels = ["<svg class=\"panel\"", "<svg class=\"whole panel\""];
-        let panels = panels.map(|panel| self.body.find(panel));
-        let legend = panels.into_iter().flatten().min().unwrap_or(self.body.len());
-        let (legend, panels) = self.body.split_at(legend);
-        [legend, panels]
-            .map(|part| part.replace(" viewBox=\"", &format!(" {PRESENTATION} viewBox=\"")))
+        let presentation = format!(" {PRESENTATION} viewBox=\"");
+        self.parts.each_ref().map(|part| part.replace(" viewBox=\"", &presentation))
     }
 }
 
@@ -220,15 +203,13 @@ mod tests {
     }
 
     #[test]
-    fn a_figure_that_is_kept_is_shown_as_it_was_drawn_and_every_group_is_closed() {
+    fn the_legend_and_the_panels_are_parts_of_the_file_and_every_group_is_closed() {
         let layers = ["a", "b"].map(|name| Layer::new(name, [(0.0, 1.0), (1.0, 2.0)], LOOKS[0]));
         let panel = Panel::new("", "x", "y", layers.into());
         let panels = vec![panel.clone(), panel];
         let figure = Figure::new("any", Default::default(), &[], Layout::Stack, panels);
         let drawing = Drawing::of(&figure).expect("is drawn");
-        let kept = Drawing::of_svg(&figure, &drawing.svg());
-        assert_eq!(kept.parts(), drawing.parts());
-        assert_eq!((kept.columns, kept.width), (drawing.columns, drawing.width));
+        assert!(drawing.parts.iter().all(|part| drawing.svg().contains(part)));
         for part in drawing.parts() {
             let count = |tag: &str| part.matches(tag).count();
             assert!(count("<g ") > 0 || count("<svg ") > 0);

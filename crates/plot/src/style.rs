@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle, register_font};
+use serde::Serialize;
 
 /// Text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
@@ -83,32 +84,50 @@ pub type Dash = Option<(f64, f64)>;
 pub const SOLID: Dash = None;
 pub const DASHES: Dash = Some((6.0, 4.0));
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub enum Shape {
     Circle,
     Square,
 }
 
+/// What a colour is serialised as.
+#[derive(Serialize)]
+#[serde(remote = "RGBColor")]
+struct Rgb(u8, u8, u8);
+
 /// How the points of a layer are shown.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub enum Look {
     /// A line that the legend names.
-    Line { colour: RGBColor, dash: Dash },
+    Line {
+        #[serde(with = "Rgb")]
+        colour: RGBColor,
+        dash: Dash,
+    },
     /// Markers with error bars, which the legend names.
-    Marker { colour: RGBColor, shape: Shape, filled: bool },
+    Marker {
+        #[serde(with = "Rgb")]
+        colour: RGBColor,
+        shape: Shape,
+        filled: bool,
+    },
     /// Points, and the line through them where they are joined.
-    Dots { colour: RGBColor, joined: bool },
+    Dots {
+        #[serde(with = "Rgb")]
+        colour: RGBColor,
+        joined: bool,
+    },
     /// Points that stand out.
     Rings,
     /// Dashed lines across the panel: level where only y is known, upright where only x is.
     Guides,
     /// A shaded interval of the horizontal axis from the first point to the second; a side that
     /// is not known is the panel's.
-    Band(RGBColor),
+    Band(#[serde(with = "Rgb")] RGBColor),
     /// Thick error bars alone.
-    Bars(RGBColor),
+    Bars(#[serde(with = "Rgb")] RGBColor),
     /// Bars from every other point to the next, which the legend names if they have a name.
-    Spans(RGBColor),
+    Spans(#[serde(with = "Rgb")] RGBColor),
     /// The robot's links, joined.
     Links,
     /// From the first point to the second.

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use trilink_plot::Figure;
 use trilink_tables::config::Paths;
 use trilink_tables::trial::TRUTH_FILE;
-use trilink_tables::{Reader, StoreError, hash, is_there, tables_in};
+use trilink_tables::{Reader, StoreError, is_there, tables_in};
 
 use super::page::TrialPages;
 use super::tables::{Tables, table_paths};
 use super::trials::{self, PageParts};
 use super::truth::Truth;
-use super::{ReportError, ReportInput, figures};
+use super::{ReportError, ReportInput, figures, hash_of};
 use crate::Changes;
 
 /// What a report is made of.
@@ -63,8 +63,8 @@ impl Content {
         let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
         let pages = trials::pages(input, &tables);
-        let hash_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
-        let page_parts = trials::parts(input, (&tables, truth.as_ref()), &pages, hash_of);
+        let blake3_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
+        let page_parts = trials::parts(input, (&tables, truth.as_ref()), &pages, blake3_of);
         let figures = found.figures;
         let changes = None;
         Ok(Self { tables, figures, missing, truth, pages, changes, page_parts, reader })
@@ -75,13 +75,10 @@ impl Content {
         Self { changes, ..self }
     }
 
-    /// Stem, campaigns and hash of every figure. Numbers are printed such that they can be told
-    /// apart.
+    /// Stem, campaigns and hash of every figure.
     pub fn figures(&self) -> impl Iterator<Item = (&str, &[String], String)> {
-        self.figures.iter().map(|figure| {
-            let hash = hash(format!("{figure:?}").as_bytes());
-            (figure.stem.as_str(), figure.campaigns.as_slice(), hash)
-        })
+        let figures = self.figures.iter();
+        figures.map(|figure| (&*figure.stem, &*figure.campaigns, hash_of(figure)))
     }
 
     /// The campaign of every trial's page and what the page is made of, by its path inside of

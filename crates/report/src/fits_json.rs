@@ -15,11 +15,18 @@ pub(crate) struct Fit<'f> {
     /// 95 % confidence limits of the fitted parameters by column; null where the interval is open.
     intervals: BTreeMap<&'static str, [f64; 2]>,
     /// How the model compares with its campaign's others.
-    comparison: Option<&'f ComparisonRow>,
+    comparison: Option<Compared<'f>>,
     /// The same model driven by the other gait than the configured one.
     other_gait: Option<Box<Fit<'f>>>,
     /// The same model fitted to all campaigns of the robot together.
     shared: Option<&'f SharedFitRow>,
+}
+
+#[derive(Serialize)]
+pub(crate) struct Compared<'f> {
+    #[serde(flatten)]
+    row: &'f ComparisonRow,
+    sentence: Option<String>,
 }
 
 impl<'f> Fit<'f> {
@@ -38,7 +45,10 @@ pub(crate) fn fits(tables: &Tables) -> Vec<Fit<'_>> {
         let mut others = tables.alternative_fits.iter();
         let mut shared = tables.shared_fits.iter();
         Fit {
-            comparison: compared.find(|row| is_same(&row.campaign, row.model)),
+            comparison: compared.find(|row| is_same(&row.campaign, row.model)).map(|row| {
+                let sentence = tables.compared(&row.campaign).map(|all| all.to_string());
+                Compared { row, sentence }
+            }),
             other_gait: others
                 .find(|other| is_same(&other.campaign, other.model))
                 .map(|other| Fit::new(other).into()),

@@ -132,9 +132,9 @@ fn cell(fit: &FitRow, parameter: Parameter, notes: &mut Notes) -> String {
         MARKS.iter().find(|(name, _)| name == mark).map(|(_, note)| (*note).to_owned())
     });
     let misfit = (free && fit.adequate == Some(false)).then(|| MISFIT.to_owned());
-    let no_interval = (free && !has_limits).then(|| match fit.no_interval.as_str() {
-        "" => OPEN.to_owned(),
-        why => format!("No interval: {}", sentence(why)),
+    let no_interval = (free && !has_limits).then(|| match &fit.no_interval {
+        None => OPEN.to_owned(),
+        Some(why) => format!("No interval: {}", sentence(&why.to_string())),
     });
     let mut letters: Vec<char> =
         said.chain(misfit).chain(no_interval).map(|note| notes.letter(&note)).collect();

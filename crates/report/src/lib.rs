@@ -12,7 +12,7 @@
 //! - For scripts and papers: `fits_json`, `parameters`, `scorecard` (the paper's claims), `latex`.
 //!
 //! ```no_run
-//! use std::collections::{BTreeMap, BTreeSet};
+//! use std::collections::BTreeSet;
 //! use trilink_base::cancel::CancelToken;
 //! use trilink_report::{Content, ReportInput};
 //! use trilink_tables::{Reader, config::Config};
@@ -22,7 +22,8 @@
 //! let content = Content::read(&input, Reader::default())?;
 //! // Nothing is kept from an earlier report: every figure and page is made anew.
 //! let cancel = CancelToken::default();
-//! let written = content.write(&input, BTreeMap::new(), &BTreeSet::new(), &cancel)?;
+//! let none = BTreeSet::new();
+//! let written = content.write(&input, &none, &none, &cancel)?;
 //! println!("{}", written.reported.page.display());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -59,8 +60,8 @@ use minijinja::value::Value;
 use rayon::prelude::*;
 use serde::Serialize;
 use trilink_base::cancel::CancelToken;
-use trilink_plot::{DrawError, Drawing, Figure, Format};
-use trilink_tables::{Stamp, StoreError, ToDisk};
+use trilink_plot::{DrawError, Figure, Format};
+use trilink_tables::{Stamp, StoreError, ToDisk, hash};
 
 pub use branches::branches_drawing;
 pub use changes::{AcceptedBaseline, ChangedValue, Changes};
@@ -133,22 +134,21 @@ pub struct Written {
 
 impl Content {
     /// Draws the figures and writes the pages, from the tables in `paths.derived` into
-    /// `paths.reports`. The same tables give the same bytes. Figures of which the SVG is `kept`
-    /// are not drawn again, nor `kept_pages` written; files that would get the bytes that they
-    /// have are left alone.
+    /// `paths.reports`. The same tables give the same bytes. Files of figures that are `kept` and
+    /// `kept_pages` are not written again; files that would get the bytes that they have are left
+    /// alone.
     ///
     /// # Errors
     /// A table of a trial cannot be read, a file not be written, or the work was cancelled.
     pub fn write(
         &self,
         input: &ReportInput,
-        kept: BTreeMap<String, String>,
+        kept: &BTreeSet<String>,
         kept_pages: &BTreeSet<String>,
         cancel: &CancelToken,
     ) -> Result<Written, ReportError> {
         let stems = self.figures.iter().map(|figure| figure.stem.clone());
-        let drawn_now: Vec<String> =
-            stems.clone().filter(|stem| !kept.contains_key(stem)).collect();
+        let drawn_now: Vec<String> = stems.clone().filter(|stem| !kept.contains(stem)).collect();
         let (of_trials, stamps) =
             ToDisk::during(|to_disk| self.write_all(input, kept, kept_pages, (to_disk, cancel)));
         let (mut stamps, PagesWritten { pages, damaged }) = (stamps?, of_trials?);
@@ -172,7 +172,7 @@ impl Content {
     fn write_all(
         &self,
         input: &ReportInput,
-        mut kept: BTreeMap<String, String>,
+        kept: &BTreeSet<String>,
         kept_pages: &BTreeSet<String>,
         (to_disk, cancel): (&ToDisk, &CancelToken),
     ) -> Result<PagesWritten, ReportError> {
@@ -180,14 +180,12 @@ impl Content {
         let write = |name: &str, bytes: &[u8]| {
             to_disk.write_if_changed(&input.paths.reports.join(name), bytes)
         };
-        let with_svg: Vec<_> =
-            figures.iter().map(|figure| (figure, kept.remove(&figure.stem))).collect();
-        let draw = |(figure, svg)| {
+        let draw = |figure| {
             cancel.check().map_err(StoreError::from)?;
-            draw(figure, svg, &write).map(|image| (figure, image))
+            draw(figure, kept, &write).map(|image| (figure, image))
         };
         let draw_all =
-            || with_svg.into_par_iter().with_max_len(1).map(draw).collect::<Result<Vec<_>, _>>();
+            || figures.par_iter().with_max_len(1).map(draw).collect::<Result<Vec<_>, _>>();
         let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
         let judge = || scorecard::scorecard(tables.clone(), input.sigma, is_synthetic);
         let known = (&**tables, truth.as_ref());
@@ -230,14 +228,19 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
     Ok(json)
 }
 
-/// Draws a figure and writes its files, unless its SVG is `kept`; gives it as a page shows it.
+/// The blake3 of a value as JSON.
+fn hash_of(value: &impl Serialize) -> String {
+    hash(&serde_json::to_vec(value).expect("plain data with text keys"))
+}
+
+/// Draws a figure as a page shows it, and writes its files unless they are `kept`.
 fn draw(
     figure: &Figure,
-    kept: Option<String>,
+    kept: &BTreeSet<String>,
     write: &impl Fn(&str, &[u8]) -> Result<(), StoreError>,
 ) -> Result<Value, ReportError> {
-    if let Some(svg) = kept {
-        return Ok(page::image_of_drawing(figure, &Drawing::of_svg(figure, &svg)));
+    if kept.contains(&figure.stem) {
+        return Ok(page::image(figure)?);
     }
     let (drawing, files) = figure.encode_all()?;
     for (name, bytes) in file_names(&figure.stem).iter().zip(&files) {

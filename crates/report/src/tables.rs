@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use trilink_tables::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, FitRow, OptimumMapRow, OptimumRow,
+    BootstrapRow, CheckRow, Columns, Comparison, ComparisonRow, FitRow, OptimumMapRow, OptimumRow,
     PredictionRow, ProfileRow, Reader, RobotParameterRow, SharedFitRow, StartRow, StoreError,
     Table, TrialRow,
 };
@@ -132,6 +132,12 @@ impl Tables {
         let mut compared = self.comparison.iter();
         let row = compared.find(|row| row.campaign == campaign && row.preferred)?;
         self.fits.iter().find(|fit| fit.campaign == campaign && fit.model == row.model)
+    }
+
+    /// What came out of the comparison of a campaign's models.
+    pub(crate) fn compared(&self, campaign: &str) -> Option<Comparison<'_>> {
+        let rows = self.comparison.iter().filter(|row| row.campaign == campaign);
+        Comparison::new(rows, &self.fits)
     }
 
     /// Campaigns of the configuration and of the tables.

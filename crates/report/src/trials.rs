@@ -5,15 +5,13 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use trilink_robot::Robot;
-use trilink_tables::{
-    Reader, ToDisk, TrialRow, TrialStatus, cycles_path, hash, poses_path, wheels_path,
-};
+use trilink_tables::{Reader, ToDisk, TrialRow, TrialStatus, cycles_path, poses_path, wheels_path};
 
 use super::page::{self, TrialPages};
 use super::recording::Recording;
 use super::tables::Tables;
 use super::truth::Truth;
-use super::{ReportError, ReportInput, figures, replay};
+use super::{ReportError, ReportInput, figures, hash_of, replay};
 
 /// Campaigns of pages and what these are made of, by path inside of `reports/`.
 pub(crate) type PageParts = BTreeMap<String, (String, BTreeMap<String, String>)>;
@@ -82,37 +80,35 @@ pub(crate) fn parts(
         (BTreeMap::<&str, Vec<_>>::new(), BTreeMap::<&str, Vec<_>>::new());
     tables.checks.iter().for_each(|row| checks.entry(&row.trial).or_default().push(row));
     tables.robots.iter().for_each(|row| robots.entry(&row.trial).or_default().push(row));
-    let markers = format!("{:?}", input.markers());
     // A page shows motions of models that its campaign does not fit, too.
-    let laws = format!("{:?}", input.models());
-    let fit = |campaign| (campaign, hash(format!("{:?}", tables.preferred(campaign)).as_bytes()));
-    let fits: BTreeMap<&str, String> = tables.campaigns(input).into_iter().map(fit).collect();
-    let of_trial = |trial: &TrialRow| {
+    let laws = hash_of(input.models());
+    let fit = |campaign| (campaign, tables.preferred(campaign));
+    let fits: BTreeMap<&str, _> = tables.campaigns(input).into_iter().map(fit).collect();
+    let of_trial = |(trial, page): (&TrialRow, &String)| {
         let name = trial.trial.as_str();
-        let page = pages.get(name)?;
         let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
         let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
         let setup = input.campaign_setup(&trial.campaign);
         let robot = robots.first().and_then(|row| input.robot(&row.robot));
         let beside = page::neighbours(trial, tables, pages);
         let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
-        let rows = format!(
-            "{trial:?} {checks:?} {robots:?} {setup:?} {robot:?} {markers} {beside:?} {is_synthetic}"
-        );
+        let rows = (trial, checks, robots, setup, robot, input.markers(), beside, is_synthetic);
         let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
         let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
         let source = tables.source(input);
         let models = source.models(&trial.campaign).into_iter();
         let predicted: Vec<_> = models.filter_map(|model| source.of_trial(trial, model)).collect();
-        let models = format!("{predicted:?} {:?} {laws}", fits.get(&*trial.campaign));
+        let models = (predicted, fits.get(&*trial.campaign), &laws);
         let parts = BTreeMap::from([
-            ("its row or checks".to_owned(), hash(rows.as_bytes())),
-            ("its campaign's models".to_owned(), hash(models.as_bytes())),
+            ("its row or checks".to_owned(), hash_of(&rows)),
+            ("its campaign's models".to_owned(), hash_of(&models)),
             ("its tables".to_owned(), recorded),
         ]);
-        Some((format!("{FOLDER}/{page}"), (trial.campaign.clone(), parts)))
+        (format!("{FOLDER}/{page}"), (trial.campaign.clone(), parts))
     };
-    first_of_each(tables).filter_map(of_trial).collect()
+    let with_page =
+        first_of_each(tables).filter_map(|trial| Some((trial, pages.get(&trial.trial)?)));
+    with_page.map(of_trial).collect()
 }
 
 /// What [`write`] found and did.

@@ -53,7 +53,7 @@ pub use parameter::{ByParameter, Parameter};
 pub use quantity::{Definition, Per, Quantity, Unit};
 
 /// Parameters of a robot (Tables I and II).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Robot {
     /// Half the length of the middle link, m.
     pub h_m: f64,

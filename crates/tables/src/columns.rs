@@ -14,8 +14,9 @@ use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
 
 use super::{
-    Fill, FitStatus, KnownFrom, LabelFault, MapPoint, Objective, PredictionSource, RunStatus,
-    Severity, Sharing, Stopped, StoreError, Table, TrialStatus,
+    ContradictionKind, Fill, FitStatus, KnownFrom, LabelFault, LawKind, MapPoint, NoIntervalReason,
+    NotTestedReason, Objective, Outcome, PredictionSource, Resistance, RunStatus, Severity,
+    Sharing, Side, Stopped, StoreError, Table, TrialStatus,
 };
 use crate::config::GaitInput;
 use crate::trial::TrialKind;
@@ -335,6 +336,7 @@ macro_rules! named_cells {
 named_cells![
     Bifurcation,
     BranchKind,
+    ContradictionKind,
     DecayLaw,
     Fill,
     FitStatus,
@@ -342,15 +344,22 @@ named_cells![
     GaitInput,
     KnownFrom,
     LabelFault,
+    LawKind,
     MapPoint,
+    Metric,
     Model,
     MotionStatus,
+    NoIntervalReason,
+    NotTestedReason,
     Objective,
+    Outcome,
     Parameter,
     PredictionSource,
+    Resistance,
     RunStatus,
     Severity,
     Sharing,
+    Side,
     Stopped,
     String,
     TrialKind,

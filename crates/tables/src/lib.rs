@@ -4,8 +4,8 @@
 //! - What is asked for: [`config`] (`pipeline.toml`; its `Default` is the paper's experiment) and
 //!   [`trial`] (`trials.toml`).
 //! - What is in the tables: `rows`, a struct for each kind of row, such as [`TrialRow`], in a file for
-//!   the stage that writes them; `status`, the names in their columns; `explanations`, what each check
-//!   means.
+//!   the stage that writes them; `status`, the names in their columns; `verdict`, what fits and comparisons
+//!   found; `explanations`, what each check means.
 //! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `frames` ([`Frames`],
 //!   what has a row for each frame), `table` ([`Table`], Parquet with its [`Provenance`]), `table_set`
 //!   ([`table_set!`], the tables that a stage reads and writes together), [`checksum`].
@@ -42,6 +42,7 @@ mod table;
 mod table_set;
 mod time;
 pub mod trial;
+mod verdict;
 
 pub use atomic::{
     PendingFile, ToDisk, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
@@ -68,6 +69,11 @@ pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
 pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};
 pub use table::{Provenance, Table, guarded, hush_damaged_tables, is_own_table, row_names};
 pub use time::{UtcTime, time_text};
+pub use verdict::{
+    Comparison, Contradiction, ContradictionKind, FitNotes, LINEAR_PART, LawKind, LawLike, Misfit,
+    MisfitRms, MisfitRun, NoInterval, NoIntervalReason, NotTested, NotTestedReason, Outcome,
+    Reason, Resistance, Side, Why,
+};
 
 use std::io::ErrorKind;
 use std::path::PathBuf;

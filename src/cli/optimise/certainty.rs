@@ -4,7 +4,7 @@ use serde_json::json;
 use trilink_base::cancel::Cancelled;
 use trilink_fit::optimise::{Certainty, Command, Found, Search};
 use trilink_fit::simulate::{KnownFits, Setup};
-use trilink_tables::{Objective, OptimumRow};
+use trilink_tables::{NoInterval, NoIntervalReason, Objective, OptimumRow};
 
 use crate::cli::Failure;
 use crate::cli::output::write_text;
@@ -23,27 +23,27 @@ pub(super) fn of(
     fits: Option<&KnownFits>,
     most: Option<usize>,
     (search, found): (&Search, &Found),
-) -> Result<Result<Certainty, String>, Cancelled> {
+) -> Result<Result<Certainty, NoInterval>, Cancelled> {
     let most = most.unwrap_or(MOST);
     let alternatives = match fits {
-        None => Err("the coefficients are not fitted".to_owned()),
-        Some(_) if most == 0 => Err("no replicates were asked for".to_owned()),
+        None => Err(NoIntervalReason::NotFitted.into()),
+        Some(_) if most == 0 => Err(NoIntervalReason::NoReplicates.into()),
         Some(fits) => setup.alternatives(fits, most),
     };
     Ok(match alternatives {
         Err(why) => Err(why),
         Ok(alternatives) => {
             Certainty::new(search, &found.optima, &alternatives, interrupt::token())?
-                .ok_or_else(|| "no optimum counts".to_owned())
+                .ok_or_else(|| NoIntervalReason::NoOptimum.into())
         }
     })
 }
 
 /// Fills in what the rows say of it.
-pub(super) fn fill_in(rows: &mut [OptimumRow], certainty: &Result<Certainty, String>) {
+pub(super) fn fill_in(rows: &mut [OptimumRow], certainty: &Result<Certainty, NoInterval>) {
     match certainty {
         Ok(certainty) => certainty.fill(rows),
-        Err(why) => rows.iter_mut().for_each(|row| row.no_interval.clone_from(why)),
+        Err(why) => rows.iter_mut().for_each(|row| row.no_interval = Some(why.clone())),
     }
 }
 

@@ -3,7 +3,7 @@
 use trilink_fit::optimise::{Optimum, Search};
 use trilink_fit::simulate::Setup;
 use trilink_report::{FigureFile, front_drawing, with_unit};
-use trilink_tables::{Objective, OptimumRow};
+use trilink_tables::{NoIntervalReason, Objective, OptimumRow};
 
 use super::{Optimise, print_table};
 use crate::cli::results::write_rows;
@@ -49,7 +49,7 @@ impl Optimise {
         let row = |(nth, of): (usize, &Optimum)| OptimumRow {
             other_objective: Some(other),
             other_value: of.value_of(other),
-            no_interval: "a front has none".to_owned(),
+            no_interval: Some(NoIntervalReason::Front.into()),
             ..of.row(nth + 1, &self.campaign, setup, search, None)
         };
         let rows: Vec<OptimumRow> = front.iter().enumerate().map(row).collect();

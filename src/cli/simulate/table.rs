@@ -58,8 +58,8 @@ pub(super) fn print(answers: &[&Answer]) {
 
 /// The limits of an interval below the metrics.
 fn print_interval(interval: &Interval, width: usize) {
-    if !interval.no_interval.is_empty() {
-        say!("{:<width$} {:>11} no intervals: {}", "", "", interval.no_interval);
+    if let Some(why) = &interval.no_interval {
+        say!("{:<width$} {:>11} no intervals: {}", "", "", why);
         return;
     }
     for (what, limits) in [("95 % from", interval.lower), ("to", interval.upper)] {

@@ -1,8 +1,12 @@
 //! Names and messages that would act on a page if they were not shown as text.
 
 use trilink::compare::HistoryRow;
+use trilink_robot::metrics::Metric;
 use trilink_tables::TrialStatus;
-use trilink_tables::{CheckRow, FitRow, Provenance, Severity, Table, TrialRow};
+use trilink_tables::{
+    CheckRow, FitNotes, FitRow, Misfit, MisfitRun, NoInterval, NoIntervalReason, Provenance,
+    Severity, Side, Table, TrialRow,
+};
 
 use super::*;
 use crate::common::Small;
@@ -87,9 +91,20 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
         let like = rows[0].clone();
         rows.extend(names.iter().step_by(16).map(|name| FitRow {
             campaign: name.clone(),
-            misfit: name.clone(),
-            notes: name.clone(),
-            no_interval: name.clone(),
+            misfit: Misfit::off(vec![MisfitRun {
+                side: Side::Above,
+                metric: Metric::D,
+                campaign: name.clone(),
+                least: 0.1,
+                most: 0.2,
+                from_rad_s: 1.0,
+                to_rad_s: 2.0,
+            }]),
+            notes: FitNotes { raw_skid_trials: vec![name.clone()], ..FitNotes::default() },
+            no_interval: Some(NoInterval {
+                reason: NoIntervalReason::UnknownNoise,
+                of: vec![name.clone()],
+            }),
             ..like.clone()
         }));
     });

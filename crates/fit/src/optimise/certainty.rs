@@ -8,7 +8,7 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::Problem;
 use trilink_robot::{Robot, SecondHarmonic};
 use trilink_statistics::quantiles;
-use trilink_tables::OptimumRow;
+use trilink_tables::{NoIntervalReason, OptimumRow};
 
 use super::commands::Command;
 use super::landscape::{Place, ROUGH_ACCURACY};
@@ -212,7 +212,7 @@ impl Certainty {
             row.replicates = Some(self.replicates as i64);
             row.best_in = self.best_in.get(nth).map(|count| *count as i64);
             if nth > 0 {
-                row.no_interval = "of the best alone".to_owned();
+                row.no_interval = Some(NoIntervalReason::NotTheBest.into());
                 continue;
             }
             [row.regret_median, row.regret_hi] = self.regret;

@@ -8,7 +8,7 @@ use trilink_mechanics::{
 };
 use trilink_robot::Model;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_tables::{Columns as _, Extrapolation, rows};
+use trilink_tables::{Columns as _, Extrapolation, NoInterval, rows};
 
 use super::{FitSummary, Setup};
 
@@ -53,12 +53,13 @@ pub struct Answer<'a> {
 pub struct Interval {
     pub lower: GaitMetrics,
     pub upper: GaitMetrics,
-    pub no_interval: String,
+    pub no_interval: Option<NoInterval>,
 }
 
 impl Interval {
-    pub(super) fn unknown(no_interval: String) -> Self {
-        Self { lower: GaitMetrics::MISSING, upper: GaitMetrics::MISSING, no_interval }
+    pub(super) fn unknown(why: NoInterval) -> Self {
+        let [lower, upper] = [GaitMetrics::MISSING; 2];
+        Self { lower, upper, no_interval: Some(why) }
     }
 }
 
@@ -85,7 +86,7 @@ rows! {
         /// 95 % limits, where they were asked for, and why there are none.
         pub lower: GaitMetrics as "{}_lo" after "{}",
         pub upper: GaitMetrics as "{}_hi" after "{}_lo",
-        pub no_interval: String,
+        pub no_interval: Option<NoInterval>,
         /// Whether the model fits the trials that its coefficients are from.
         pub adequate: Option<bool>,
         /// Whether the motion is beyond the trials of the fit.
@@ -159,7 +160,7 @@ impl<'a> Answer<'a> {
         SimulationRow {
             lower: interval.map_or(GaitMetrics::MISSING, |interval| interval.lower),
             upper: interval.map_or(GaitMetrics::MISSING, |interval| interval.upper),
-            no_interval: interval.map_or("", |interval| &interval.no_interval).to_owned(),
+            no_interval: interval.and_then(|interval| interval.no_interval.clone()),
             adequate: self.fit.and_then(|fit| fit.adequate),
             extrapolation: self.extrapolation.clone().unwrap_or_else(Extrapolation::blank),
             model: self.model,

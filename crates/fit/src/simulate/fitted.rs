@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use serde::Serialize;
 use trilink_robot::{Model, Parameter, Robot};
 use trilink_tables::config::{Config, GaitInput};
-use trilink_tables::{BootstrapRow, ComparisonRow, FitRow, Reader, StoreError};
+use trilink_tables::{
+    BootstrapRow, ComparisonRow, FitRow, Misfit, NoInterval, NoIntervalReason, Reader, StoreError,
+};
 
 use super::settings::campaign_of;
 use super::{Setup, SetupError};
@@ -36,7 +38,7 @@ pub struct FitSummary {
     /// Whether the model fits; null where nothing tells.
     pub adequate: Option<bool>,
     /// Where and to which side the measurements are off an inadequate model.
-    pub misfit: String,
+    pub misfit: Option<Misfit>,
     /// Coefficients that ended at a bound, and that the trials do not tell.
     pub at_bound: Vec<Parameter>,
     pub practically_not: Vec<Parameter>,
@@ -59,13 +61,11 @@ impl FitSummary {
     /// What is to be known before one believes it, in sentences; empty where all is well.
     pub fn caution(&self) -> String {
         let mut said = Vec::new();
-        let (colon, misfit) = (if self.misfit.is_empty() { "" } else { ": " }, &self.misfit);
+        let misfit = self.misfit.as_ref().map_or(String::new(), |misfit| format!(": {misfit}"));
         match self.adequate {
             Some(true) => {}
-            Some(false) => said.push(format!("the model does not fit its trials{colon}{misfit}")),
-            None => {
-                said.push(format!("nothing tells whether the model fits its trials{colon}{misfit}"))
-            }
+            Some(false) => said.push(format!("the model does not fit its trials{misfit}")),
+            None => said.push(format!("nothing tells whether the model fits its trials{misfit}")),
         }
         for (of, what) in [
             (&self.at_bound, "ended at a bound"),
@@ -124,9 +124,7 @@ impl KnownFits {
             Reader::default().rows(&path).map_err(|error| format!("--model: {error}"))?;
         let rows: Vec<ComparisonRow> =
             rows.into_iter().filter(|row| row.campaign == campaign).collect();
-        let fits: Vec<FitRow> =
-            self.fits.iter().filter(|row| row.campaign == campaign).cloned().collect();
-        match preferred(&rows, &fits)[..] {
+        match preferred(&rows)[..] {
             [] => Err(format!(
                 "--model: needed: {} has no fit of campaign {campaign}",
                 path.display()
@@ -295,13 +293,11 @@ impl FittedSetup {
         setup: &Setup,
         data: &FitData,
         task: impl FnOnce(&PredictionBands) -> T,
-    ) -> Result<T, String> {
+    ) -> Result<T, NoInterval> {
         let row = &self.known.row;
         let is_other = |parameter: &&Parameter| is_other(**parameter, &setup.robot, row);
         if let Some(other) = row.free.iter().find(is_other) {
-            return Err(format!(
-                "{other} is set: of what is not as it was fitted nothing is known"
-            ));
+            return Err(NoInterval::of(NoIntervalReason::ParameterSet, other.name()));
         }
         self.known.with_bands(&self.input, data, task)
     }

@@ -14,9 +14,11 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{MotionError, Problem};
 use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
-use trilink_tables::{Columns as _, Extrapolation, SensitivityRow, TrajectoryRow};
+use trilink_tables::{
+    Columns as _, Extrapolation, NoInterval, NoIntervalReason, SensitivityRow, TrajectoryRow,
+};
 
-use crate::bands::explained;
+use crate::bands::without_resample;
 use crate::{Alternatives, MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
@@ -49,7 +51,7 @@ pub struct Sensitivities {
     /// Of each frequency, or why there are none.
     pub motions: Vec<(f64, Result<Vec<SensitivityRow>, MotionError>)>,
     /// Why nothing is known of how far the fitted coefficients may be off.
-    pub unknown: Option<String>,
+    pub unknown: Option<NoInterval>,
 }
 
 /// A campaign's robot and gait under the laws of a model.
@@ -178,9 +180,9 @@ impl Setup {
     /// with bands.
     ///
     /// # Errors
-    /// A sentence on why they are not known.
-    pub fn alternatives(&self, fits: &KnownFits, most: usize) -> Result<Alternatives, String> {
-        let fitted = self.fitted.as_ref().ok_or("the coefficients are not fitted")?;
+    /// They are not known.
+    pub fn alternatives(&self, fits: &KnownFits, most: usize) -> Result<Alternatives, NoInterval> {
+        let fitted = self.fitted.as_ref().ok_or(NoIntervalReason::NotFitted)?;
         fitted.with_bands(self, &fits.data, |bands| bands.alternatives(&self.robot, most))
     }
 
@@ -221,10 +223,8 @@ impl Setup {
         let limits = answer::solved(&problem, from_rest)
             .and_then(|(solver, motion)| bands.limits(solver, &problem, motion.metrics));
         match limits {
-            Ok([lower, upper]) => Interval { lower, upper, no_interval: String::new() },
-            Err(error) => {
-                Interval::unknown(format!("a fit to a resample has none: {}", explained(&error)))
-            }
+            Ok([lower, upper]) => Interval { lower, upper, no_interval: None },
+            Err(error) => Interval::unknown(without_resample(&error)),
         }
     }
 

@@ -5,10 +5,12 @@ use rand_chacha::ChaCha8Rng;
 use trilink_fit::{FitData, Fitted, fit};
 use trilink_mechanics::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink_robot::Quantity;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, SigmaKind};
-use trilink_tables::{TrialRow, TrialStatus};
+use trilink_tables::{
+    Comparison, ComparisonRow, FitRow, Misfit, NoIntervalReason, Outcome, TrialRow, TrialStatus,
+};
 
 use crate::common::noisy_trial;
 
@@ -66,6 +68,10 @@ fn fitted(config: &Config, trials: Vec<TrialRow>) -> Fitted {
     fit(&config, &FitData::from(trials), &|_| {})
 }
 
+fn said(rows: &[ComparisonRow], fits: &[FitRow]) -> String {
+    Comparison::new(rows, fits).expect("rows").to_string()
+}
+
 #[test]
 fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
     for campaign in ["kinematic-skewed", CAMPAIGN] {
@@ -75,13 +81,13 @@ fn no_viscous_model_fits_a_robot_with_dry_friction_and_it_says_where() {
         for fit in &fits {
             assert_eq!(fit.adequate, Some(false), "{campaign} {fit:?}");
             assert!(fit.lack_of_fit > 2.0 * fit.lack_of_fit_limit, "{campaign} {fit:?}");
-            assert!(fit.misfit.contains("rad/s") && fit.misfit.contains("the model at"));
+            assert!(matches!(fit.misfit, Some(Misfit::Off(_))), "{campaign} {fit:?}");
             let limits = Quantity::Skid.of_each().map(|of| [fit.lower[of], fit.upper[of]]);
             assert!(limits.as_flattened().iter().all(|limit| limit.is_nan()), "{limits:?}");
-            assert_eq!(fit.no_interval, "the model does not fit");
+            assert_eq!(fit.no_interval, Some(NoIntervalReason::Inadequate.into()));
         }
-        let sentence = &comparison[0].sentence;
-        assert!(sentence.starts_with("None fits; "), "{sentence}");
+        assert_eq!(comparison[0].outcome, Outcome::NoneFits);
+        let sentence = said(&comparison, &fits);
         assert!(sentence.contains("rad/s") && !sentence.contains("prefer"), "{sentence}");
     }
 }
@@ -95,7 +101,8 @@ fn the_true_model_fits_and_a_wrong_one_does_not() {
         let Fitted { fits, comparison, .. } = fitted(&config, trials(CAMPAIGN, &motions, seed));
         assert_eq!(fits[0].adequate, Some(false), "{:?}", fits[0]);
         let is_adequate = fits[1].adequate == Some(true);
-        assert_eq!(is_adequate, comparison[0].sentence.starts_with("The data prefer skid-roll"));
+        let is_preferred = comparison[1].outcome == Outcome::Clear && comparison[1].preferred;
+        assert_eq!(is_adequate, is_preferred, "{comparison:?}");
         let ratio = fits[1].lack_of_fit;
         assert!((0.5..2.0).contains(&ratio), "{ratio}");
         is_adequate
@@ -112,9 +119,9 @@ fn of_filtered_coordinates_it_is_not_known_whether_a_model_fits() {
     let Fitted { fits, comparison, .. } = fitted(&config, trials);
     for fit in &fits {
         assert!(fit.adequate.is_none() && fit.lack_of_fit.is_nan(), "{fit:?}");
-        assert!(fit.misfit.starts_with("the model is off by "), "{}", fit.misfit);
+        assert!(matches!(fit.misfit, Some(Misfit::Rms(_))), "{fit:?}");
     }
-    let sentence = &comparison[0].sentence;
+    let sentence = said(&comparison, &fits);
     let why = "whether it fits is not known, since 1 trial was filtered before the export (W026: export unfiltered)";
     assert!(sentence.contains(why), "{sentence}");
 }
@@ -128,18 +135,21 @@ fn without_repeats_cycles_or_errors_there_is_no_interval() {
     let one = fitted(&config, trials.clone());
     trials.iter_mut().for_each(|trial| trial.metrics_se = GaitMetrics::MISSING);
     let none = fitted(&config, trials);
-    let reason = "no cycles, repeats or standard errors tell the noise of ";
-    for (fitted, metrics) in [(&one, "sigma1"), (&none, "d, v, sigma0, sigma1, sigma2")] {
+    let all = ["d", "v", "sigma0", "sigma1", "sigma2"];
+    for (fitted, metrics) in [(&one, &all[3..4]), (&none, &all)] {
         let fit = &fitted.fits[0];
         for of in Quantity::Skid.of_each() {
             let missing = [fit.lower[of], fit.upper[of], fit.scatter[of], fit.systematic[of]];
             assert!(missing.iter().all(|limit| limit.is_nan()), "{missing:?}");
         }
-        assert_eq!(fit.no_interval, format!("{reason}{metrics}"));
+        let why = fit.no_interval.as_ref().expect("a reason");
+        assert_eq!(why.reason, NoIntervalReason::UnknownNoise);
+        assert_eq!(why.of, metrics);
     }
     assert!(one.fits[0].lack_of_fit > 0.0);
     assert_eq!((none.fits[0].adequate, none.bootstrap.len()), (None, 0));
-    assert!(none.comparison[0].sentence.contains("is not known"), "{:?}", none.comparison);
+    let sentence = said(&none.comparison, &none.fits);
+    assert!(sentence.contains("is not known"), "{sentence}");
 }
 
 #[test]
@@ -150,9 +160,9 @@ fn models_with_as_many_coefficients_as_measurements_are_neither_tested_nor_prefe
     let trials = trials(CAMPAIGN, &viscous(CAMPAIGN)[5..6], 1);
     let Fitted { fits, comparison, .. } = fitted(&config, trials.clone());
     for fit in &fits {
-        assert!(fit.j < 1e-9 && fit.adequate.is_none() && fit.misfit.is_empty(), "{fit:?}");
+        assert!(fit.j < 1e-9 && fit.adequate.is_none() && fit.misfit.is_none(), "{fit:?}");
     }
-    let sentence = &comparison[0].sentence;
+    let sentence = said(&comparison, &fits);
     let start = "The data do not clearly prefer one model; ";
     let end = "is not known, since there are no more measurements than free coefficients.";
     assert!(sentence.starts_with(start) && sentence.ends_with(end), "{sentence}");
@@ -174,19 +184,23 @@ fn a_fit_to_the_one_trial_that_is_left_says_so_and_where_it_is_off() {
     trials[1].status = TrialStatus::Failed;
     let Fitted { fits, comparison, .. } = fitted(&config, trials.clone());
     assert_eq!(fits[0].adequate, Some(true), "{:?}", fits[0]);
-    assert!(fits[0].notes.ends_with("the model leaves out: that takes 3 frequencies"));
+    assert!(fits[0].notes.few_frequencies);
     let begins = "Fitted to 1 of 2 trials: the others have no metrics. Only skid-roll has a fit";
-    assert!(comparison[0].sentence.starts_with(begins), "{:?}", comparison[0].sentence);
+    let sentence = said(&comparison, &fits);
+    assert!(sentence.starts_with(begins), "{sentence}");
     // Of its four measurements three are as the model has them.
     for off in [1.04, 1.1] {
         let mut trials = trials.clone();
         trials[0].metrics.d_m *= off;
         trials[0].metrics.v_m_s *= off;
         let fit = &fitted(&config, trials).fits[0];
-        let [part, at] = fit.misfit.split_once(" is measured ").map(Into::into).unwrap();
+        let Some(Misfit::Off(runs)) = &fit.misfit else { panic!("{fit:?}") };
         assert_eq!(fit.adequate, Some(false), "{fit:?}");
-        assert!(part != "v" && !at.starts_with("0.0") && at.ends_with(" at 3 rad/s"), "{fit:?}");
-        assert_eq!(fit.notes, "");
+        assert!(
+            runs[0].metric != Metric::V && runs[0].most > 1e-3 && runs[0].to_rad_s == 3.0,
+            "{fit:?}"
+        );
+        assert!(fit.notes.is_empty());
     }
 }
 
@@ -196,8 +210,9 @@ fn absurd_errors_leave_open_whether_a_model_fits() {
     trials[0].metrics_se.d_m = 1e308;
     let Fitted { fits, comparison, .. } = fitted(&config(CAMPAIGN, &[Model::SKID_ROLL]), trials);
     assert_eq!(fits[0].adequate, None, "{:?}", fits[0]);
-    assert!(fits[0].misfit.starts_with("the model is off by "), "{:?}", fits[0]);
-    assert!(comparison[0].sentence.contains("whether it fits is not known"), "{comparison:?}");
+    assert!(matches!(fits[0].misfit, Some(Misfit::Rms(_))), "{:?}", fits[0]);
+    let sentence = said(&comparison, &fits);
+    assert!(sentence.contains("whether it fits is not known"), "{sentence}");
 }
 
 #[test]
@@ -205,22 +220,20 @@ fn raw_skid_ratios_stand_for_debiased_ones_that_are_not_known_and_that_is_said()
     let mut trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
     let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     let raw = fitted(&config, trials.clone());
-    assert_eq!(raw.fits[0].notes, "");
+    assert!(raw.fits[0].notes.is_empty());
     config.fit.sigma = SigmaKind::Debiased;
     let substituted = fitted(&config, trials.clone());
     for of in Quantity::Skid.of_each() {
         assert_eq!(substituted.fits[0].parameters[of], raw.fits[0].parameters[of]);
     }
     assert_eq!(substituted.comparison[0].j_sigma, raw.comparison[0].j_sigma);
-    let notes = &substituted.fits[0].notes;
-    let said = "raw skid ratios are fitted, since debiased ones are not known: trial at-0.5, at-1,";
-    assert!(notes.starts_with(said), "{notes}");
+    assert_eq!(substituted.fits[0].notes.raw_skid_trials[..2], ["at-0.5", "at-1"]);
     // Nothing is left of these above the noise.
     for trial in &mut trials {
         trial.sigma_debiased = [Estimate { value: 0.0, se: 0.001 }; 3];
     }
-    let notes = &fitted(&config, trials).fits[0].notes;
-    assert_eq!(notes, "the objective lacks sigma0, sigma1, sigma2: no trial has it");
+    let missing = &fitted(&config, trials).fits[0].notes.missing_metrics;
+    assert_eq!(missing, &Metric::SIGMA);
 }
 
 #[test]

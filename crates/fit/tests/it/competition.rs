@@ -10,8 +10,8 @@ use trilink_mechanics::{FIT_ACCURACY, Laws, Model, Problem};
 use trilink_robot::Robot;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_synth::OMEGAS_RAD_S;
-use trilink_tables::TrialRow;
 use trilink_tables::config::{Config, GaitInput, SigmaKind};
+use trilink_tables::{Comparison, Outcome, TrialRow};
 
 use crate::common::noisy_trial;
 
@@ -125,19 +125,18 @@ fn compete(campaign: &str, truth: &Truth, seed: u64, motions: &[(f64, GaitMetric
             row.tell_omega_rad_s
         );
     }
-    println!("{}", comparison[0].sentence);
+    println!("{}", Comparison::new(&comparison, &fits).unwrap());
     let of = |model: &str| fits.iter().find(|fit| fit.model.name() == model).unwrap();
     let preferred = comparison.iter().find(|row| row.preferred).unwrap();
     let is_right = preferred.model.name() == truth.model && of(truth.model).adequate == Some(true);
-    let sentence = &preferred.sentence;
     let is_nested = |model: &str| model == BOTH.model || model == truth.model;
     let refused = fits.iter().filter(|fit| !is_nested(fit.model.name()));
-    let is_clear = sentence.starts_with("The data prefer ");
+    let is_clear = preferred.outcome == Outcome::Clear;
     Seen {
         right: usize::from(is_right),
         clearly: usize::from(is_right && is_clear),
         others_refused: usize::from(refused.into_iter().all(|fit| fit.adequate == Some(false))),
-        not_told: usize::from(sentence.contains("not told apart")),
+        not_told: usize::from(comparison.iter().any(|row| row.rival)),
         wrong: usize::from(is_clear && preferred.model.name() != truth.model),
     }
 }

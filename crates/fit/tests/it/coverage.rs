@@ -167,7 +167,7 @@ fn coverage(truth: &Truth, fitted: &[Fitted]) -> [Coverage; 3] {
             let (found, low, high) = (fit.parameters[skid], fit.lower[skid], fit.upper[skid]);
             // An open side holds everything.
             let is_above = low.is_nan() || low <= known;
-            let has_interval = fit.no_interval.is_empty();
+            let has_interval = fit.no_interval.is_none();
             let is_held = is_above && (high.is_nan() || known <= high);
             coverage.held += usize::from(has_interval && is_held);
             coverage.intervals += usize::from(has_interval);
@@ -193,7 +193,7 @@ fn coverage_of_curves(truth: &Truth, fitted: &[Fitted], every: usize) -> (f64, f
     for one in fitted {
         for (row, known) in curve(one).iter().zip(&truths) {
             assert_eq!(row.no_interval, one.fits[0].no_interval);
-            if !row.no_interval.is_empty() {
+            if row.no_interval.is_some() {
                 continue;
             }
             let [found, low, high, known] =
@@ -361,7 +361,7 @@ fn judge_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
     let fits = || nights.iter().map(|night| (night, night.fits.iter().find(is_true).unwrap()));
     for (wheel, skid) in Quantity::Skid.of_each().into_iter().enumerate() {
         let told = || {
-            fits().filter(|(_, fit)| fit.identifiable.contains(&skid) && fit.no_interval.is_empty())
+            fits().filter(|(_, fit)| fit.identifiable.contains(&skid) && fit.no_interval.is_none())
         };
         let is_held = |(night, fit): (&Night, &FitRow)| {
             let known = night.truth["campaigns"][campaign]["skid_kg_s"][wheel].as_f64().unwrap();
@@ -420,7 +420,7 @@ fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String
     for night in nights {
         let is_true =
             |row: &&PredictionRow| row.campaign == campaign && row.model == Model::SKID_ROLL;
-        for row in night.predictions.iter().filter(is_true).filter(|row| row.no_interval.is_empty())
+        for row in night.predictions.iter().filter(is_true).filter(|row| row.no_interval.is_none())
         {
             let is_same =
                 |of: &&TrialRow| of.campaign == campaign && of.omega_rad_s == row.omega_rad_s;

@@ -13,8 +13,8 @@ use trilink_tables::config::{
 };
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
-    Columns as _, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow, TrialRow,
-    TrialStatus,
+    Columns as _, Comparison, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow,
+    TrialRow, TrialStatus,
 };
 
 /// The reference's campaign: metrics at twelve frequencies with 3 % noise.
@@ -451,7 +451,8 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
     assert!(statuses[0].starts_with("singular: at 0.500 rad/s"), "{statuses:?}");
     assert_eq!(statuses[1..], ["ok", "ok"]);
     assert!(fitted.fits[0].j.is_nan() && fitted.comparison[0].j.is_nan());
-    assert!(fitted.comparison[0].sentence.starts_with("The data prefer skid-roll: J = 0.2614"));
+    let sentence = Comparison::new(&fitted.comparison, &fitted.fits).expect("rows").to_string();
+    assert!(sentence.starts_with("The data prefer skid-roll: J = 0.2614"), "{sentence}");
     assert_eq!(fitted.comparison[2].wins, 1.0);
     // Ten replicates for each model that has a fit.
     assert_eq!(fitted.bootstrap.len(), 20);

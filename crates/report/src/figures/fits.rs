@@ -75,7 +75,7 @@ fn profiles(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel> {
         };
         let (value, scatter) = (parameter.value, fit.scatter[*held]);
         let mut layers = Vec::new();
-        if fit.no_interval.is_empty() {
+        if fit.no_interval.is_none() {
             layers.push(band("95 % interval", parameter.limits, looks::BAND));
         }
         if scatter > 0.0 {

@@ -66,8 +66,8 @@ pub(super) fn sections(
                 exact => taken_as_exact(input, tables, name),
                 // With the other gait than the configured one.
                 alternatives => fits(&tables.alternative_fits),
-                // Its first sentence says which model the measurements prefer.
                 comparison => Serde(comparison.collect::<Vec<_>>()),
+                compared => tables.compared(name).map(|compared| compared.to_string()),
                 optima => optima::section(tables, name),
                 notes => remarks(tables, name),
                 answer => answer(name, (tables, truth), tables.source(input))?,
@@ -80,7 +80,7 @@ pub(super) fn sections(
 /// intervals knows and does not fit.
 fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
     let has_intervals =
-        |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_empty();
+        |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_none();
     let fits: Vec<&FitRow> = tables.fits.iter().filter(has_intervals).collect();
     let is_held = |quantity: &Quantity| {
         let mut held = fits.iter().flat_map(|fit| {
@@ -102,13 +102,6 @@ fn answer(
     source: Source<'_>,
 ) -> Result<Value, ReportError> {
     let fit = tables.preferred(name);
-    let mut compared = tables.comparison.iter().filter(|row| row.campaign == name);
-    // Whether it fits stands beside it; the whole sentence is with the campaign.
-    let says_more =
-        |part: &&str| ["it ", "J is", "whether"].iter().any(|how| part.starts_with(how));
-    let said = |sentence: &str| {
-        sentence.split("; ").take_while(|part| !says_more(part)).collect::<Vec<_>>().join("; ")
-    };
     let coefficient = |parameter: &Parameter| {
         let of_fit = fit.map(|fit| FittedParameter::of(fit, *parameter));
         context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
@@ -120,7 +113,8 @@ fn answer(
     let curve = (!curve.is_empty()).then(|| image(&curve)).transpose()?;
     Ok(context! {
         fit => Serde(fit),
-        sentence => compared.next().map(|row| said(&row.sentence)),
+        // Whether it fits stands beside it; the whole sentence is with the campaign.
+        sentence => tables.compared(name).map(|compared| compared.answer()),
         coefficients => free.iter().map(coefficient).collect::<Vec<_>>(),
         curve,
     })
@@ -169,7 +163,7 @@ fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
         ))
     });
     let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
-    let alike = fits.filter(|fit| !fit.law_is_like.is_empty());
-    let alike = alike.map(|fit| format!("{} is like {}.", fit.model, fit.law_is_like));
+    let alike = fits.filter_map(|fit| Some((fit.model, fit.law_is_like.as_ref()?)));
+    let alike = alike.map(|(model, law)| format!("{model} is like {law}."));
     of_status.chain(from_rest).chain(alike).collect()
 }

@@ -53,10 +53,8 @@ pub fn shared_fit_sentence(row: &SharedFitRow) -> String {
         Some(Sharing::Refused) => "one set of coefficients for all campaigns is refused",
         None => "whether all campaigns have the same coefficients is not known",
     };
-    let reason = match not_tested.is_empty() || fit.sharing.is_some() {
-        true => String::new(),
-        false => format!(", since {not_tested}"),
-    };
+    let reason = not_tested.as_ref().filter(|_| fit.sharing.is_none());
+    let reason = reason.map_or(String::new(), |why| format!(", since {why}"));
     let j = known([fit.j, *j_separate], |[j, separate]| {
         format!(": J = {j:.4} against {separate:.4} of separate fits")
     });

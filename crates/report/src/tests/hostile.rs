@@ -185,7 +185,7 @@ proptest! {
         let start = Instant::now();
         let content = Content::read(&input, Reader::default()).expect("reads");
         for figure in &content.figures {
-            let svg = Drawing::of(figure).expect("is drawn").svg();
+            let svg = trilink_plot::Drawing::of(figure).expect("is drawn").svg();
             prop_assert!(svg.len() < 4_000_000, "{}: {} bytes", figure.stem, svg.len());
             prop_assert!(csv_of(figure).len() < 4_000_000);
         }

@@ -10,9 +10,10 @@ use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
-    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitRow, FitStatus, JointGait,
-    PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow, Severity,
-    SharedFitRow, Sharing, StartRow, TrialRow, TrialStatus,
+    BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitNotes, FitRow, FitStatus,
+    JointGait, Misfit, MisfitRun, NoIntervalReason, Outcome, PredictionRow, PredictionSource,
+    ProfileRow, Provenance, RobotParameterRow, Severity, SharedFitRow, Sharing, Side, StartRow,
+    TrialRow, TrialStatus,
 };
 
 use super::recording;
@@ -149,7 +150,7 @@ impl Tables {
             rise: 0.25,
             rise_limit: 0.05,
             p_value: 0.001,
-            not_tested: String::new(),
+            not_tested: None,
         }]
     }
 
@@ -228,10 +229,16 @@ impl Tables {
             criterion: 96.0 * fit.j.ln(),
             wins: if fit.model == Model::SKID_ROLL { 0.985 } else { 0.005 },
             preferred: fit.model == Model::SKID_ROLL,
+            rank: if fit.model == Model::SKID_ROLL { 1 } else { 2 },
+            rival: false,
+            outcome: Outcome::Clear,
+            contradiction: None,
+            replicates: 200,
+            trials_without_metrics: 0,
+            trials_filtered: 0,
             tell_omega_rad_s: if fit.model == Model::SKID_ROLL { f64::NAN } else { 5.6 },
             tell_metric: if fit.model == Model::SKID_ROLL { "" } else { "sigma1" }.to_owned(),
             tell_standard_errors: if fit.model == Model::SKID_ROLL { f64::NAN } else { 12.0 },
-            sentence: "The data prefer <skid-roll>: J = 1.0508.".to_owned(),
             status: fit.status.clone(),
         };
         self.fits.iter().map(row).collect()
@@ -354,7 +361,7 @@ fn prediction(
         metrics: metrics(1.0),
         lower: metrics(if is_known { 0.98 } else { f64::NAN }),
         upper: metrics(if is_known { 1.03 } else { f64::NAN }),
-        no_interval: if is_known { "" } else { "the model does not fit" }.to_owned(),
+        no_interval: (!is_known).then(|| NoIntervalReason::Inadequate.into()),
         j: if is_trial { 1.0 } else { f64::NAN },
         status: match predicted {
             Some(_) => MotionStatus::Stable,
@@ -434,7 +441,15 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         _ => Some(false),
     };
     let told = |value: f64| when(adequate.is_some(), value);
-    let misfit = "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s";
+    let misfit = MisfitRun {
+        side: Side::Above,
+        metric: trilink_robot::metrics::Metric::D,
+        campaign: String::new(),
+        least: 0.07,
+        most: 1.19,
+        from_rad_s: 4.5,
+        to_rad_s: 6.0,
+    };
     FitRow {
         campaign: campaign.to_owned(),
         model,
@@ -445,18 +460,18 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             () if of == SKID[1] => when(skids, 0.0),
             () => f64::NAN,
         }),
-        no_interval: match passive && model == Model::NO_SKID_DAMPED {
-            true => "no repeats, cycles or errors".to_owned(),
-            false => String::new(),
-        },
+        no_interval: (passive && model == Model::NO_SKID_DAMPED)
+            .then(|| NoIntervalReason::NotAskedFor.into()),
         lack_of_fit: told(if adequate == Some(true) { 1.04 } else { 23.7 }),
         lack_of_fit_limit: told(1.38),
         lack_of_fit_d: told(31.4),
         adequate,
-        misfit: if adequate == Some(false) { misfit.to_owned() } else { String::new() },
+        misfit: if adequate == Some(false) { Misfit::off(vec![misfit]) } else { None },
         notes: match campaign {
-            SYMMETRIC => "raw skid ratios are fitted: trial one".to_owned(),
-            _ => String::new(),
+            SYMMETRIC => {
+                FitNotes { raw_skid_trials: vec!["<one>".to_owned()], ..FitNotes::default() }
+            }
+            _ => FitNotes::default(),
         },
         parameters: ByParameter::from_fn(|of| match (of.quantity(), of.is_sum()) {
             _ if of == SKID[0] => when(skids, 104.21),

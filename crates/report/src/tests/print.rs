@@ -20,7 +20,7 @@ fn printed(width_mm: FigureWidth, font_pt: f64, stem: &str) -> [Vec<u8>; 3] {
     let write = |name: &str, bytes: &[u8]| {
         trilink_tables::write_bytes(&input.paths.reports.join(name), bytes).map(drop)
     };
-    draw(figure, None, &write).expect("draws");
+    draw(figure, &BTreeSet::new(), &write).expect("draws");
     let figures = input.paths.reports.join("figures");
     ["svg", "png", "pdf"]
         .map(|kind| std::fs::read(figures.join(format!("{stem}.{kind}"))).expect("a file"))
@@ -151,7 +151,7 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
     for parameter in Parameter::ALL {
         (fit.lower[parameter], fit.upper[parameter]) = (f64::NAN, f64::NAN);
     }
-    fit.no_interval = "nothing tells the noise of the measurements".to_owned();
+    fit.no_interval = Some(trilink_tables::NoIntervalReason::NotAskedFor.into());
     let of = |fit: &&trilink_tables::FitRow| fit.campaign == SKEWED && fit.model == Model::SKID;
     let skid = tables.fits.iter().find(of).expect("a fit").clone();
     tables.write(&folder.path().join("derived"));
@@ -184,7 +184,10 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
         text.contains("50 \\% of \\$x\\_1\\$ \\& \\textbackslash{}input\\{secret\\} \\#1"),
         "{text}"
     );
-    assert!(text.contains("No interval: Nothing tells the noise of the measurements."), "{text}");
+    assert!(
+        text.contains("No interval: Neither replicates nor profiles were asked for."),
+        "{text}"
+    );
     let of = Quantity::Skid.of(0);
     let [value, up, down] = [
         skid.parameters[of],

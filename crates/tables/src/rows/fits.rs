@@ -4,7 +4,10 @@ use serde::Serialize;
 use trilink_robot::{ByParameter, Model, Parameter};
 
 use crate::config::GaitInput;
-use crate::{FitStatus, Sharing, Stopped, rows};
+use crate::{
+    Contradiction, FitNotes, FitStatus, LawLike, Misfit, NoInterval, NotTested, Outcome, Sharing,
+    Stopped, rows,
+};
 
 rows! {
     /// One model fitted to one campaign: `fits.parquet`, and `alternative_fits.parquet` for the other
@@ -26,7 +29,7 @@ rows! {
         pub scatter: ByParameter<f64> as "{}_scatter" after "{}_hi",
         pub systematic: ByParameter<f64> as "{}_systematic" after "{}_scatter",
         /// Why there are no confidence limits.
-        pub no_interval: String,
+        pub no_interval: Option<NoInterval>,
         /// The fitted parameters.
         pub free: Vec<Parameter>,
         /// The parameters that joint-release and coast-down trials gave.
@@ -35,9 +38,8 @@ rows! {
         pub identifiable: Vec<Parameter>,
         pub practically_not: Vec<Parameter>,
         pub structurally_not: Vec<Parameter>,
-        /// The law that a law with dry friction is not told from at any of the trials' motions,
-        /// and why.
-        pub law_is_like: String,
+        /// The law that a law with dry friction is not told from at any of the trials' motions.
+        pub law_is_like: Option<LawLike>,
         /// Fitted parameters that ended at a bound.
         pub at_bound: Vec<Parameter>,
         /// Value of the objective (eq. 22), averaged over the trials.
@@ -63,12 +65,12 @@ rows! {
         pub adequate: Option<bool>,
         /// Where and to which side the measurements are off an inadequate model, or by how much where
         /// nothing tells the noise.
-        pub misfit: String,
+        pub misfit: Option<Misfit>,
         /// Whether the same coefficients describe the robot's other campaigns; missing where that
         /// was not asked for or could not be tested.
         pub sharing: Option<Sharing>,
         /// What was fitted instead of what is missing, and what the objective and the intervals lack.
-        pub notes: String,
+        pub notes: FitNotes,
         /// Trials that it is averaged over.
         pub trials: i64,
         pub starts: i64,
@@ -100,7 +102,7 @@ rows! {
         /// Part of worlds with the same coefficients in which sharing adds as much.
         pub p_value: f64,
         /// Why sharing is neither kept nor refused.
-        pub not_tested: String,
+        pub not_tested: Option<NotTested>,
     }
 }
 
@@ -180,16 +182,27 @@ rows! {
         /// Part of the bootstrap's replicates in which the model has the campaign's lowest
         /// criterion, with the frequencies resampled, too.
         pub wins: f64,
+        /// Order of preference: 1 of the preferred model, 0 without a fit.
+        pub rank: i64,
         /// Whether it is the campaign's preferred model: of those that fit the one with the lowest
         /// criterion, of all where none fits.
         pub preferred: bool,
+        /// Whether the measurements do not tell it apart from that one.
+        pub rival: bool,
         /// The frequency and the metric at which one more trial would best discriminate the model from
         /// the preferred one, and the difference of the two there, in standard errors of a trial.
         pub tell_omega_rad_s: f64,
         pub tell_metric: String,
         pub tell_standard_errors: f64,
         pub status: FitStatus,
-        /// What the campaign's measurements say of its models, in a sentence.
-        pub sentence: String,
+        /// What the campaign's measurements say of its models; [`crate::Comparison`] has the sentence.
+        pub outcome: Outcome,
+        /// What a trial of another kind tells against this model.
+        pub contradiction: Option<Contradiction>,
+        /// Replicates that were asked for.
+        pub replicates: i64,
+        /// Trials of the campaign that have no metrics, and those that were filtered before the export.
+        pub trials_without_metrics: i64,
+        pub trials_filtered: i64,
     }
 }

@@ -4,7 +4,7 @@ use trilink_base::named;
 use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};
 use trilink_robot::{ByParameter, Model};
 
-use crate::{Extrapolation, rows};
+use crate::{Extrapolation, NoInterval, rows};
 
 named! {
     /// What an optimal gait is best in.
@@ -92,7 +92,7 @@ rows! {
         /// 95 % limits of the best by what the coefficients may be off by, and why there are none.
         pub lower: GaitNumbers as "{}_lo" after "{}",
         pub upper: GaitNumbers as "{}_hi" after "{}_lo",
-        pub no_interval: String,
+        pub no_interval: Option<NoInterval>,
         /// Replicates of the fit that were searched again, and of them those in which this is the best.
         pub replicates: Option<i64>,
         pub best_in: Option<i64>,

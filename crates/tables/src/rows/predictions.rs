@@ -3,10 +3,11 @@
 use trilink_robot::Model;
 use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};
 
-use crate::{PredictionSource, rows};
+use crate::{NoInterval, PredictionSource, rows};
 
 rows! {
     /// What a fitted model predicts: `predictions.parquet`.
+    #[derive(serde::Serialize)]
     pub struct PredictionRow {
         pub campaign: String,
         pub model: Model,
@@ -18,7 +19,7 @@ rows! {
         /// 95 % confidence limits of the metrics; missing for the reason in `no_interval`.
         pub lower: GaitMetrics as "{}_lo" after "{}",
         pub upper: GaitMetrics as "{}_hi" after "{}_lo",
-        pub no_interval: String,
+        pub no_interval: Option<NoInterval>,
         /// Contribution of this frequency to the objective; only for `trial`.
         pub j: f64,
         /// `stable`, `symmetry-broken` (stable, and one of two that are each other's mirror image),
