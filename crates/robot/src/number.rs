@@ -37,6 +37,8 @@ pub trait Number:
 
     fn exp(self) -> Self;
 
+    fn ln(self) -> Self;
+
     /// Of two angles at once.
     fn both_sin_cos(angles_rad: [Self; 2]) -> [(Self, Self); 2];
 }
@@ -67,6 +69,11 @@ impl Number for f64 {
     #[inline(always)]
     fn exp(self) -> Self {
         Self::exp(self)
+    }
+
+    #[inline(always)]
+    fn ln(self) -> Self {
+        Self::ln(self)
     }
 
     #[inline(always)]
@@ -116,6 +123,11 @@ impl Number for Lanes {
     #[inline(always)]
     fn exp(self) -> Self {
         Self::exp(self)
+    }
+
+    #[inline(always)]
+    fn ln(self) -> Self {
+        Self::ln(self)
     }
 
     #[inline(always)]

@@ -101,15 +101,18 @@ impl Parameter {
 
     fn new_names(self) -> Names {
         let (stem, of) = (self.quantity.stem(), self.quantity.definition());
-        let unit = of.unit.name();
+        let unit = match of.unit {
+            Unit::One => String::new(),
+            unit => format!("_{}", unit.name()),
+        };
         match (self.wheel_or_link(), of.sum_label) {
             (Some(i), _) => Names {
-                column: format!("{stem}{i}_{unit}"),
+                column: format!("{stem}{i}{unit}"),
                 key: format!("{stem}{i}"),
                 label: format!("{} {i}", of.label),
             },
             (None, Some(label)) => Names {
-                column: format!("{stem}_sum_{unit}"),
+                column: format!("{stem}_sum{unit}"),
                 key: stem.to_owned(),
                 label: label.to_owned(),
             },
@@ -159,6 +162,7 @@ impl Parameter {
     pub fn power_of_omega(self) -> f64 {
         match self.quantity.definition().unit {
             Unit::Newton | Unit::NewtonMetrePerRadian => 2.0,
+            Unit::One => 0.0,
             _ => 1.0,
         }
     }

@@ -61,6 +61,8 @@ named! {
         NewtonMetrePerRadian = "nm_rad",
         NewtonMetreSecondPerRadian = "nm_s_rad",
         Degree = "deg",
+        /// A ratio.
+        One = "",
     }
 }
 
@@ -77,6 +79,7 @@ impl Unit {
             Self::NewtonMetrePerRadian => "N m/rad",
             Self::NewtonMetreSecondPerRadian => "N m s/rad",
             Self::Degree => "\u{b0}",
+            Self::One => "",
         }
     }
 

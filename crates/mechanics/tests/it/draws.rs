@@ -12,7 +12,7 @@ use trilink_mechanics::{
     Solver,
 };
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Gait, JointCommand, Robot};
+use trilink_robot::{Gait, JointCommand, Quantity, Robot};
 
 struct Draw(ChaCha8Rng);
 
@@ -48,7 +48,7 @@ impl Draw {
     fn problem(&mut self) -> Problem {
         let (h_m, l_m) = (self.within(0.05, 0.3), self.within(0.05, 0.3));
         let mass_kg = [self.within(0.3, 3.0), self.within(0.05, 0.5), self.within(0.05, 0.5)];
-        let robot = Robot {
+        let mut robot = Robot {
             h_m,
             l_m,
             b_m: l_m * self.within(0.0, 1.0),
@@ -58,18 +58,23 @@ impl Draw {
                 mass_kg[1] * l_m * l_m * self.within(0.05, 0.4),
                 mass_kg[2] * l_m * l_m * self.within(0.05, 0.4),
             ],
-            roll_kg_s: [0; 3].map(|_| self.between(0.01, 3.0)),
-            // The configured bounds of a fit.
-            skid_kg_s: [0; 3].map(|_| self.between(1.0, 1000.0)),
-            skid_dry_n: [0; 3].map(|_| self.between(0.1, 10.0)),
-            skid_static_n: [0; 3].map(|_| self.between(0.1, 10.0)),
-            stribeck_m_s: self.between(0.002, 0.2),
-            roll_dry_n: [0; 3].map(|_| self.between(0.001, 0.3)),
-            transition_m_s: self.between(0.001, 0.05),
-            stiffness_nm_rad: self.between(0.02, 1.0),
-            damping_nm_s_rad: self.between(1e-4, 0.1),
-            rest_angle_rad: if self.below(2) == 0 { 0.0 } else { self.within(-0.4, 0.4) },
+            ..Robot::kinematic()
         };
+        // Skid coefficients between the configured bounds of a fit.
+        for (of, [low, high]) in [
+            (Quantity::Roll, [0.01, 3.0]),
+            (Quantity::Skid, [1.0, 1000.0]),
+            (Quantity::SkidDry, [0.1, 10.0]),
+            (Quantity::SkidStatic, [0.1, 10.0]),
+            (Quantity::Stribeck, [0.002, 0.2]),
+            (Quantity::RollDry, [0.001, 0.3]),
+            (Quantity::Transition, [0.001, 0.05]),
+            (Quantity::Stiffness, [0.02, 1.0]),
+            (Quantity::Damping, [1e-4, 0.1]),
+        ] {
+            of.numbers_mut(&mut robot).fill_with(|| self.between(low, high));
+        }
+        robot.rest_angle_rad = if self.below(2) == 0 { 0.0 } else { self.within(-0.4, 0.4) };
         let joints = match self.below(3) {
             0 => [Some(self.joint()), Some(self.joint())],
             1 => [None, Some(self.joint())],
