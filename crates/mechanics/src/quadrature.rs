@@ -323,12 +323,11 @@ impl<'a> Eq3<'a> {
         }
         // No farther than this can it change its sign.
         let fastest_m = (robot.h_m + robot.l_m) * joints.iter().map(fastest_rad).sum::<f64>();
-        let det = |phase: f64| eq3.parts::<1>(phase)[0][2];
-        let (mut phase, mut before) = (0.0, det(0.0));
+        let (mut phase, mut before) = (0.0, eq3.det(0.0));
         let mut lasts = eq3.known.lasts;
         while phase < TAU {
             let next = phase + (before.abs() / fastest_m).max(RESOLUTION_RAD);
-            let after = det(next);
+            let after = eq3.det(next);
             if before == 0.0 || before * after < 0.0 {
                 let crossing = eq3.crossing(phase, next, after > 0.0);
                 let [parts, slopes, gait @ ..] = eq3.parts::<ALL>(crossing);
@@ -430,6 +429,11 @@ impl<'a> Eq3<'a> {
                 along((k - OF_FIRST) / PARTS, [angle, rate])
             }
         })
+    }
+
+    #[inline(always)]
+    fn det(&self, phase: f64) -> f64 {
+        self.parts::<1>(phase)[0][2]
     }
 
     fn size(&self, numerators: &[f64; 3]) -> f64 {

@@ -10,7 +10,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
-use trilink_robot::metrics::{ByMetric, GaitMetrics, Metric};
+use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{LANES, Lanes, Number, Parameter};
 
 use super::Problem;
@@ -392,7 +392,8 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         derivatives.omega = domega(problem, cycle.metrics.d_m, &derivatives);
     }
     derivatives.set_sums(&problem.robot, |shares, rolls| {
-        GaitMetrics::from(ByMetric::<f64>::from_fn(|metric| {
+        let rolls = rolls.map(GaitMetrics::to_array);
+        GaitMetrics::from_array(std::array::from_fn(|metric| {
             (0..3).map(|wheel| shares[wheel] * rolls[wheel][metric]).sum()
         }))
     });
@@ -401,10 +402,10 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
 
 /// Derivatives with respect to omega, from those with respect to the robot's parameters.
 fn domega(problem: &Problem, d_m: f64, derivatives: &Derivatives) -> GaitMetrics {
-    let mut sum = GaitMetrics { v_m_s: d_m / TAU, ..GaitMetrics::NONE };
+    let mut sum = GaitMetrics { v_m_s: d_m / TAU, ..GaitMetrics::NONE }.to_array();
     for (parameter, part) in problem.parts_of_omega() {
-        let derivative = &derivatives.parameters[parameter];
-        Metric::ALL.into_iter().for_each(|metric| sum[metric] += part * derivative[metric]);
+        let derivative = derivatives.parameters[parameter].to_array();
+        sum.iter_mut().zip(derivative).for_each(|(sum, of)| *sum += part * of);
     }
-    sum
+    GaitMetrics::from_array(sum)
 }

@@ -31,18 +31,6 @@ impl GaitMetrics {
     const fn splat(value: f64) -> Self {
         Self { d_m: value, v_m_s: value, sigma: [value; 3], alpha1_rad: value, dtheta_rad: value }
     }
-
-    /// The metrics in the order of [`Metric::ALL`].
-    #[inline]
-    pub fn to_array(self) -> [f64; Metric::ALL.len()] {
-        Metric::ALL.map(|metric| self[metric])
-    }
-
-    /// The inverse of [`GaitMetrics::to_array`].
-    #[inline]
-    pub fn from_array(values: [f64; Metric::ALL.len()]) -> Self {
-        ByMetric(values).into()
-    }
 }
 
 named! {
@@ -140,6 +128,22 @@ macro_rules! metrics {
             weight: $weight,
             is_size: $is_size,
         },)*];
+
+        impl GaitMetrics {
+            /// The metrics in the order of [`Metric::ALL`].
+            #[inline]
+            pub const fn to_array(self) -> [f64; Metric::ALL.len()] {
+                [$(self.$($field)+,)*]
+            }
+
+            /// The inverse of [`GaitMetrics::to_array`].
+            #[inline]
+            pub const fn from_array(values: [f64; Metric::ALL.len()]) -> Self {
+                let mut metrics = Self::NONE;
+                $(metrics.$($field)+ = values[Metric::$metric as usize];)*
+                metrics
+            }
+        }
 
         impl Index<Metric> for GaitMetrics {
             type Output = f64;

@@ -34,7 +34,7 @@ impl<T: Number> Linearisation<T> {
         let slopes = &mut self.slopes[pack * size..][..size];
         assemble(element, matrix, start_jacobian, |j, dy| {
             let slopes = &mut slopes[j * per_stage..][..per_stage];
-            slopes.fill(none);
+            slopes.iter_mut().for_each(|row| row[..parameters].fill(T::of(0.0)));
             model.sensitivity(&element.nodes[j], &element.stages[j], dy, parameters, slopes)
         });
         lu::factor(per_stage, matrix);

@@ -17,8 +17,8 @@ pub(super) use skid::Skid;
 
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    ByParameter, Friction, Gait, LANES, Lanes, Number, Parameter, Robot, Shape, Trig, Velocity,
-    dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
+    ByParameter, Dry, Friction, Gait, LANES, Lanes, Number, Parameter, Robot, Shape, Trig,
+    Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
 };
 
 use super::Problem;
@@ -123,8 +123,8 @@ impl Derivatives<f64> {
     }
 }
 
-/// Most parameters that a motion of one kind can depend on.
-pub(super) const MOST_PARAMETERS: usize = 27;
+/// Most parameters that a motion of one kind can depend on: all of friction, and both joints' commands.
+pub(super) const MOST_PARAMETERS: usize = Dry::SKID.len() + Dry::ROLL.len() + 2 * (NUMBERS + PARTS);
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize>: Clone {
@@ -280,7 +280,8 @@ impl Problem {
     /// and dry friction over its square.
     pub(super) fn parts_of_omega(&self) -> impl Iterator<Item = (Parameter, f64)> {
         let part = |of: Parameter| -of.power_of_omega() * of.of(&self.robot) / self.omega_rad_s;
-        Parameter::ALL.into_iter().filter(|of| !of.is_sum()).map(move |of| (of, part(of)))
+        let all = Parameter::ALL.into_iter().filter(|of| !of.is_sum());
+        all.map(move |of| (of, part(of))).filter(|(_, part)| *part != 0.0)
     }
 
     /// Whether the mirror image of the motion follows half a period later.
