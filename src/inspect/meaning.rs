@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
+use trilink_base::Named as _;
+use trilink_robot::Quantity;
+
 /// `meanings.toml`.
 #[derive(Default, serde::Deserialize)]
 struct Meanings {
@@ -43,9 +46,12 @@ pub fn meaning(name: &str) -> Option<String> {
     }
     let (plain, number) = without_number(name);
     // Quantities of different units share a beginning: `skid0_kg_s`, `skid0_m_s`.
-    let known = |name: &str| KNOWN.meanings.get(name);
-    let meaning = known(&plain).or_else(|| known(without_unit(&plain)?.0))?;
-    Some(number.map_or(meaning.clone(), |number| format!("{meaning}, {number}")))
+    let known = |name: &str| KNOWN.meanings.get(name).map(String::as_str);
+    let of_robot = || Quantity::of_name(&plain).map(|of| of.definition().meaning);
+    let of_robot = || of_robot().filter(|meaning| !meaning.is_empty());
+    let by_stem = || known(without_unit(&plain)?.0);
+    let meaning = known(&plain).or_else(of_robot).or_else(by_stem)?;
+    Some(number.map_or(meaning.to_owned(), |number| format!("{meaning}, {number}")))
 }
 
 /// A name without the number of its wheel, link or joint.

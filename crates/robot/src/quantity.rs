@@ -96,6 +96,8 @@ pub struct Definition {
     pub per: Per,
     /// Name on a figure's axis.
     pub label: &'static str,
+    /// What a column of it holds; empty where no fit frees it.
+    pub meaning: &'static str,
     /// Symbol in LaTeX, without the index of a wheel or link.
     pub latex: &'static str,
     /// Label of the sum over the wheels, where fits can free that in place of each wheel's: distances and
@@ -152,6 +154,7 @@ const BODY: Definition = Definition {
     unit: Unit::Metre,
     per: Per::Robot,
     label: "",
+    meaning: "",
     latex: "",
     sum_label: None,
     range: [1e-3, 100.0],
@@ -234,6 +237,7 @@ impl Quantity {
             Self::Skid => Definition {
                 unit: Unit::KilogramPerSecond,
                 label: "Skid",
+                meaning: "skid resistance c^S of the wheel (eq. 15)",
                 latex: "c^S",
                 default: None,
                 has_deviation: false,
@@ -245,6 +249,7 @@ impl Quantity {
             Self::Roll => Definition {
                 unit: Unit::KilogramPerSecond,
                 label: "Roll",
+                meaning: "roll resistance c^R of the wheel (eq. 14)",
                 latex: "c^R",
                 sum_label: Some("Sum of roll"),
                 default: None,
@@ -254,6 +259,7 @@ impl Quantity {
             },
             Self::SkidDry => Definition {
                 label: "Dry skid",
+                meaning: "dry friction of the wheel across it",
                 latex: "F^S",
                 is_free_by_default: true,
                 matters: |laws, _| laws.skid.is_dry(),
@@ -262,6 +268,7 @@ impl Quantity {
             },
             Self::SkidStatic => Definition {
                 label: "Static skid",
+                meaning: "the same at low speeds, where it is larger (Stribeck)",
                 latex: "F^s",
                 matters: |laws, _| laws.skid.has_static(),
                 field: field!(skid_static_n),
@@ -271,6 +278,7 @@ impl Quantity {
                 unit: Unit::MetrePerSecond,
                 per: Per::Robot,
                 label: "Stribeck speed",
+                meaning: "speed v_s from which static friction has become dry friction",
                 latex: "v_s",
                 range: [1e-6, 100.0],
                 matters: |laws, _| laws.skid.has_static(),
@@ -279,6 +287,7 @@ impl Quantity {
             },
             Self::RollDry => Definition {
                 label: "Dry roll",
+                meaning: "dry friction of the wheel along it",
                 latex: "F^R",
                 sum_label: Some("Sum of dry roll"),
                 matters: |laws, _| laws.roll.is_dry(),
@@ -289,6 +298,7 @@ impl Quantity {
                 unit: Unit::MetrePerSecond,
                 per: Per::Robot,
                 label: "Transition speed",
+                meaning: "speed v_t within which dry friction changes its sign",
                 latex: "v_t",
                 range: [1e-6, 100.0],
                 default: Some(0.005),
@@ -300,6 +310,7 @@ impl Quantity {
             Self::Stiffness => Definition {
                 unit: Unit::NewtonMetrePerRadian,
                 label: "Stiffness",
+                meaning: "spring k_tau of the passive joint (eq. 11)",
                 latex: "k_\\tau",
                 field: field!(stiffness_nm_rad),
                 ..JOINT
@@ -307,6 +318,7 @@ impl Quantity {
             Self::Damping => Definition {
                 unit: Unit::NewtonMetreSecondPerRadian,
                 label: "Damping",
+                meaning: "damper c_tau of the passive joint (eq. 11)",
                 latex: "c_\\tau",
                 field: field!(damping_nm_s_rad),
                 ..JOINT
