@@ -1,11 +1,12 @@
 //! The friction of a wheel in one direction, along it or across, with its derivatives.
 //!
 //! ```text
-//! resistance(v) = tanh(v / v_t) (F_c + (F_s - F_c) exp(-(v / v_s)^2)) + c v
+//! resistance(v) = tanh(v / v_t) (F_c + (F_s - F_c) exp(-(v / v_s)^2)) + c v + F_p |v / v_t|^p sign v
 //! ```
 //!
 //! Dry friction F_c, which tanh makes continuous within the transition speed v_t, is F_s at low
-//! speeds and falls to F_c at the Stribeck speed v_s; c is viscous (eq. 14 and 15).
+//! speeds and falls to F_c at the Stribeck speed v_s; c is viscous (eq. 14 and 15). The power is smooth
+//! within the transition speed, too: s (1 + s^2)^((p - 1) / 2) with s = v / v_t.
 //!
 //! Reference: B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, *A survey of models, analysis
 //! tools and compensation methods for the control of machines with friction*, Automatica 30 (1994)
@@ -70,16 +71,18 @@ impl Friction for Viscous {
     }
 }
 
-/// Dry and viscous friction.
+/// Dry and viscous friction, and a power of the velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct Dry;
 
 impl Friction for Dry {
-    const SKID: &'static [Parameter] = &parameters::<10>(&[
+    const SKID: &'static [Parameter] = &parameters::<16>(&[
         Quantity::Skid,
         Quantity::SkidDry,
         Quantity::SkidStatic,
         Quantity::Stribeck,
+        Quantity::SkidPower,
+        Quantity::SkidExponent,
     ]);
     const ROLL: &'static [Parameter] =
         &parameters::<7>(&[Quantity::Roll, Quantity::RollDry, Quantity::Transition]);
@@ -107,6 +110,10 @@ impl Friction for Dry {
         add(3 + wheel, slopes.dry);
         add(6 + wheel, slopes.static_);
         add(9, slopes.stribeck);
+        if robot.skid_power_n[wheel] != 0.0 {
+            add(10 + wheel, slopes.power);
+            add(13 + wheel, slopes.exponent);
+        }
         add(Self::SKID.len() + 6, slopes.transition);
     }
 
@@ -148,6 +155,8 @@ struct Law {
     transition_m_s: f64,
     /// 0 where dry friction is the same at all speeds.
     stribeck_m_s: f64,
+    power_n: f64,
+    exponent: f64,
 }
 
 /// Derivatives of a force with respect to the parameters of its law.
@@ -157,6 +166,8 @@ struct Slopes<T> {
     static_: T,
     transition: T,
     stribeck: T,
+    power: T,
+    exponent: T,
 }
 
 impl Law {
@@ -168,6 +179,8 @@ impl Law {
             static_n: robot.skid_static_n[wheel],
             transition_m_s: robot.transition_m_s,
             stribeck_m_s: robot.stribeck_m_s,
+            power_n: robot.skid_power_n[wheel],
+            exponent: robot.skid_exponent[wheel],
         }
     }
 
@@ -180,6 +193,8 @@ impl Law {
             static_n: dry_n,
             transition_m_s: robot.transition_m_s,
             stribeck_m_s: 0.0,
+            power_n: 0.0,
+            exponent: 1.0,
         }
     }
 
@@ -195,11 +210,27 @@ impl Law {
         [slow, -(slow * relative * T::of(2.0 / self.stribeck_m_s))]
     }
 
+    /// The power of a relative velocity, its derivative with respect to that and to the exponent.
+    #[inline(always)]
+    fn power<T: Number>(&self, relative: T) -> [T; 3] {
+        let square = T::of(1.0) + relative * relative;
+        let logarithm = T::of(0.5) * square.ln();
+        let factor = (T::of(self.exponent - 1.0) * logarithm).exp();
+        let more = T::of(self.exponent - 1.0) * relative * relative / square;
+        let power = relative * factor;
+        [power, factor * (T::of(1.0) + more), power * logarithm]
+    }
+
     /// The force and its derivative with respect to the velocity.
     #[inline(always)]
     fn force<T: Number>(&self, velocity: T) -> [T; 2] {
         let viscous_kg_s = T::of(self.viscous_kg_s);
-        let viscous = [viscous_kg_s * velocity, viscous_kg_s];
+        let mut viscous = [viscous_kg_s * velocity, viscous_kg_s];
+        if self.power_n != 0.0 {
+            let [power, dpower, _] = self.power(velocity * T::of(1.0 / self.transition_m_s));
+            viscous[0] += T::of(self.power_n) * power;
+            viscous[1] += T::of(self.power_n / self.transition_m_s) * dpower;
+        }
         if self.dry_n == 0.0 && (self.stribeck_m_s == 0.0 || self.static_n == 0.0) {
             return viscous;
         }
@@ -224,12 +255,19 @@ impl Law {
             0.0 => T::of(0.0),
             stribeck_m_s => -(sign * more * dslow * velocity * T::of(1.0 / stribeck_m_s)),
         };
+        let [power, dpower, exponent] = match self.power_n {
+            0.0 => [T::of(0.0); 3],
+            _ => self.power(relative),
+        };
+        let transition = (T::of(1.0) - sign * sign) * size + T::of(self.power_n) * dpower;
         Slopes {
             viscous: velocity,
             dry: sign * (T::of(1.0) - slow),
             static_: sign * slow,
-            transition: -((T::of(1.0) - sign * sign) * relative * per_m_s * size),
+            transition: -(transition * relative * per_m_s),
             stribeck,
+            power,
+            exponent: T::of(self.power_n) * exponent,
         }
     }
 }
@@ -246,14 +284,18 @@ mod tests {
             static_n: 1.7,
             transition_m_s: 0.005,
             stribeck_m_s: 0.03,
+            power_n: 0.4,
+            exponent: 0.6,
         };
         type Field = (fn(&mut Law) -> &mut f64, fn(&Slopes<f64>) -> f64);
-        let fields: [Field; 5] = [
+        let fields: [Field; 7] = [
             (|law| &mut law.viscous_kg_s, |slopes| slopes.viscous),
             (|law| &mut law.dry_n, |slopes| slopes.dry),
             (|law| &mut law.static_n, |slopes| slopes.static_),
             (|law| &mut law.transition_m_s, |slopes| slopes.transition),
             (|law| &mut law.stribeck_m_s, |slopes| slopes.stribeck),
+            (|law| &mut law.power_n, |slopes| slopes.power),
+            (|law| &mut law.exponent, |slopes| slopes.exponent),
         ];
         for velocity in [-0.2, -0.02, -0.004, 0.0, 1e-4, 0.006, 0.05] {
             let near = |found: f64, step: f64, high: f64, low: f64| {

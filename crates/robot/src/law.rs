@@ -21,6 +21,8 @@ named! {
         Stribeck = "stribeck",
         /// The same, and in proportion to the skid velocity.
         StribeckViscous = "stribeck-viscous",
+        /// In proportion to a power of the skid velocity.
+        Power = "power",
     }
 }
 
@@ -100,7 +102,7 @@ impl Laws {
 
     /// Whether every force is in proportion to its velocity.
     pub fn are_linear(self) -> bool {
-        !self.are_dry()
+        !self.are_dry() && self.skid != SkidLaw::Power
     }
 
     /// A robot with the coefficients that the laws do not use set to zero.

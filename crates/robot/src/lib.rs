@@ -75,6 +75,11 @@ pub struct Robot {
     pub skid_static_n: [f64; 3],
     /// Speed from which it is dry friction alone, m/s.
     pub stribeck_m_s: f64,
+    /// Resistance to skidding of wheels 0, 1, 2 by a power of the velocity, see [`Friction`], at the
+    /// transition speed, N.
+    pub skid_power_n: [f64; 3],
+    /// The exponents of these powers.
+    pub skid_exponent: [f64; 3],
     /// Dry friction of wheels 0, 1, 2 along them, N.
     pub roll_dry_n: [f64; 3],
     /// Speed within which dry friction changes its sign, m/s.
@@ -115,6 +120,8 @@ impl Robot {
             skid_dry_n: [1.8, 0.9, 0.9],
             skid_static_n: [1.8, 0.9, 0.9],
             stribeck_m_s: 0.02,
+            skid_power_n: [1.8, 0.9, 0.9],
+            skid_exponent: [1.0; 3],
             roll_dry_n: [0.0; 3],
             transition_m_s: 0.005,
             stiffness_nm_rad: 0.0,

@@ -3,7 +3,7 @@
 
 use trilink_base::named;
 
-use super::{Gait, Laws, Parameter, Robot};
+use super::{Gait, Laws, Parameter, Robot, SkidLaw};
 
 named! {
     /// A quantity of a robot, by its key in the configuration; in the order of the tables.
@@ -28,6 +28,10 @@ named! {
         SkidStatic = "skid_static_n",
         /// Speed from which that is dry friction alone.
         Stribeck = "stribeck_m_s",
+        /// Resistance to skidding by a power of the velocity, at the transition speed.
+        SkidPower = "skid_power_n",
+        /// The exponent of that.
+        SkidExponent = "skid_exponent",
         /// Dry friction along a wheel.
         RollDry = "roll_dry_n",
         /// Speed within which dry friction changes its sign.
@@ -283,6 +287,28 @@ impl Quantity {
                 range: [1e-6, 100.0],
                 matters: |laws, _| laws.skid.has_static(),
                 field: field!(stribeck_m_s),
+                ..FRICTION
+            },
+            Self::SkidPower => Definition {
+                label: "Power-law skid",
+                meaning: "resistance F_p to skidding by a power of the velocity, at the transition speed",
+                latex: "F^p",
+                is_free_by_default: true,
+                matters: |laws, _| laws.skid == SkidLaw::Power,
+                field: field!(skid_power_n),
+                ..FRICTION
+            },
+            Self::SkidExponent => Definition {
+                unit: Unit::One,
+                label: "Exponent of skid",
+                meaning: "exponent p of that power",
+                latex: "p",
+                range: [0.05, 4.0],
+                default: Some(1.0),
+                is_free_by_default: true,
+                is_resistance: false,
+                matters: |laws, _| laws.skid == SkidLaw::Power,
+                field: field!(skid_exponent),
                 ..FRICTION
             },
             Self::RollDry => Definition {

@@ -26,7 +26,7 @@ const fn laws(skid: SkidLaw, roll: RollLaw) -> Laws {
     Laws { skid, roll }
 }
 
-const CASES: [Case; 5] = [
+const CASES: [Case; 6] = [
     Case {
         laws: Laws::COULOMB,
         planted: &[DRY[0], DRY[1], DRY[2], (Quantity::Transition.one(), 0.008)],
@@ -70,6 +70,17 @@ const CASES: [Case; 5] = [
             (Quantity::Skid.of(0), 104.0),
             (Quantity::Skid.of(1), 34.0),
             (Quantity::Skid.of(2), 45.0),
+        ],
+    },
+    Case {
+        laws: laws(SkidLaw::Power, RollLaw::Viscous),
+        planted: &[
+            (Quantity::SkidPower.of(0), 2.2),
+            (Quantity::SkidPower.of(1), 0.7),
+            (Quantity::SkidPower.of(2), 1.0),
+            (Quantity::SkidExponent.of(0), 0.5),
+            (Quantity::SkidExponent.of(1), 0.6),
+            (Quantity::SkidExponent.of(2), 0.4),
         ],
     },
 ];
@@ -121,6 +132,12 @@ fn dry_friction_and_the_speed_of_its_transition_are_given_back() {
     let fit = fitted(CAMPAIGNS[0], &CASES[0], 1);
     assert!(off(&fit, CASES[0].planted) < 1e-3, "{:?}", fit.parameters);
     assert!(fit.free.iter().any(|parameter| *parameter == Quantity::Transition.one()));
+}
+
+#[test]
+fn a_power_of_the_velocity_and_its_exponents_are_given_back() {
+    let fit = fitted(CAMPAIGNS[0], &CASES[5], 1);
+    assert!(off(&fit, CASES[5].planted) < 1e-3, "{:?}", fit.parameters);
 }
 
 #[test]
