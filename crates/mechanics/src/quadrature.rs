@@ -382,16 +382,19 @@ impl<'a> Eq3<'a> {
     /// `-s2 u - a2 r = l phi2'`.
     #[inline(always)]
     fn parts<const K: usize>(&self, phase: f64) -> [[f64; 3]; K] {
-        let waves = f64::both_sin_cos(self.joints.map(|joint| phase + joint.phase_rad));
+        let [joint1, joint2] = &self.joints;
+        let [wave1, wave2] =
+            f64::both_sin_cos([phase + joint1.phase_rad, phase + joint2.phase_rad]);
         // Derivatives of each joint's angle and rate with respect to the numbers of its command.
-        let changes: [[[f64; 2]; NUMBERS]; 2] = std::array::from_fn(|joint| {
-            let ((sin, cos), amplitude_rad) = (waves[joint], self.joints[joint].amplitude_rad);
+        let change = |&JointCommand { amplitude_rad, .. }: &JointCommand,
+                      (sin, cos): (f64, f64)| {
             [[1.0, 0.0], [cos, -sin], [-amplitude_rad * sin, -amplitude_rad * cos]]
-        });
-        let [mut phi1, mut phi2] =
-            [0, 1].map(|i| self.joints[i].offset_rad + self.joints[i].amplitude_rad * waves[i].1);
+        };
+        let changes: [[[f64; 2]; NUMBERS]; 2] = [change(joint1, wave1), change(joint2, wave2)];
+        let mut phi1 = joint1.offset_rad + joint1.amplitude_rad * wave1.1;
+        let mut phi2 = joint2.offset_rad + joint2.amplitude_rad * wave2.1;
         // Rate and acceleration of each joint.
-        let [mut front, mut rear] = changes.map(|[.., by_phase]| by_phase);
+        let [[.., mut front], [.., mut rear]] = changes;
         let mut of_second = [[0.0; 3]; PARTS];
         if self.has_second() {
             let (sin, cos) = (2.0 * phase).sin_cos();
@@ -417,18 +420,23 @@ impl<'a> Eq3<'a> {
         let along = |joint: usize, [angle, rate]: [f64; 2]| -> [f64; 3] {
             std::array::from_fn(|i| by_angle[joint][i] * angle + by_rate[joint][i] * rate)
         };
-        std::array::from_fn(|k| match k {
-            0 => value,
-            1 => {
-                let (front, rear) = (along(0, front), along(1, rear));
-                std::array::from_fn(|i| front[i] + rear[i])
-            }
-            2..OF_FIRST => along((k - 2) / NUMBERS, changes[(k - 2) / NUMBERS][(k - 2) % NUMBERS]),
-            _ => {
-                let [angle, rate, _] = of_second[(k - OF_FIRST) % PARTS];
-                along((k - OF_FIRST) / PARTS, [angle, rate])
-            }
-        })
+        let mut all = [value; K];
+        for (k, part) in all.iter_mut().enumerate().skip(1) {
+            *part = match k {
+                1 => {
+                    let (front, rear) = (along(0, front), along(1, rear));
+                    std::array::from_fn(|i| front[i] + rear[i])
+                }
+                2..OF_FIRST => {
+                    along((k - 2) / NUMBERS, changes[(k - 2) / NUMBERS][(k - 2) % NUMBERS])
+                }
+                _ => {
+                    let [angle, rate, _] = of_second[(k - OF_FIRST) % PARTS];
+                    along((k - OF_FIRST) / PARTS, [angle, rate])
+                }
+            };
+        }
+        all
     }
 
     #[inline(always)]
@@ -486,7 +494,10 @@ impl<'a> Eq3<'a> {
 
     /// The pose after an element that starts at a phase.
     fn advance(&self, pose: Pose, phase: f64, length: f64) -> Pose {
-        let velocities = RADAU.nodes.map(|node| self.velocities::<1>(phase + length * node)[0]);
+        let mut velocities = [[0.0; 2]; STAGES];
+        for (velocity, node) in velocities.iter_mut().zip(RADAU.nodes) {
+            [*velocity] = self.velocities(phase + length * node);
+        }
         let ([.., end], _) = path(pose, &velocities, length);
         end
     }
