@@ -53,7 +53,7 @@ fn fitted_motions_and_their_intervals_are_those_of_the_predictions() {
     let (other, _) = simulate(folder(), &set);
     assert_eq!(other[0]["parameters"]["skid_kg_s"][0], 90.0);
     let why = other[0]["no_interval"].as_str().unwrap();
-    assert!(why.contains("skid0_kg_s is set") && other[0]["lower"]["d_m"].is_null(), "{why}");
+    assert!(why.contains("skid0_kg_s was set") && other[0]["lower"]["d_m"].is_null(), "{why}");
     let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "3", "--fitted"];
     let csv = succeed(folder(), &[&begin[..], &["--bands", "--csv"]].concat());
     assert!(csv.starts_with("model,omega_rad_s,d_m,d_m_lo,d_m_hi,"), "{csv}");

@@ -196,7 +196,7 @@ mod tests {
             of(&rows, &[Some(false), Some(true)]),
             "The data prefer skid-roll: J = 0.3000 with 3 free, criterion -120.4 against -91.6 of \
              skid (J = 0.4000 with 3), the lowest in 196 of 200 replicates; it fits (J is 1.10 \
-             times what noise alone leaves, of which up to 1.50 would be noise); it predicts \
+             times what noise alone leaves, limit 1.50); it predicts \
              left-out frequencies best (0.3500)."
         );
     }
@@ -211,7 +211,7 @@ mod tests {
         );
         assert!(
             none.contains(
-                "; J is 12.00 times what noise alone leaves, of which up to 1.50 would be noise; d \
+                "; J is 12.00 times what noise alone leaves, limit 1.50; d \
                  is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s; push shows dry \
                  friction of rolling, and skid-roll has none; it predicts"
             ),
@@ -234,8 +234,8 @@ mod tests {
         let text = of(&rows, &[Some(true), Some(true)]);
         assert!(
             text.starts_with(
-                "The data do not clearly prefer one model; skid-roll is nearest and not told \
-                 apart from skid: J = 0.3000"
+                "The data do not clearly prefer one model; skid-roll is nearest, not \
+                 distinguished from skid: J = 0.3000"
             ),
             "{text}"
         );
@@ -248,7 +248,7 @@ mod tests {
         let text = of(&rows, &[Some(false), Some(true)]);
         assert!(text.starts_with("The data prefer skid-roll: J"), "{text}");
         let text = of(&rows, &[Some(false), Some(false)]);
-        let none = "None fits; skid-roll is the best of those and not told apart from skid: J";
+        let none = "None fits; skid-roll is the best of those, not distinguished from skid: J";
         assert!(text.starts_with(none), "{text}");
     }
 
@@ -282,7 +282,7 @@ mod tests {
         let start = "The data prefer skid-roll: J = 0.3100 with 3 free, criterion -200.0 against \
                      -190.0 of coulomb-viscous (J = 0.2900 with 6)";
         assert!(text.starts_with(start), "{text}");
-        let extrapolated = "; fitted up to 4.5 rad/s, what is above is predicted better by \
+        let extrapolated = "; fitted up to 4.5 rad/s, frequencies above are predicted better by \
                             coulomb-viscous (0.3000 against 0.4000)";
         assert!(text.contains(extrapolated), "{text}");
         let trivially = ComparisonRow { j_extrapolated: 0.39, ..richer };

@@ -1,16 +1,16 @@
 //! The information criterion that models of a campaign are chosen by.
 //!
 //! The weighted relative deviations of a metric are taken to be independent and of one Laplace
-//! distribution, whose scale is estimated by their mean size; each metric has a scale of its own,
-//! since skid ratios scatter otherwise than distances. d and v = d omega / 2 pi of a trial are one
+//! distribution, whose scale is estimated by their mean size; d and v, the skid ratios and alpha_1
+//! have a scale each, since skid ratios scatter otherwise than distances. d and v = d omega / 2 pi of a trial are one
 //! measurement: as both deviate alike, its weight is the sum of theirs, and it counts once. With
 //! the sum `S` of the weighted deviations of the `n` measurements of a metric, twice the negative
 //! logarithm of the likelihood is, but for what all models have in common, the sum of
-//! `2 n ln(S / n)` over the metrics, and the criterion is that and `k ln N` of `k` free parameters
-//! and `N` measurements in all: Schwarz's. It is taken where the likelihood is largest: the fit
+//! `2 n ln(S / n)` over the metrics, and the criterion is that plus `k ln N` of `k` free parameters
+//! and `N` measurements in all: Schwarz's (BIC). It is taken where the likelihood is largest: the fit
 //! follows the objective's weights, and where those leave a metric aside a model with more
-//! coefficients than it needs would win by bringing that metric near, too. From the fit one gets
-//! there by the model linearised at it, with the metrics weighted by their scales until these stay.
+//! coefficients than it needs would win by fitting that metric, too. From the fit one gets
+//! there by the model linearised at it, with the metrics weighted by their scales until these converge.
 //! A parameter that ended at a bound counts, as the model had it: with it there the likelihood is
 //! that of the model without it, and the latter is the one to prefer.
 //!

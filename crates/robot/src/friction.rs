@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Dry friction F_c, which tanh makes continuous within the transition speed v_t, is F_s at low
-//! speeds and falls to F_c at the Stribeck speed v_s; c is viscous (eq. 14 and 15). The power is smooth
-//! within the transition speed, too: s (1 + s^2)^((p - 1) / 2) with s = v / v_t.
+//! speeds and falls to F_c over the Stribeck speed v_s; c is viscous (eq. 14 and 15). For |v / v_t|^p sign v
+//! stands s (1 + s^2)^((p - 1) / 2), s = v / v_t, which is smooth at rest.
 //!
 //! Reference: B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, *A survey of models, analysis
 //! tools and compensation methods for the control of machines with friction*, Automatica 30 (1994)

@@ -77,7 +77,7 @@ pub struct Laws {
 }
 
 impl Laws {
-    /// Wheels that cannot skid and roll freely.
+    /// Wheels that roll freely and cannot skid.
     pub const NO_SKID: Self = Self { skid: SkidLaw::Constrained, roll: RollLaw::None };
     /// Wheels that cannot skid, with viscous roll resistance.
     pub const NO_SKID_ROLL: Self = Self { roll: RollLaw::Viscous, ..Self::NO_SKID };

@@ -295,8 +295,8 @@ named! {
     /// What there is of a steady motion.
     pub enum MotionStatus {
         Stable = "stable",
-        /// Stable, and one of two that are each other's mirror image half a period later: the one that
-        /// is its own, as the commands are, is unstable.
+        /// Stable, and one of a pair that are each other's mirror image half a period later; the motion that
+        /// is its own mirror image, as the commands are, is unstable.
         SymmetryBroken = "symmetry-broken",
         Unstable = "unstable",
         /// None: the gait crosses det W_b = 0 without meeting condition (5).

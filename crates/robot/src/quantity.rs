@@ -26,9 +26,9 @@ named! {
         SkidDry = "skid_dry_n",
         /// Dry friction across a wheel at low speeds.
         SkidStatic = "skid_static_n",
-        /// Speed from which that is dry friction alone.
+        /// Speed over which that falls to dry friction alone: 1/e of the excess is left at it.
         Stribeck = "stribeck_m_s",
-        /// Resistance to skidding by a power of the velocity, at the transition speed.
+        /// Resistance to skidding by a power of the velocity: the force of the power law at the transition speed.
         SkidPower = "skid_power_n",
         /// The exponent of that.
         SkidExponent = "skid_exponent",
@@ -117,7 +117,7 @@ pub struct Definition {
     pub is_fitted: bool,
     /// Whether fits free it where neither campaign nor model says what is free.
     pub is_free_by_default: bool,
-    /// Whether 0 means that it resists nothing.
+    /// Whether 0 switches off what it stands for; laws that do not use it set it to 0.
     pub is_resistance: bool,
     /// Whether the motion of a robot with these laws and this gait depends on it.
     pub matters: fn(Laws, &Gait) -> bool,
@@ -282,7 +282,7 @@ impl Quantity {
                 unit: Unit::MetrePerSecond,
                 per: Per::Robot,
                 label: "Stribeck speed",
-                meaning: "speed v_s from which static friction has become dry friction",
+                meaning: "speed v_s over which static friction falls to dry friction; at it 1/e of the excess is left",
                 latex: "v_s",
                 range: [1e-6, 100.0],
                 matters: |laws, _| laws.skid.has_static(),

@@ -26,7 +26,7 @@ verdict! {
         pub metric: Metric as "_metric",
         /// Where several campaigns are fitted together.
         pub campaign: String as "_campaign",
-        /// Least and largest size of measured over predicted, less 1; missing if the model has none.
+        /// Least and largest size of measured / predicted - 1; missing if the model has none.
         pub least: f64 as "_least",
         pub most: f64 as "_most",
         pub from_rad_s: f64 as "_from_rad_s",
@@ -35,7 +35,7 @@ verdict! {
 }
 
 rows! {
-    /// RMS of predicted over measured, less 1; missing of a metric without measurements.
+    /// RMS of predicted / measured - 1, by metric; missing of a metric without measurements.
     pub struct MisfitRms {
         pub d: f64,
         pub v: f64,

@@ -98,7 +98,7 @@ impl<'r> Comparison<'r> {
         let rivals = self.ranked.iter().filter(|(row, _)| row.rival);
         let rivals: Vec<&str> = rivals.map(|(row, _)| row.model.name()).collect();
         if !rivals.is_empty() {
-            text += &format!(" and not told apart from {}", rivals.join(", "));
+            text += &format!(", not distinguished from {}", rivals.join(", "));
         }
         text += &known([first.j], |[j]| format!(": J = {j:.4}"));
         let Some((second, _)) = self.ranked.get(1) else { return text };
@@ -120,9 +120,7 @@ impl<'r> Comparison<'r> {
     fn adequacy(&self, (first, fit): (&ComparisonRow, &FitRow)) -> String {
         let FitRow { adequate, lack_of_fit, lack_of_fit_limit, .. } = fit;
         let ratio = known([*lack_of_fit, *lack_of_fit_limit], |[ratio, limit]| {
-            format!(
-                "J is {ratio:.2} times what noise alone leaves, of which up to {limit:.2} would be noise"
-            )
+            format!("J is {ratio:.2} times what noise alone leaves, limit {limit:.2}")
         });
         let misfit = fit.misfit.as_ref().map_or(String::new(), ToString::to_string);
         let reasons = match adequate {
@@ -174,7 +172,7 @@ impl<'r> Comparison<'r> {
                 known(numbers, |[ours, least, above_rad_s]| match is_alike(ours, least) {
                     true => String::new(),
                     false => format!(
-                        "fitted up to {above_rad_s} rad/s, what is above is predicted better by {} \
+                        "fitted up to {above_rad_s} rad/s, frequencies above are predicted better by {} \
                      ({least:.4} against {ours:.4})",
                         best.model
                     ),

@@ -98,11 +98,11 @@ reasons! {
         ResampleGaitUnknown = "resample-gait-unknown": "the fit to a resample has no motion at this frequency: the offset, amplitude and phase of the commanded joints were not measured; gait_input = \"commanded\" under [fit] does without",
         OtherSettings = "other-settings": "the settings are not those of the fit; `trilink fit` fits anew",
         OtherTrials = "other-trials": "the trials are not those of the fit; `trilink fit` fits anew",
-        ParameterSet = "parameter-set": "{of} is set: of what is not as it was fitted nothing is known",
+        ParameterSet = "parameter-set": "{of} was set by hand: the uncertainty of the fit does not apply",
         NotFitted = "not-fitted": "the coefficients are not fitted",
-        NoOptimum = "no-optimum": "no optimum counts",
-        NotTheBest = "not-the-best": "of the best alone",
-        Front = "front": "a front has none",
+        NoOptimum = "no-optimum": "no valid optimum was found",
+        NotTheBest = "not-the-best": "computed for the best optimum only",
+        Front = "front": "not computed for Pareto fronts",
     }
 }
 
@@ -114,12 +114,12 @@ reasons! {
     pub enum NotTestedReason {
         NoTrials = "no-trials": "campaign {of} has no trial with metrics",
         PartOfFree = "part-of-free": "one campaign leaves a sum free, and another a part of it: {of}",
-        NoWholeModel = "no-whole-model": "no model of a campaign has all motions",
+        NoWholeModel = "no-whole-model": "in one of the campaigns no model has a motion for every trial",
         SharedFitFailed = "shared-fit-failed": "the shared fit has failed",
         FitFailed = "fit-failed": "the fit of campaign {of} has failed",
         OtherFree = "other-free": "campaign {of} does not leave free what the others do",
         NothingLeft = "nothing-left": "the fits leave nothing that would tell the noise",
-        NotLowest = "not-lowest": "a separate fit is not at its lowest objective",
+        NotLowest = "not-lowest": "a separate fit has not converged to its lowest objective",
         FewBlocks = "few-blocks": "campaign {of} has too few blocks of frequencies",
         NoMotion = "no-motion": "a motion of the shared fit does not exist",
     }
