@@ -14,7 +14,7 @@
 //!
 //! This package decides what is run and prints. The modules in reading order: [`init`] for a new
 //! laboratory, [`build`] that runs the stages, [`compare`], [`inspect`] and [`export`] for their results,
-//! [`cli`], the command line in front of all, [`interrupt`] and `template`.
+//! [`cli`], the command line in front of all, `interrupt` and `template`.
 
 /// Marker files alone to a first `pipeline.toml` and `trials.toml`.
 pub mod init;

@@ -158,7 +158,7 @@ rows! {
 }
 
 rows! {
-    /// What a joint does in a cycle: as [`JointGait`].
+    /// What a joint does in a cycle: as [`JointGait`](crate::JointGait).
     #[derive(Copy, Serialize)]
     pub struct JointCycle {
         pub offset_rad: f64,
