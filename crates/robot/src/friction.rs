@@ -110,10 +110,8 @@ impl Friction for Dry {
         add(3 + wheel, slopes.dry);
         add(6 + wheel, slopes.static_);
         add(9, slopes.stribeck);
-        if robot.skid_power_n[wheel] != 0.0 {
-            add(10 + wheel, slopes.power);
-            add(13 + wheel, slopes.exponent);
-        }
+        add(10 + wheel, slopes.power);
+        add(13 + wheel, slopes.exponent);
         add(Self::SKID.len() + 6, slopes.transition);
     }
 
@@ -225,14 +223,14 @@ impl Law {
     #[inline(always)]
     fn force<T: Number>(&self, velocity: T) -> [T; 2] {
         let viscous_kg_s = T::of(self.viscous_kg_s);
-        let mut viscous = [viscous_kg_s * velocity, viscous_kg_s];
+        let mut smooth = [viscous_kg_s * velocity, viscous_kg_s];
         if self.power_n != 0.0 {
             let [power, dpower, _] = self.power(velocity * T::of(1.0 / self.transition_m_s));
-            viscous[0] += T::of(self.power_n) * power;
-            viscous[1] += T::of(self.power_n / self.transition_m_s) * dpower;
+            smooth[0] += T::of(self.power_n) * power;
+            smooth[1] += T::of(self.power_n / self.transition_m_s) * dpower;
         }
         if self.dry_n == 0.0 && (self.stribeck_m_s == 0.0 || self.static_n == 0.0) {
-            return viscous;
+            return smooth;
         }
         let per_m_s = T::of(1.0 / self.transition_m_s);
         let sign = (velocity * per_m_s).tanh();
@@ -240,7 +238,7 @@ impl Law {
         let [slow, dslow] = self.slow(velocity);
         let more = T::of(self.static_n - self.dry_n);
         let size = T::of(self.dry_n) + more * slow;
-        [viscous[0] + sign * size, viscous[1] + dsign * size + sign * more * dslow]
+        [smooth[0] + sign * size, smooth[1] + dsign * size + sign * more * dslow]
     }
 
     #[inline(always)]
@@ -255,10 +253,7 @@ impl Law {
             0.0 => T::of(0.0),
             stribeck_m_s => -(sign * more * dslow * velocity * T::of(1.0 / stribeck_m_s)),
         };
-        let [power, dpower, exponent] = match self.power_n {
-            0.0 => [T::of(0.0); 3],
-            _ => self.power(relative),
-        };
+        let [power, dpower, exponent] = self.power(relative);
         let transition = (T::of(1.0) - sign * sign) * size + T::of(self.power_n) * dpower;
         Slopes {
             viscous: velocity,
@@ -305,6 +300,8 @@ mod tests {
             let force = |velocity| law.force::<f64>(velocity)[0];
             near(law.force(velocity)[1], 1e-7, force(velocity + 1e-7), force(velocity - 1e-7));
             let slopes = law.slopes(velocity);
+            let without = Law { power_n: 0.0, ..law }.slopes::<f64>(velocity);
+            assert_eq!(without.power, slopes.power);
             for (field, slope) in fields {
                 let step = 1e-6 * *field(&mut law.clone());
                 let changed = |step: f64| {
