@@ -47,8 +47,10 @@ pub fn meaning(name: &str) -> Option<String> {
     let (plain, number) = without_number(name);
     // Quantities of different units share a beginning: `skid0_kg_s`, `skid0_m_s`.
     let known = |name: &str| KNOWN.meanings.get(name).map(String::as_str);
-    let of_robot = || Quantity::of_name(&plain).map(|of| of.definition().meaning);
-    let of_robot = || of_robot().filter(|meaning| !meaning.is_empty());
+    let of_robot = || {
+        let meaning = Quantity::of_name(&plain)?.definition().meaning;
+        (!meaning.is_empty()).then_some(meaning)
+    };
     let by_stem = || known(without_unit(&plain)?.0);
     let meaning = known(&plain).or_else(of_robot).or_else(by_stem)?;
     Some(number.map_or(meaning.to_owned(), |number| format!("{meaning}, {number}")))

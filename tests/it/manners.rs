@@ -139,7 +139,7 @@ fn a_full_disk_is_an_error() {
     assert!(text(&output.stderr).contains("error: standard output: "), "{}", text(&output.stderr));
 }
 
-/// Runs a command and signals it once a line of standard error `begins` so; its exit status and last line.
+/// Signals a command once a line of its standard error starts with `begins`; its exit status and last line.
 #[cfg(unix)]
 fn stopped(folder: &Path, command: &[&str], begins: &str, signal: &str) -> (Option<i32>, String) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))

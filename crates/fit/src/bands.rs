@@ -34,7 +34,7 @@ const MISSED: f64 = 0.05;
 /// Part of a metric that counts as none.
 const NOTHING: f64 = 10.0 * FIT_ACCURACY;
 
-/// Changes of the metrics.
+/// How much the metrics change with a number, or between two motions.
 type Changes = ByMetric<f64>;
 
 /// That a motion has no band, as the fit to a resample has no motion there.

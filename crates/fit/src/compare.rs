@@ -138,7 +138,7 @@ mod tests {
         ComparisonRow { model, j, j_left_out, wins, criterion, free, terms, ..blank }
     }
 
-    /// Rows and fits of models with their outcome.
+    /// The rows and fits as [`judge`] leaves them.
     fn judged(rows: &[ComparisonRow], fits: &[FitRow]) -> (Vec<ComparisonRow>, Vec<FitRow>) {
         let (mut rows, mut fits) = (rows.to_vec(), fits.to_vec());
         rows.iter_mut().for_each(|row| row.replicates = 200);

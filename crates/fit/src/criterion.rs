@@ -9,8 +9,8 @@
 //! `2 n ln(S / n)` over the metrics, and the criterion is that plus `k ln N` of `k` free parameters
 //! and `N` measurements in all: Schwarz's (BIC). It is taken where the likelihood is largest: the fit
 //! follows the objective's weights, and where those leave a metric aside a model with more
-//! coefficients than it needs would win by fitting that metric, too. From the fit one gets
-//! there by the model linearised at it, with the metrics weighted by their scales until these converge.
+//! coefficients than it needs would win by fitting that metric, too. From the fit that
+//! point is reached with the model linearised there, its metrics reweighted until their scales converge.
 //! A parameter that ended at a bound counts, as the model had it: with it there the likelihood is
 //! that of the model without it, and the latter is the one to prefer.
 //!

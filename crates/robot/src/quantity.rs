@@ -26,7 +26,7 @@ named! {
         SkidDry = "skid_dry_n",
         /// Dry friction across a wheel at low speeds.
         SkidStatic = "skid_static_n",
-        /// Speed over which that falls to dry friction alone: 1/e of the excess is left at it.
+        /// Stribeck speed: at it 1/e of the excess of static over dry friction is left.
         Stribeck = "stribeck_m_s",
         /// Resistance to skidding by a power of the velocity: the force of the power law at the transition speed.
         SkidPower = "skid_power_n",
@@ -272,7 +272,7 @@ impl Quantity {
             },
             Self::SkidStatic => Definition {
                 label: "Static skid",
-                meaning: "the same at low speeds, where it is larger (Stribeck)",
+                meaning: "dry friction of the wheel across it at low speeds, where it is larger (Stribeck)",
                 latex: "F^s",
                 matters: |laws, _| laws.skid.has_static(),
                 field: field!(skid_static_n),
@@ -301,7 +301,7 @@ impl Quantity {
             Self::SkidExponent => Definition {
                 unit: Unit::One,
                 label: "Exponent of skid",
-                meaning: "exponent p of that power",
+                meaning: "exponent p of the power law of skidding",
                 latex: "p",
                 range: [0.05, 4.0],
                 default: Some(1.0),

@@ -166,8 +166,8 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Bounds of the free parameters of a quantity, which other quantities may share; `None` where the
-    /// settings give none: its own range bounds it.
+    /// Bounds of the free parameters of a quantity, which other quantities may share; `None` where no
+    /// key gives any: the quantity's range bounds it then.
     pub fn bounds_mut(&mut self, quantity: Quantity) -> Option<&mut [f64; 2]> {
         match quantity {
             Quantity::Skid => Some(&mut self.skid_bounds_kg_s),

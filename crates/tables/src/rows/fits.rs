@@ -201,8 +201,9 @@ rows! {
         pub contradiction: Option<Contradiction>,
         /// Replicates that were asked for.
         pub replicates: i64,
-        /// Trials of the campaign that have no metrics, and those that were filtered before the export.
+        /// Trials of the campaign that have no metrics.
         pub trials_without_metrics: i64,
+        /// Those fitted whose coordinates were filtered before the export.
         pub trials_filtered: i64,
     }
 }

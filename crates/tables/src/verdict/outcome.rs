@@ -18,13 +18,13 @@ named! {
         OnlyOne = "only-one",
         /// No model fits; the preferred one comes closest.
         NoneFits = "none-fits",
-        /// The preferred model fits; a nearer one does not, or may not.
+        /// The preferred model fits; another has a lower criterion, and does not fit or may not.
         FitsAlone = "fits-alone",
-        /// It is not known whether the preferred model fits; a nearer one does not.
+        /// Whether the preferred model fits is not known; another has a lower criterion, and does not fit.
         MayFit = "may-fit",
-        /// The preferred model is clearly the nearest.
+        /// The preferred model has clearly the lowest criterion.
         Clear = "clear",
-        /// It is the nearest, and others are nearest in many replicates.
+        /// It has the lowest criterion, and others have it in many replicates.
         Unclear = "unclear",
     }
 }
