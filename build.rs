@@ -1,6 +1,7 @@
-//! Gives every stage the hash of what its results are made of: the sources and assets of its crate and of
-//! the crates of this workspace that it depends on, the features that they ask of others, and the
-//! checksums of those. A change of the report redoes no fit, one of the solver no trial.
+//! Computes a source hash for each stage of the pipeline (ingest, fit, report). The hash covers the sources and assets
+//! of the stage's crate and of the workspace crates on which it depends, the features that these crates request from
+//! external crates, and the checksums of the external crates. A change to the report code therefore makes no fit stale,
+//! and a change to the solver makes no trial stale.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,7 +9,7 @@ use std::{env, fs};
 
 use toml::Table;
 
-/// The stages' crates, and in which environment variables the program finds their hashes.
+/// Crate of each stage, and the environment variable that holds the stage's source hash.
 const STAGES: [(&str, &str); 3] = [
     ("trilink-ingest", "TRILINK_INGEST_SOURCE"),
     ("trilink-fit", "TRILINK_FIT_SOURCE"),
@@ -19,12 +20,13 @@ fn main() {
     for changed in ["crates", "src/compare", "Cargo.lock", "Cargo.toml", "build.rs"] {
         println!("cargo:rerun-if-changed={changed}");
     }
-    let home = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo says where"));
+    let home =
+        PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR"));
     let lock = fs::read_to_string(home.join("Cargo.lock")).expect("Cargo.lock");
     let lock = Packages::new(&lock);
     for (package, variable) in STAGES {
         let mut hash = lock.source_hash(&home, package);
-        // The page shows what the comparison with the baseline finds.
+        // The report page shows the comparison with the baseline.
         if package == "trilink-report" {
             hash.add_files(&home.join("src/compare"));
         }
@@ -32,7 +34,7 @@ fn main() {
     }
 }
 
-/// The packages of `Cargo.lock` by name; of several versions of one, all.
+/// Packages in `Cargo.lock`, indexed by name, each with all locked versions.
 pub struct Packages(BTreeMap<String, Vec<Table>>);
 
 impl Packages {
@@ -47,7 +49,7 @@ impl Packages {
         Self(packages)
     }
 
-    /// Hash of a package and of all that it depends on.
+    /// Hashes a package together with its direct and indirect dependencies.
     pub fn source_hash(&self, home: &Path, package: &str) -> Hash {
         let mut hash = Hash::new();
         let workspace = manifest(home);
@@ -73,9 +75,10 @@ impl Packages {
         hash
     }
 
-    /// Names of a package and of all that it depends on, sorted.
+    /// Returns the sorted names of a package and of its direct and indirect dependencies.
     pub fn closure(&self, home: &Path, package: &str) -> Vec<String> {
-        let (mut found, mut open) = (Vec::new(), vec![package.to_owned()]);
+        let mut found = Vec::new();
+        let mut open = vec![package.to_owned()];
         while let Some(name) = open.pop() {
             if !found.contains(&name) {
                 open.extend(self.dependencies(home, &name));
@@ -86,8 +89,8 @@ impl Packages {
         found
     }
 
-    /// What a package depends on. For workspace members `Cargo.lock` also lists dev-dependencies, so read
-    /// the manifest.
+    /// Returns the names of a package's direct dependencies. Those of a workspace member are read from its manifest,
+    /// because `Cargo.lock` also lists dev-dependencies.
     fn dependencies(&self, home: &Path, name: &str) -> Vec<String> {
         if let Some(folder) = folder(home, name) {
             let manifest = manifest(&folder);
@@ -101,19 +104,19 @@ impl Packages {
     }
 }
 
-/// The manifest of a folder.
+/// Reads the `Cargo.toml` of a folder.
 fn manifest(folder: &Path) -> Table {
     let text = fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
     text.parse().expect("a manifest is TOML")
 }
 
-/// Where the source of a package of this workspace is; what comes from a registry has a checksum.
+/// Returns the source folder of a workspace package, or `None` for a package from a registry (which has a checksum).
 fn folder(home: &Path, package: &str) -> Option<PathBuf> {
     let folder = home.join("crates").join(package.strip_prefix("trilink-")?);
     folder.join("Cargo.toml").is_file().then_some(folder)
 }
 
-/// Fowler, Noll and Vo's hash (FNV-1a) of 128 bits: the same wherever the program is built.
+/// 128-bit Fowler-Noll-Vo hash (FNV-1a), independent of the build platform.
 pub struct Hash(pub u128);
 
 impl Hash {
@@ -128,7 +131,8 @@ impl Hash {
         }
     }
 
-    /// Names and contents of the files below a folder, but for tests, with the same ends of lines everywhere.
+    /// Adds the names and contents of all files below a folder, except tests, to the hash; line endings do not affect
+    /// it.
     fn add_files(&mut self, folder: &Path) {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();

@@ -1,8 +1,8 @@
-//! The models' motion: one evaluation of the equations, one Newton step, steady motions cold,
-//! warm from the neighbouring frequency and with derivatives, what derivatives add to a solution, the
-//! way from rest, and a sweep.
+//! Benchmarks of steady-state motions: one evaluation of the equations, one Newton step, solutions from cold starts,
+//! from warm starts at the neighbouring frequency and with derivatives, the cost of derivatives relative to a solution,
+//! the transient from rest, and a sweep.
 //!
-//! Times wander with the machine; counts of instructions do not:
+//! Times vary with the machine; instruction counts do not:
 //! `valgrind --tool=callgrind --toggle-collect='*Solver*solve*' BENCH --test NAME`, where `BENCH`
 //! is the executable that `cargo bench --no-run` names.
 
@@ -17,12 +17,12 @@ use trilink_robot::{Gait, Robot, Trig, Viscous, force_balance};
 /// The paper's frequencies, rad/s.
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
 
-/// A sweep of one model over the paper's frequencies.
+/// Returns the steady-state problems of a sweep with one model over the paper's frequencies.
 fn sweep(robot: Robot, gait: Gait, laws: Laws) -> Vec<Problem> {
     OMEGAS_RAD_S.map(|omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s }).into()
 }
 
-/// Table II with the paper's fitted coefficients.
+/// Returns the paper's semi-passive robot (Table II of the paper) with the coefficients that the paper fits.
 fn semi_passive() -> Robot {
     Robot {
         skid_kg_s: [420.0, 200.0, 70.0],
@@ -32,8 +32,8 @@ fn semi_passive() -> Robot {
     }
 }
 
-/// The paper's three campaigns with its fitted coefficients, and their robots on wheels that cannot
-/// skid.
+/// Returns named sweeps of the paper's three campaigns: with the coefficients that the paper fits, and with wheels that
+/// do not skid.
 fn campaigns() -> [(&'static str, Vec<Problem>); 7] {
     let symmetric = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
     let skewed = Robot { skid_kg_s: [74.5, 91.0, 95.0], ..Robot::kinematic() };
@@ -55,7 +55,7 @@ fn campaigns() -> [(&'static str, Vec<Problem>); 7] {
     ]
 }
 
-/// Times are of whole sweeps of 12 frequencies.
+/// Times whole sweeps of 12 frequencies: with cold starts, with warm starts, with derivatives, and from rest.
 fn steady_motions(criterion: &mut Criterion) {
     for (name, problems) in &campaigns() {
         criterion.bench_function(&format!("12 cold, {name}"), |bencher| {
@@ -68,7 +68,7 @@ fn steady_motions(criterion: &mut Criterion) {
             });
         });
         criterion.bench_function(&format!("12 warm, {name}"), |bencher| {
-            // Each frequency from its neighbour, up and down again.
+            // Warm-start each frequency from its neighbour, upwards and downwards.
             let mut solver = Solver::default();
             let mut up = true;
             bencher.iter(|| {
@@ -101,8 +101,8 @@ fn steady_motions(criterion: &mut Criterion) {
     }
 }
 
-/// Solutions without and with all derivatives by turns, the smallest time of many sweeps of each:
-/// what a busy machine delays, it delays alike.
+/// Times solutions without and with all derivatives alternately. Takes the minimum over many sweeps of each, so that a
+/// busy machine affects both alike.
 fn derivatives_beside_solutions(_: &mut Criterion) {
     const SWEEPS: usize = 300;
     for (name, problems) in &campaigns() {
@@ -131,7 +131,8 @@ fn parts_of_a_solution(criterion: &mut Criterion) {
     criterion.bench_function("equations of motion with their Jacobian", |bencher| {
         let robot = semi_passive();
         let phi_rad = [0.3, -0.4];
-        let (velocity, acceleration) = ([0.2, 0.01, 0.3, 1.0, -0.5], [0.1, 0.2, -0.3, 2.0, 1.0]);
+        let velocity = [0.2, 0.01, 0.3, 1.0, -0.5];
+        let acceleration = [0.1, 0.2, -0.3, 2.0, 1.0];
         bencher.iter(|| {
             let phi_rad = black_box(phi_rad);
             let trig = Trig::new(phi_rad);
@@ -154,7 +155,7 @@ fn parts_of_a_solution(criterion: &mut Criterion) {
     }
 }
 
-/// 200 frequencies, in runs that go on from neighbour to neighbour.
+/// Times sweeps of 200 frequencies, each warm-started from its neighbour.
 fn sweeps(criterion: &mut Criterion) {
     const RUN: usize = 25;
     let problems: Vec<Problem> = (0..200)

@@ -1,18 +1,18 @@
-//! Optimal gaits: one optimum from sixteen starts on one core, and how sure it is by two hundred replicates on all,
-//! over five commands of the kinematic robot and the three of the semi-passive one.
+//! Benchmark of gait optimisation: one optimum from sixteen starts on one core, and its uncertainty from two hundred
+//! replicates on all cores, with five free commands of the kinematic robot and three of the semi-passive robot.
 
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use trilink_base::cancel::CancelToken;
 use trilink_fit::Alternatives;
-use trilink_fit::optimise::{Bounds, Certainty, Command, Objective, Search};
+use trilink_fit::optimise::{Bounds, Command, Objective, Search, Uncertainty};
 use trilink_mechanics::{Laws, Problem};
 use trilink_robot::{Gait, Robot};
 
 const REPLICATES: u32 = 200;
 
-/// Frequency, amplitudes and offsets of a robot.
+/// Returns a search over the frequency, amplitudes and offsets of a robot's gait.
 fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search {
     let mut free = Command::all(&gait);
     free.truncate(5);
@@ -29,7 +29,7 @@ fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search 
     Search { problem, objective, free, bounds, starts: 16 }
 }
 
-/// Coefficients that are off by up to 5 %, each in another way.
+/// Returns copies of a robot as bootstrap replicates; their skid coefficients deviate from the robot's by up to 5 %.
 fn replicates(robot: &Robot) -> Alternatives {
     let off = |number: u32| {
         let mut robot = robot.clone();
@@ -45,9 +45,12 @@ fn optima(criterion: &mut Criterion) {
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let kinematic = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
     let semi_passive = Robot::semi_passive();
-    let (both, one_joint) = (Gait::symmetric(), Gait::passive_symmetric());
-    let (viscous, dry) = (Laws::SKID_ROLL, Laws::COULOMB);
-    let (speed, work) = (Objective::Speed, Objective::WorkPerMetre);
+    let both = Gait::symmetric();
+    let one_joint = Gait::passive_symmetric();
+    let viscous = Laws::SKID_ROLL;
+    let dry = Laws::COULOMB;
+    let speed = Objective::Speed;
+    let work = Objective::WorkPerMetre;
     let cases = [
         ("kinematic, skid-roll", search(speed, kinematic.clone(), both, viscous)),
         ("kinematic, skid-roll", search(work, kinematic.clone(), both, viscous)),
@@ -57,7 +60,8 @@ fn optima(criterion: &mut Criterion) {
     ];
     for (name, search) in cases {
         let objective = search.objective;
-        let (count, starts) = (search.free.len(), search.starts);
+        let count = search.free.len();
+        let starts = search.starts;
         let of = format!("{name}: {objective} over {count} commands");
         criterion.bench_function(&format!("{of}, {starts} starts, one core"), |bencher| {
             bencher.iter(|| one.install(|| black_box(search.run(&CancelToken::default()))));
@@ -66,7 +70,7 @@ fn optima(criterion: &mut Criterion) {
         let alternatives = replicates(&search.problem.robot);
         criterion.bench_function(&format!("{of}, {REPLICATES} replicates"), |bencher| {
             bencher.iter(|| {
-                black_box(Certainty::new(
+                black_box(Uncertainty::new(
                     &search,
                     &found.optima,
                     &alternatives,

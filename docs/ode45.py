@@ -1,4 +1,4 @@
-"""What settling the Dormand-Prince pair of MATLAB's ode45 from rest takes for one steady motion of
+"""Counts the evaluations that the Dormand-Prince pair of MATLAB's ode45 takes from rest to one steady state of
 the kinematic robot with skid and roll resistance. Needs sympy and scipy: python docs/ode45.py"""
 import time
 import numpy as np

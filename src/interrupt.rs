@@ -1,4 +1,5 @@
-//! Ctrl-C and SIGTERM: the first one stops the work between two steps, the second one at once.
+//! Handling of Ctrl-C (SIGINT) and SIGTERM: the first signal cancels the work after the current step, and the second
+//! one ends the process at once.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
@@ -7,32 +8,33 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use trilink_base::cancel::CancelToken;
 
-/// A shell's exit status of what a signal has ended is this and its number.
-const STATUS: i32 = 128;
+/// Offset of the exit status of a process that was ended by a signal; shells use 128 + signal number.
+const SIGNAL_STATUS_OFFSET: i32 = 128;
 
-/// Number of the signal that was received; 0 for none.
+/// Number of the last signal received, or 0.
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 
-/// Cancelled by SIGINT and SIGTERM.
+/// Cancellation token of the running command, cancelled by SIGINT and SIGTERM.
 static COMMAND: LazyLock<CancelToken> = LazyLock::new(CancelToken::default);
 
-/// Cancels the command that this process runs.
+/// Returns the token that cancels the command of this process.
 pub(crate) fn token() -> &'static CancelToken {
     &COMMAND
 }
 
-/// Listens for Ctrl-C and for being asked to end from now on.
+/// Installs the handlers of SIGINT and SIGTERM.
 ///
 /// # Errors
-/// The system does not allow it.
+/// Returns an error if the operating system refuses a handler.
 pub(crate) fn listen() -> std::io::Result<()> {
-    // A limit on the size of files is an error of who writes, not the end.
+    // Exceeding the file-size limit becomes a write error instead of ending the process.
     #[cfg(unix)]
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
     let is_second = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        // In this order: the first signal finds the flag down and raises it.
-        flag::register_conditional_shutdown(signal, STATUS + signal, Arc::clone(&is_second))?;
+        // The conditional shutdown comes first, so that the first signal finds the flag unset.
+        let status = SIGNAL_STATUS_OFFSET + signal;
+        flag::register_conditional_shutdown(signal, status, Arc::clone(&is_second))?;
         flag::register(signal, Arc::clone(&is_second))?;
         flag::register_usize(signal, Arc::clone(&SIGNAL), signal as usize)?;
         flag::register(signal, COMMAND.flag())?;
@@ -40,8 +42,8 @@ pub(crate) fn listen() -> std::io::Result<()> {
     Ok(())
 }
 
-/// The exit status of a program that a signal cancelled.
+/// Returns the exit status for a command that was cancelled by a signal; `None` if there was no signal.
 pub(crate) fn exit_status() -> Option<u8> {
     let signal = SIGNAL.load(Ordering::Relaxed);
-    (signal != 0).then(|| u8::try_from(STATUS as usize + signal).unwrap_or(u8::MAX))
+    (signal != 0).then(|| u8::try_from(SIGNAL_STATUS_OFFSET as usize + signal).unwrap_or(u8::MAX))
 }

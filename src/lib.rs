@@ -1,41 +1,41 @@
-//! The program `trilink`: from marker files of a wheeled three-link robot to fitted dissipation models
-//! and figures.
+//! The program `trilink`: fits dissipation models to motion-capture trials of a wheeled three-link robot, and draws
+//! figures of the results.
 //!
-//! It is made of the crates of this workspace, each of which can be used without it. In the order that
-//! a trial passes through them:
+//! The program is built from the crates of this workspace, each of which can be used without it. In the order in
+//! which a trial passes through them:
 //!
-//! - `trilink_mocap` reads marker files, `trilink_ingest` evaluates trials, `trilink_fit` fits models to
+//! - `trilink_mocap` reads marker files, `trilink_ingest` processes trials, `trilink_fit` fits models to
 //!   them and `trilink_report` draws the results with `trilink_plot`;
-//! - `trilink_synth` makes trials with a known truth;
-//! - `trilink_tables` has the settings and tables that they share, `trilink_mechanics` solves for the
-//!   models' motions, `trilink_robot` has the robot's equations, `trilink_statistics` averages, quantiles and
-//!   least squares, `trilink_base` file reads, CSV, patterns, named values, numbers as text and
-//!   cancellation.
+//! - `trilink_synth` synthesises trials with known parameters;
+//! - `trilink_tables` defines the settings and tables that these crates share, `trilink_mechanics` solves for the
+//!   steady-state motions of the models, `trilink_robot` has the robot's equations of motion, `trilink_statistics`
+//!   means, quantiles and least squares, and `trilink_base` file access, CSV, patterns, named values, number
+//!   formatting and cancellation.
 //!
-//! This package decides what is run and prints. The modules in reading order: [`init`] for a new
-//! laboratory, [`build`] that runs the stages, [`compare`], [`inspect`] and [`export`] for their results,
-//! [`cli`], the command line in front of all, `interrupt` and `template`.
+//! This package decides which stages run, and provides the command line. The modules in reading order: [`init`] for a
+//! new laboratory, [`build`] that runs the stages, [`compare`], [`inspect`] and [`export`] for the results, [`cli`] for
+//! the command line, and the helpers `interrupt` and `template`.
 
-/// Marker files alone to a first `pipeline.toml` and `trials.toml`.
+/// Generation of a first `pipeline.toml` and `trials.toml` from marker files alone.
 pub mod init;
 
-/// The engine: what is up to date, what is redone and why; the stages one after the other.
+/// Incremental build engine: which targets are stale and why, and the stages that make them.
 pub mod build;
 
-/// A run against a baseline.
+/// Comparison of a run with a baseline.
 pub mod compare;
 
-/// A look into any table.
+/// Inspection of any table of results.
 pub mod inspect;
 
-/// A trial for other viewers.
+/// Export of a trial to formats of other viewers.
 pub mod export;
 
-/// The command line.
+/// Command line.
 pub mod cli;
 
-/// Ctrl-C and SIGTERM.
+/// Handling of Ctrl-C and SIGTERM.
 mod interrupt;
 
-/// Text files and messages from templates.
+/// Rendering of text files and messages from templates.
 mod template;

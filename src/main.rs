@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-/// musl's own allocator has one lock for all threads.
+/// Replacement for musl's allocator, in which all threads share one lock.
 #[cfg(target_env = "musl")]
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;

@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
-# Sets up a Slurm of one node, without systemd, runs trials on it with slurm.sh and with
-# Snakemake, a part cancelled and another one killed each time, compares the bytes with those of an
-# undivided run and takes the node down. It needs trilink and, on Debian:
+# Sets up a one-node Slurm without systemd, ingests trials on it with slurm.sh and with Snakemake, cancels one
+# shard and kills another each time, compares the results byte by byte with those of an undivided run and shuts
+# the node down. It needs trilink and, on Debian:
 #   apt-get install slurm-wlm munge
 #   pip install snakemake snakemake-executor-plugin-slurm
 set -euo pipefail
 
 nights=${NIGHTS:-8} # folders of 42 trials
-port=${PORT:-26817} # and the next one
+port=${PORT:-26817} # and the following port
 repository=$(cd "$(dirname "$0")/.." && pwd)
 home=$(mktemp -d)
 node=$home/node
 export SLURM_CONF=$node/slurm.conf XDG_CACHE_HOME=$home/cache PATH=$node/bin:/usr/sbin:$PATH
 daemons=() snakemake='' passed=false
 
-# Repeats a command until it succeeds, for ten minutes at most.
+# Repeats a command until it succeeds, for at most ten minutes.
 wait_until() {
     local end=$((SECONDS + 600))
     until "$@"; do
@@ -53,7 +53,7 @@ StateSaveLocation=$node/state
 SlurmdSpoolDir=$node/spool
 SlurmctldPidFile=$node/slurmctld.pid
 SlurmdPidFile=$node/slurmd.pid
-# Two parts at a time, whatever the machine has.
+# Two shards at a time, whatever the machine has.
 NodeName=one NodeHostname=$host NodeAddr=127.0.0.1 CPUs=4 RealMemory=16000
 PartitionName=main Nodes=one Default=YES
 END
@@ -78,7 +78,7 @@ node_down() {
         scancel --user="$(id -un)" && scancel --user="$(id -un)" --full --signal=KILL
         wait_until no_job_is_left || true
     fi
-    # Munge last: the others need it.
+    # Munge is stopped last, since the others need it.
     for ((i = ${#daemons[@]} - 1; i >= 0; i--)); do
         kill "${daemons[i]}" || true
         wait "${daemons[i]}" || true
@@ -86,14 +86,14 @@ node_down() {
     if $passed; then rm -r "$home"; else echo "failed: see $home" >&2; fi
 }
 
-# Cancels a part that waits for its turn.
+# Cancels a pending shard.
 cancel_one() {
     local waiting
     waiting=$(squeue --array --noheader --states=pending --format='%i %r' | grep -v Dependency) || return 1
     scancel "$(tail -n 1 <<<"$waiting" | cut -d ' ' -f 1)"
 }
 
-# Kills a part of this folder that runs, as if its memory had run out.
+# Kills a running shard of this folder, as the out-of-memory killer would.
 kill_one() {
     local process
     for process in $(pgrep -f '(^|/)trilink .*ingest --shard'); do
@@ -105,7 +105,7 @@ kill_one() {
     return 1
 }
 
-# What `merge --status` says is to be submitted again: two parts.
+# Prints the array that `merge --status` asks to resubmit: two shards.
 missing_array() {
     trilink merge --status shards >status.txt || [ $? = 1 ]
     cat status.txt >&2

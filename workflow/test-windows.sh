@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
-# Runs a Windows program of trilink under Wine: the demo, a second run, a comparison with the baseline that
-# was made elsewhere, settings with backslashes, drive letters and CRLF, two runs at once, a killed run.
+# Tests a Windows build of trilink under Wine: the demo, a second run, a comparison with a baseline from another
+# system, settings with backslashes, drive letters and CRLF, two runs at once, a killed run.
 #   workflow/test-windows.sh trilink.exe
-# It needs Wine of 64 bits, on Debian:
+# It needs 64-bit Wine, on Debian:
 #   apt-get install wine64 wine
-# Before Wine 9 bcryptprimitives.dll has to stand beside the program, with a ProcessPrng that calls
-# SystemFunction036.
+# Before Wine 9, a bcryptprimitives.dll whose ProcessPrng calls SystemFunction036 must be beside the program.
 set -euo pipefail
 
 program=$(realpath "$1")
@@ -16,10 +15,10 @@ trap 'wineserver -k || true; rm -rf "$home"' EXIT
 
 trilink() { wine "$program" "$@" 2>error.txt >output.txt; }
 
-# What Windows calls a path of this machine.
+# Prints the Windows name of a path of this machine.
 windows_path() { echo "Z:${1//\//\\}"; }
 
-expect() { # STATUS TEXT ARGUMENTS...: a command ends so and says this
+expect() { # STATUS TEXT ARGUMENTS...: checks the exit status of a command and its output
     local needed=$1 text=$2 found=0
     shift 2
     trilink "$@" || found=$?
@@ -31,7 +30,7 @@ expect() { # STATUS TEXT ARGUMENTS...: a command ends so and says this
     echo "ok: trilink $*"
 }
 
-# Of what does not say when it was made.
+# Prints the hash of all results that contain no time.
 results() { find derived reports/figures -type f ! -name '*.json' ! -name .lock | sort | xargs cat | sha256sum; }
 
 mkdir -p "$home/a b/project"
@@ -49,7 +48,7 @@ sed 's/$/\r/' -i raw/day/trials.toml
 sed -e 's#^raw = "raw/demo"#raw = '"'raw\\\\day'#" -e 's/^bootstrap = 200/bootstrap = 0/' -e 's/$/\r/' \
     "$repository/pipeline.toml" >pipeline.toml
 expect 0 "page: reports\\index.html" run
-expect 0 "that cannot be ingested" check "$(windows_path "$PWD/raw/day")"
+expect 0 "cannot be ingested" check "$(windows_path "$PWD/raw/day")"
 expect 0 "page: Z:" run -c "$(windows_path "$PWD/pipeline.toml")"
 expect 0 "raw/day" inspect trials --columns folder --head 1
 

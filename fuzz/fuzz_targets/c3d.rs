@@ -1,4 +1,4 @@
-//! Whatever bytes a C3D file has, reading it gives markers or an error.
+//! Fuzzes C3D files: reading arbitrary bytes gives markers or an error.
 
 #![no_main]
 

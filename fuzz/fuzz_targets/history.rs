@@ -1,4 +1,4 @@
-//! Whatever `history.parquet` holds, a run is added to it or there is an error.
+//! Fuzzes `history.parquet`: whatever its content, a run is added to the file or an error is returned.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Whatever `up-to-date.json` holds, a run ends with results or an error.
+//! Fuzzes `up-to-date.json`: whatever its content, a run ends with results or an error.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Whatever `pipeline.toml` and `trials.toml` say, they are refused or can be worked with.
+//! Fuzzes `pipeline.toml` and `trials.toml`: any content is either rejected or usable by all stages.
 
 #![no_main]
 

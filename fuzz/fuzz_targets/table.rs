@@ -1,5 +1,5 @@
-//! Whatever the derived table holds that the target has its name from, each command that reads it
-//! ends with results or an error. The input's first byte says which command.
+//! Fuzzes the derived table after which the target is named: whatever its content, each command that reads the table
+//! ends with results or an error. The first byte of the input selects the command.
 
 #![no_main]
 

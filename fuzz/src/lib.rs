@@ -1,4 +1,4 @@
-//! What the targets do: what a test does in small, with the program in the same process.
+//! Entry points for the fuzz targets, shared with the tests, which run the same checks on a small scale.
 
 #[path = "../../tests/it/common/temporary.rs"]
 mod temporary;
@@ -9,12 +9,12 @@ use std::path::Path;
 
 pub use inputs::*;
 
-/// Runs the program on a configuration with a line of arguments; gives its exit status.
+/// Runs the program with the arguments in `line` on the configuration file `config`, and returns its exit status.
 pub fn program(config: &Path, line: &str) -> i32 {
     let options = ["trilink", "-q", "-c"].into_iter().map(Into::into).chain([config.into()]);
     let line = options.chain(line.split(' ').map(Into::into)).collect();
     let status = i32::from(trilink::cli::main_with(line));
-    // A signal is meant for the fuzzer.
+    // A status above 128 means that a signal has arrived, which is meant for the fuzzer.
     if status > 128 {
         std::process::exit(status);
     }

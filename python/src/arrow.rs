@@ -1,6 +1,7 @@
-//! Tables by Arrow's C stream interface, in PyCapsules, without a copy.
+//! Zero-copy export of tables to Python through Arrow's C stream interface, in PyCapsules.
 //!
-//! Reference: the Arrow PyCapsule interface, <https://arrow.apache.org/docs/format/CDataInterface/PyCapsuleInterface.html>.
+//! Reference: the Arrow PyCapsule interface,
+//! <https://arrow.apache.org/docs/format/CDataInterface/PyCapsuleInterface.html>.
 
 use polars::prelude::{Column, CompatLevel, DataFrame, DataType, Series};
 use polars_arrow::array::StructArray;
@@ -9,8 +10,8 @@ use polars_arrow::ffi::{ArrowArrayStream, export_iterator};
 use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyCapsule};
 
-/// A function that gives a capsule with a stream of the table each time that it is called. All share
-/// the table's memory, which is freed with the last of them.
+/// Returns a Python function that returns a capsule with a new Arrow stream of the table each time it is called. All
+/// streams share the table's memory, which is freed with the last stream.
 pub fn streams(py: Python<'_>, frame: DataFrame) -> PyResult<Bound<'_, PyCFunction>> {
     PyCFunction::new_closure(py, Some(c"stream"), None, move |arguments, _| {
         let capsule =
@@ -19,24 +20,24 @@ pub fn streams(py: Python<'_>, frame: DataFrame) -> PyResult<Bound<'_, PyCFuncti
     })
 }
 
-/// A record batch for each chunk of the table's columns.
+/// Returns an Arrow stream with one record batch for each chunk of the table's columns.
 fn stream(frame: &DataFrame) -> ArrowArrayStream {
     let columns = || frame.columns().iter().map(Column::as_materialized_series);
     let fields = columns().map(|column| column.field().to_arrow(level(column)));
     let fields = ArrowDataType::Struct(fields.collect());
-    let batch = |chunk: usize| {
+    let mut batches = Vec::new();
+    for chunk in 0..frame.first_col_n_chunks() {
         let arrays: Vec<_> =
             columns().map(|column| column.to_arrow(chunk, level(column))).collect();
         let rows = arrays.first().map_or(0, |array| array.len());
-        StructArray::new(fields.clone(), rows, arrays, None).boxed()
-    };
-    let batches: Vec<_> = (0..frame.first_col_n_chunks()).map(batch).collect();
+        batches.push(StructArray::new(fields.clone(), rows, arrays, None).boxed());
+    }
     let field = Field::new("".into(), fields, false);
     export_iterator(Box::new(batches.into_iter().map(Ok)), field)
 }
 
-/// As polars has it, but for lists: pandas takes no list of views of text, so that these few cells are
-/// copied.
+/// Returns the Arrow compatibility level with which a column is exported: the newest level, except for lists, because
+/// pandas does not accept lists of string views (the few list columns are copied).
 fn level(column: &Series) -> CompatLevel {
     match column.dtype() {
         DataType::List(_) => CompatLevel::oldest(),

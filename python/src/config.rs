@@ -1,4 +1,4 @@
-//! Configurations, of which the last one is kept: reading a file takes longer than a motion.
+//! Cache for the configuration loaded last, because reading the file takes longer than solving for a motion.
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -8,37 +8,41 @@ use trilink_tables::config::{CONFIG_FILE, Config};
 
 use crate::error::Failure;
 
-/// A file as it was when it was read.
+/// State of a configuration file at the time it was read.
 #[derive(PartialEq)]
-struct Known {
-    /// From which the configuration's paths start.
-    named: PathBuf,
+struct FileState {
+    /// Path of the file as given by the caller; relative paths in the configuration are resolved against the folder of
+    /// this path.
+    given: PathBuf,
     path: PathBuf,
     modified: SystemTime,
     bytes: u64,
 }
 
-static LAST: Mutex<Option<(Known, Config)>> = Mutex::new(None);
+static LAST: Mutex<Option<(FileState, Config)>> = Mutex::new(None);
 
-/// [`Config::load_or_default`], which reads a file again where its time or size is another one.
+/// Loads a configuration like [`Config::load_or_default`], but rereads a file only if its modification time or size has
+/// changed.
 pub fn load(path: Option<&Path>) -> Result<Config, Failure> {
-    let Some(known) = look(path.unwrap_or(Path::new(CONFIG_FILE))) else {
+    let Some(state) = file_state(path.unwrap_or(Path::new(CONFIG_FILE))) else {
         return Ok(Config::load_or_default(path)?);
     };
-    // Where another thread panicked there is still a whole configuration, or none.
+    // Even after a panic in another thread, the cache holds a complete configuration or none.
     let last = || LAST.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     if let Some((last, config)) = &*last()
-        && *last == known
+        && *last == state
     {
         return Ok(config.clone());
     }
     let config = Config::load_or_default(path)?;
-    *last() = Some((known, config.clone()));
+    *last() = Some((state, config.clone()));
     Ok(config)
 }
 
-fn look(path: &Path) -> Option<Known> {
-    let found = path.metadata().ok()?;
-    let (named, path) = (path.to_owned(), std::path::absolute(path).ok()?);
-    Some(Known { named, path, modified: found.modified().ok()?, bytes: found.len() })
+/// Returns the current state of a file; `None` if the file does not exist or its state cannot be determined.
+fn file_state(path: &Path) -> Option<FileState> {
+    let metadata = path.metadata().ok()?;
+    let given = path.to_owned();
+    let path = std::path::absolute(path).ok()?;
+    Some(FileState { given, path, modified: metadata.modified().ok()?, bytes: metadata.len() })
 }

@@ -1,4 +1,4 @@
-//! Errors as exceptions, in the program's words.
+//! Python exceptions for the errors of the library, with the same messages as the program `trilink`.
 
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
@@ -8,22 +8,22 @@ use trilink::inspect::InspectError;
 use trilink_fit::simulate::SetupError;
 use trilink_tables::StoreError;
 
-pyo3::create_exception!(trilink, Error, PyException, "What trilink could not do, and why.");
+pyo3::create_exception!(trilink, Error, PyException, "Base class of all errors of trilink.");
 pyo3::create_exception!(
     trilink,
     ConfigError,
     Error,
-    "pipeline.toml, trials.toml or an argument in their place: which key, what was found, what was needed."
+    "Invalid pipeline.toml, trials.toml or argument; the message names the key, what was found and what is needed."
 );
 pyo3::create_exception!(
     trilink,
     TableError,
     Error,
-    "A table or another file that cannot be read or written, or a column or condition that is none."
+    "A table or other file that cannot be read or written, or an invalid column or condition."
 );
-pyo3::create_exception!(trilink, BusyError, Error, "Another run is busy with the same results.");
+pyo3::create_exception!(trilink, BusyError, Error, "Another run is writing the same results.");
 
-/// Adds the exceptions to the module.
+/// Adds the exception classes to the Python module.
 pub fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     module.add("Error", py.get_type::<Error>())?;
@@ -32,12 +32,12 @@ pub fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("BusyError", py.get_type::<BusyError>())
 }
 
-/// An error of the library, as an exception that is not yet raised.
+/// Library error, converted to a Python exception that has not been raised yet.
 pub struct Failure(PyErr);
 
 impl Failure {
-    /// An argument that cannot be used.
-    pub fn of_argument(message: &str) -> Self {
+    /// Creates the error for an invalid argument.
+    pub fn from_argument(message: &str) -> Self {
         Self(ConfigError::new_err(message.to_owned()))
     }
 }
@@ -85,7 +85,7 @@ impl From<RunError> for Failure {
             RunError::Store(error) => error.into(),
             RunError::Unconfigured { .. } => Self(ConfigError::new_err(error.to_string())),
             RunError::Held(_) => Self(BusyError::new_err(error.to_string())),
-            // What Python raises of itself where nobody says how far the work was.
+            // The same exception that Python raises on Ctrl-C, with a message that describes the progress of the run.
             RunError::Interrupted { .. } | RunError::Stopped(_) => {
                 Self(PyKeyboardInterrupt::new_err(error.to_string()))
             }
@@ -94,7 +94,7 @@ impl From<RunError> for Failure {
     }
 }
 
-/// An argument that has another form than it needs.
+/// Converts the error for JSON arguments that are invalid or do not have the expected form.
 impl From<serde_json::Error> for Failure {
     fn from(error: serde_json::Error) -> Self {
         Self(ConfigError::new_err(error.to_string()))

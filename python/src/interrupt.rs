@@ -1,4 +1,4 @@
-//! Ctrl-C while the library works.
+//! Handling of Ctrl-C during long-running calls.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -8,31 +8,34 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use trilink_base::cancel::CancelToken;
 
-/// How often Python is asked for signals.
+/// Interval between checks for signals.
 const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Does work on a thread of its own without the interpreter's lock, while this one lets Python
-/// handle signals. Where its handler raises an exception, as that of Ctrl-C does, the work is asked
-/// to stop and the exception is raised after it, unless the work's own result says how far it was.
+/// Runs `work` on another thread, without holding the interpreter lock, while the calling thread lets Python handle
+/// signals.
+///
+/// If a signal handler raises an exception, as the handler for Ctrl-C does, `cancel` is triggered. Once the work has
+/// ended, the exception is returned in place of the result, unless `reports_interruption` returns true for the result,
+/// because the result itself describes the interruption.
 ///
 /// # Errors
-/// What a handler of a signal raised.
+/// Returns the exception that a signal handler raised.
 pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
     cancel: &CancelToken,
     work: impl FnOnce() -> T + Send,
-    says_so: impl FnOnce(&T) -> bool,
+    reports_interruption: impl FnOnce(&T) -> bool,
 ) -> PyResult<T> {
     let mut raised = None;
     let result = py.detach(|| {
         thread::scope(|scope| {
-            let (done, is_done) = channel::<()>();
+            let (done_sender, done) = channel::<()>();
             let worker = scope.spawn(move || {
-                // Dropped at the end, also by a panic.
-                let _done = done;
+                // The sender is dropped when the work ends, even if it panics.
+                let _done_sender = done_sender;
                 work()
             });
-            while let Err(RecvTimeoutError::Timeout) = is_done.recv_timeout(INTERVAL) {
+            while let Err(RecvTimeoutError::Timeout) = done.recv_timeout(INTERVAL) {
                 if let Err(exception) = Python::attach(|py| py.check_signals()) {
                     cancel.cancel();
                     raised.get_or_insert(exception);
@@ -42,7 +45,7 @@ pub(crate) fn interruptible<T: Send>(
         })
     });
     match raised {
-        Some(exception) if !says_so(&result) => Err(exception),
+        Some(exception) if !reports_interruption(&result) => Err(exception),
         _ => Ok(result),
     }
 }

@@ -1,5 +1,5 @@
-//! The compiled part of the Python module `trilink`. It takes and gives plain values: numbers, text,
-//! JSON, capsules; `trilink/__init__.py` makes of them what a person calls.
+//! Compiled part of the Python package `trilink`. Its functions take and return plain values (numbers, text, JSON,
+//! capsules), which `trilink/__init__.py` wraps in the public interface.
 
 mod arrow;
 mod config;
@@ -26,12 +26,12 @@ use trilink_tables::config::Config;
 use error::Failure;
 use interrupt::interruptible;
 
-/// Runs the program with a command line, and gives its exit status.
+/// Runs the program `trilink` with the given command line and returns its exit status.
 fn main(py: Python<'_>, line: Vec<OsString>) -> u8 {
     py.detach(|| trilink::cli::main_with(line))
 }
 
-/// What to run: JSON of this.
+/// Arguments of [`run`], passed from Python as JSON.
 #[derive(serde::Deserialize)]
 struct RunRequest {
     config: Option<PathBuf>,
@@ -40,20 +40,20 @@ struct RunRequest {
     force: bool,
     verify: bool,
     wait: bool,
-    progress: Option<Shown>,
+    progress: Option<Progress>,
 }
 
-/// How a run's progress is shown.
+/// How the progress of a run is displayed.
 #[derive(PartialEq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Shown {
-    /// On a terminal.
+enum Progress {
+    /// Progress bar on a terminal.
     Bars,
-    /// On `sys.stderr`, whatever that is.
+    /// One line on `sys.stderr` for each step.
     Lines,
 }
 
-/// Ingests, fits and reports; gives JSON of what came of it.
+/// Runs all stages of the pipeline and returns the results as JSON.
 fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     let RunRequest { config, folders, only, force, verify, wait, progress } =
         serde_json::from_str(request).map_err(Failure::from)?;
@@ -66,17 +66,21 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
         check_unconfigured(&config).map_err(Failure::from)?;
     }
     let options = RerunOptions { force, verify, only };
-    // Which says how far it was.
-    let is_stopped = |result: &Result<_, _>| matches!(result, Err(RunError::Interrupted { .. }));
     let cancel = CancelToken::default();
-    let work = || match progress {
-        Some(shown) => {
-            let watch = watch(shown == Shown::Bars, write_line, cancel.clone());
-            run_pipeline(&config, options, wait, &watch)
-        }
-        None => run_pipeline(&config, options, wait, &Unwatched(cancel.clone())),
-    };
-    let finished = interruptible(py, &cancel, work, is_stopped)?.map_err(Failure::from)?;
+    let finished = interruptible(
+        py,
+        &cancel,
+        || match progress {
+            Some(progress) => {
+                let watch = watch(progress == Progress::Bars, write_line, cancel.clone());
+                run_pipeline(&config, options, wait, &watch)
+            }
+            None => run_pipeline(&config, options, wait, &Unwatched(cancel.clone())),
+        },
+        // The error returned by an interrupted run describes the progress.
+        |result| matches!(result, Err(RunError::Interrupted { .. })),
+    )?
+    .map_err(Failure::from)?;
     let needs_a_person = finished.ingested.needs_a_person()
         || finished.history_problem.is_some()
         || !finished.reported.damaged.is_empty();
@@ -92,7 +96,7 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     Ok(answer.to_string())
 }
 
-/// Shows nothing of a run that can be cancelled.
+/// Observer of a run that displays no progress; its token can cancel the run.
 struct Unwatched(CancelToken);
 
 impl Watch for Unwatched {
@@ -101,7 +105,7 @@ impl Watch for Unwatched {
     }
 }
 
-/// Writes a line to `sys.stderr`. That it cannot be written ends nothing.
+/// Writes a line to Python's `sys.stderr`; write errors are ignored.
 fn write_line(line: &str) {
     Python::attach(|py| {
         let written = py
@@ -112,7 +116,8 @@ fn write_line(line: &str) {
     });
 }
 
-/// Where a table is: one of a folder of tables, or of the configuration's, or any file by its path.
+/// Returns the path of a table, which is given by its path or by its name in `folder` (by default, the folder of tables
+/// in the configuration).
 fn path_of(table: &str, folder: Option<&Path>, config: Option<&Path>) -> Result<PathBuf, Failure> {
     match folder {
         Some(folder) => Ok(find(folder, table)?),
@@ -120,7 +125,7 @@ fn path_of(table: &str, folder: Option<&Path>, config: Option<&Path>) -> Result<
     }
 }
 
-/// What to read: JSON of this.
+/// Arguments of [`read`], passed from Python as JSON.
 #[derive(serde::Deserialize)]
 struct ReadRequest {
     table: String,
@@ -130,24 +135,26 @@ struct ReadRequest {
     condition: Option<String>,
 }
 
-/// A table that was read: its file, JSON of its columns, its number of rows, and what makes capsules
-/// of its stream.
+/// Table that was read: its path, the description of its columns as JSON, its number of rows, and the function that
+/// returns a capsule with an Arrow stream of the table.
 type ReadTable<'py> = (String, String, usize, Bound<'py, PyCFunction>);
 
+/// Reads a table, or selected columns and rows of a table.
 fn read<'py>(py: Python<'py>, request: &str) -> PyResult<ReadTable<'py>> {
     let request: ReadRequest = serde_json::from_str(request).map_err(Failure::from)?;
     let ReadRequest { table, folder, config, columns, condition } = request;
-    let read = || -> Result<(PathBuf, DataFrame), Failure> {
+    let (path, frame) = py.detach(|| -> Result<(PathBuf, DataFrame), Failure> {
         let path = path_of(&table, folder.as_deref(), config.as_deref())?;
         let view = query(&path, &Query { columns, condition, ..Query::default() })?;
         let columns = view.columns.iter().map(|column| column.name.as_str());
         let mut frame = view.frame.select(columns)?;
         frame.align_chunks();
         Ok((path, frame))
-    };
-    let (path, frame) = py.detach(read)?;
-    let column = |name: &str| json!({ "name": name, "unit": unit(name), "meaning": meaning(name) });
-    let columns: Vec<_> = frame.get_column_names().into_iter().map(|name| column(name)).collect();
+    })?;
+    let names = frame.get_column_names().into_iter();
+    let columns: Vec<_> = names
+        .map(|name| json!({ "name": &**name, "unit": unit(name), "meaning": meaning(name) }))
+        .collect();
     let columns = serde_json::Value::from(columns).to_string();
     let rows = frame.height();
     Ok((path.display().to_string(), columns, rows, arrow::streams(py, frame)?))

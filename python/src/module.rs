@@ -1,4 +1,4 @@
-//! What Python finds when it imports the module. Without pyo3's macros its entry is written by hand.
+//! Entry point of the Python module, written by hand instead of with pyo3's macros.
 
 use std::ptr::{addr_of_mut, null, null_mut};
 
@@ -6,7 +6,7 @@ use pyo3::ffi;
 use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyDict, PyModule, PyTuple};
 
-/// The module's definition, which Python keeps for as long as it runs.
+/// Definition of the module, which Python uses until it exits.
 static mut DEFINITION: ffi::PyModuleDef = ffi::PyModuleDef {
     m_base: ffi::PyModuleDef_HEAD_INIT,
     m_name: c"_trilink".as_ptr(),
@@ -19,15 +19,15 @@ static mut DEFINITION: ffi::PyModuleDef = ffi::PyModuleDef {
     m_free: None,
 };
 
-/// Makes the module: the name is the one that Python looks for.
+/// Creates the module when Python imports it; Python requires this name.
 ///
 /// # Safety
-/// Only Python calls it, with its lock held, once.
+/// Must be called only once, by Python, while the interpreter lock is held.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn PyInit__trilink() -> *mut ffi::PyObject {
     Python::attach(|py| {
-        // SAFETY: the interpreter runs and this thread holds its lock; the definition lives as long as
-        // the program, and nothing else touches it.
+        // SAFETY: the interpreter is running and this thread holds its lock; the definition is static, and nothing else
+        // accesses it.
         let made = unsafe {
             let module = ffi::PyModule_Create(addr_of_mut!(DEFINITION));
             Bound::from_owned_ptr_or_err(py, module)
@@ -42,32 +42,39 @@ pub unsafe extern "C" fn PyInit__trilink() -> *mut ffi::PyObject {
     })
 }
 
+/// Adds the exception classes and functions to the module.
 fn fill(module: Bound<'_, PyModule>) -> PyResult<Bound<'_, PyModule>> {
     let py = module.py();
     trilink_tables::hush_damaged_tables();
     crate::error::add_to(&module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    let main = |arguments: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
-        let (line,) = arguments.extract()?;
-        PyResult::Ok(crate::main(arguments.py(), line))
-    };
     module.add("main", PyCFunction::new_closure(py, Some(c"main"), None, main)?)?;
-    let run = |arguments: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
-        let (request,): (String,) = arguments.extract()?;
-        crate::run(arguments.py(), &request)
-    };
     module.add("run", PyCFunction::new_closure(py, Some(c"run"), None, run)?)?;
-    let read = |arguments: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
-        let (request,): (String,) = arguments.extract()?;
-        let (path, columns, rows, stream) = crate::read(arguments.py(), &request)?;
-        PyResult::Ok((path, columns, rows, stream.unbind()).into_pyobject(arguments.py())?.unbind())
-    };
     module.add("read", PyCFunction::new_closure(py, Some(c"read"), None, read)?)?;
-    let simulate = |arguments: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
-        let (request,): (String,) = arguments.extract()?;
-        let answer = crate::simulate::simulate(arguments.py(), &request)?;
-        PyResult::Ok(answer.into_pyobject(arguments.py())?.unbind())
-    };
     module.add("simulate", PyCFunction::new_closure(py, Some(c"simulate"), None, simulate)?)?;
     Ok(module)
+}
+
+type Keywords<'k, 'py> = Option<&'k Bound<'py, PyDict>>;
+
+fn main(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<u8> {
+    let (line,) = arguments.extract()?;
+    Ok(crate::main(arguments.py(), line))
+}
+
+fn run(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<String> {
+    let (request,): (String,) = arguments.extract()?;
+    crate::run(arguments.py(), &request)
+}
+
+fn read(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
+    let (request,): (String,) = arguments.extract()?;
+    let (path, columns, rows, stream) = crate::read(arguments.py(), &request)?;
+    Ok((path, columns, rows, stream.unbind()).into_pyobject(arguments.py())?.unbind())
+}
+
+fn simulate(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
+    let (request,): (String,) = arguments.extract()?;
+    let answer = crate::simulate::simulate(arguments.py(), &request)?;
+    Ok(answer.into_pyobject(arguments.py())?.unbind())
 }

@@ -22,13 +22,13 @@ weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
 
 @pytest.fixture(scope="session")
 def program():
-    """The script that the wheel installs."""
+    """Returns the path of the command `trilink` that the wheel installs."""
     return Path(sysconfig.get_path("scripts")) / ("trilink.exe" if os.name == "nt" else "trilink")
 
 
 @pytest.fixture(scope="session")
 def empty(tmp_path_factory, program):
-    """A project of one campaign at three frequencies, which has not been run."""
+    """Creates a project with one campaign of synthetic trials at three frequencies, which has not been run."""
     folder = tmp_path_factory.mktemp("empty")
     (folder / "pipeline.toml").write_text(CONFIG)
     synth = [program, "synth", "raw/demo", "--omega", "2,3,3.9", "--quiet"]
@@ -38,7 +38,7 @@ def empty(tmp_path_factory, program):
 
 @pytest.fixture(scope="session")
 def project(empty, tmp_path_factory):
-    """The same after a run, and what `trilink.run` gave."""
+    """Returns the folder of a copy of the project `empty` after a run, and the result of `trilink.run`."""
     import shutil
 
     folder = tmp_path_factory.mktemp("project") / "small"

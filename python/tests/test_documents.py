@@ -1,4 +1,4 @@
-"""The notebook and the page run."""
+"""Tests that the code in the notebook and in the Python documentation runs."""
 
 import json
 import os
@@ -20,7 +20,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_notebook_goes_from_trials_to_a_figure(here):
+def test_the_notebook_makes_a_figure_from_trials(here):
     matplotlib.use("Agg")
     notebook = json.loads((DOCS / "own-figure.ipynb").read_text(encoding="utf-8"))
     names = {}
@@ -32,11 +32,11 @@ def test_the_notebook_goes_from_trials_to_a_figure(here):
     assert names["trials"].height == 5 and names["fitted"]["skid0_kg_s"] > 0
 
 
-def test_the_page_s_python_runs(project, here, monkeypatch):
+def test_the_code_in_the_python_documentation_runs(project, here, monkeypatch):
     text = (DOCS / "python.md").read_text(encoding="utf-8")
     blocks = [rest.split("```")[0] for rest in text.split("```python\n")[1:]]
     assert len(blocks) == 3
-    # Of the first one the run is done, and its campaign is not this project's.
+    # The first block repeats a run and names a campaign that this project lacks, so `run` and `read` are replaced.
     monkeypatch.chdir(project[0])
     exec(blocks[1], {})
     monkeypatch.chdir(here)

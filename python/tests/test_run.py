@@ -1,4 +1,4 @@
-"""`run` does what the program does, can be stopped, and lets other threads work."""
+"""Tests that `trilink.run` works like the program, can be interrupted, and does not block other threads."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ import pytest
 import trilink
 
 
-def test_a_run_gives_what_came_of_it(project):
+def test_run_returns_a_summary_of_the_results(project):
     folder, summary = project
     assert summary["was_up_to_date"] is False and summary["needs_a_person"] is False
     results = summary["results"]
@@ -24,7 +24,7 @@ def test_a_run_gives_what_came_of_it(project):
     assert again["was_up_to_date"] and again["results"]["fits"] == results["fits"]
 
 
-def test_progress_is_shown_where_it_is_wanted(project, capsys, monkeypatch):
+def test_progress_is_shown_only_if_requested(project, capsys, monkeypatch):
     config = project[0] / "pipeline.toml"
     trilink.run(config, force=True)
     trilink.run(config, force=True, progress=False)
@@ -34,11 +34,11 @@ def test_progress_is_shown_where_it_is_wanted(project, capsys, monkeypatch):
     assert sum(line.startswith("ingest ") for line in lines) == 4
     assert sum(line.startswith("fit ") for line in lines) == 2
     assert any(line.startswith("report ") for line in lines)
-    monkeypatch.setattr(sys, "stderr", None)  # As of a program without a console.
+    monkeypatch.setattr(sys, "stderr", None)  # As in a program without a console.
     assert trilink.run(config, progress=True)["was_up_to_date"]
 
 
-def test_the_script_is_the_program(project, program):
+def test_the_installed_command_is_the_program(project, program):
     def run(*arguments):
         return subprocess.run(
             [program, *arguments], cwd=project[0], capture_output=True, text=True
@@ -48,14 +48,15 @@ def test_the_script_is_the_program(project, program):
     assert run("run", "--quiet").returncode == 0
     assert run("frobnicate").returncode == 2
     failed = run("inspect", "none")
-    assert failed.returncode == 2 and failed.stderr.startswith("error: no table and no file `none`")
+    assert failed.returncode == 2
+    assert failed.stderr.startswith("error: `none` is neither a table nor a file")
     missing = run("simulate", "kinematic-symmetric", "--model=skid", "--omega=3")
     assert missing.returncode == 2 and "needed one of `small`" in missing.stderr
     as_module = subprocess.run([sys.executable, "-m", "trilink", "--version"], capture_output=True)
     assert as_module.stdout.decode() == run("--version").stdout
 
 
-def test_errors_say_which_key_and_what_was_needed(project, tmp_path):
+def test_configuration_errors_name_the_key_and_the_problem(project, tmp_path):
     config = tmp_path / "pipeline.toml"
     config.write_text("[fit]\nstarts = 0\n")
     with pytest.raises(trilink.ConfigError, match="key `fit.starts`: found 0, needed"):
@@ -70,7 +71,7 @@ def test_errors_say_which_key_and_what_was_needed(project, tmp_path):
 
 @pytest.fixture
 def long(empty, tmp_path):
-    """A project whose fits take minutes."""
+    """Creates a project whose fits take minutes."""
     folder = tmp_path / "long"
     shutil.copytree(empty, folder)
     config = folder / "pipeline.toml"
@@ -84,13 +85,13 @@ try:
     trilink.run(sys.argv[1])
 except KeyboardInterrupt as stopped:
     print(stopped)
-    # What is asked of it later goes on.
+    # Later calls in the same process still work.
     print(trilink.simulate("small", model="skid-roll", omega_rad_s=[2, 3], config=sys.argv[1])[1]["status"])
 """
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are sent no Ctrl-C")
-def test_ctrl_c_stops_a_run_and_says_how_far_it_was(long):
+def test_ctrl_c_stops_a_run_and_reports_the_progress(long):
     started = subprocess.Popen(
         [sys.executable, "-c", STOPPED, long], stdout=subprocess.PIPE, text=True
     )
@@ -108,7 +109,7 @@ def test_ctrl_c_stops_a_run_and_says_how_far_it_was(long):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are sent no Ctrl-C")
-def test_ctrl_c_stops_the_script_with_the_signal_s_status(long, program):
+def test_ctrl_c_stops_the_command_with_exit_status_130(long, program):
     started = subprocess.Popen(
         [program, "run"], cwd=long.parent, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL
     )
@@ -121,7 +122,7 @@ def test_ctrl_c_stops_the_script_with_the_signal_s_status(long, program):
     assert started.returncode == 130 and b"Traceback" not in said, said
 
 
-def test_other_threads_work_during_a_run(empty, tmp_path):
+def test_other_threads_keep_working_during_a_run(empty, tmp_path):
     folder = tmp_path / "other"
     shutil.copytree(empty, folder)
     counted, done = 0, threading.Event()
@@ -143,14 +144,15 @@ def test_other_threads_work_during_a_run(empty, tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="processes are sent no Ctrl-C")
-def test_another_run_is_named(long):
+def test_a_run_that_is_already_active_raises_busy_error(long):
     started = subprocess.Popen([sys.executable, "-c", STOPPED, long], stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 60
     while not (long.parent / "derived" / "trials.parquet").exists():
         assert time.monotonic() < deadline and started.poll() is None
         time.sleep(0.05)
     try:
-        with pytest.raises(trilink.BusyError, match="--wait waits for it"):
+        message = "with --wait, the command waits until the lock is released"
+        with pytest.raises(trilink.BusyError, match=message):
             trilink.run(long, force=True)
     finally:
         started.send_signal(signal.SIGINT)

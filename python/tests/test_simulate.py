@@ -1,4 +1,4 @@
-"""`simulate` answers as `trilink simulate --json` does, and takes hardly longer than the solver."""
+"""Tests that `trilink.simulate` agrees with `trilink simulate --json` and takes barely longer than the solver."""
 
 import json
 import os
@@ -20,7 +20,7 @@ def by_program(program, *arguments, folder):
     return json.loads(said.stdout)
 
 
-def test_answers_are_those_of_the_program(program, tmp_path, monkeypatch):
+def test_results_agree_with_the_program(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     known = by_program(
         program,
@@ -45,7 +45,7 @@ def test_answers_are_those_of_the_program(program, tmp_path, monkeypatch):
     assert abs(one["d_m"] - 0.478359748170948) < 1e-10
 
 
-def test_a_robot_and_a_gait_need_no_campaign(tmp_path, monkeypatch):
+def test_a_robot_and_a_gait_can_replace_a_campaign(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     of_campaign = trilink.simulate("kinematic-symmetric", model="skid-roll", omega_rad_s=3.0)
     model = {"model": "skid-roll", "omega_rad_s": 3.0}
@@ -63,12 +63,12 @@ def test_a_robot_and_a_gait_need_no_campaign(tmp_path, monkeypatch):
     assert given["parameters"]["skid_kg_s"][1] == 40
 
 
-def test_trajectories_are_arrays_of_the_program_s_table(program, tmp_path, monkeypatch):
+def test_trajectories_agree_with_the_table_of_the_program(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = [program, "simulate", "kinematic-symmetric", "--model=skid-roll", "--omega=3.9"]
     command += ["--trajectory=cycle.parquet", "--samples=120", "--quiet"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    # Arrays are of numbers alone.
+    # The arrays contain only the numeric columns.
     known = polars.read_parquet("cycle.parquet").drop("model", "extrapolated")
     answer = trilink.simulate(
         "kinematic-symmetric", model="skid-roll", omega_rad_s=3.9, samples=120
@@ -79,14 +79,14 @@ def test_trajectories_are_arrays_of_the_program_s_table(program, tmp_path, monke
         assert values.dtype == numpy.float64 and values.shape == (121,)
         numpy.testing.assert_array_equal(values, known[name].to_numpy(), err_msg=name)
     assert found["x_m"][-1] ** 2 + found["y_m"][-1] ** 2 == pytest.approx(answer["d_m"] ** 2)
-    found["x_m"][0] = 1.0  # They are the caller's own.
+    found["x_m"][0] = 1.0  # The arrays are writable copies.
     several = trilink.simulate(
         "kinematic-symmetric", model="skid-roll", omega_rad_s=(2.0, 3.0), samples=8, from_rest=True
     )
     assert all(len(of["trajectory"]["time_s"]) > 9 for of in several)
 
 
-def test_a_motion_that_does_not_exist_says_why(tmp_path, monkeypatch):
+def test_the_result_says_why_a_motion_does_not_exist(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     gait = {"joint1": {"amplitude_deg": 40}, "joint2": {"amplitude_deg": 40}}
     answer = trilink.simulate(
@@ -96,7 +96,7 @@ def test_a_motion_that_does_not_exist_says_why(tmp_path, monkeypatch):
     assert answer["status"] == "singular" and "det W_b = 0" in answer["reason"]
 
 
-def test_errors_have_the_words_of_the_program(program, tmp_path, monkeypatch):
+def test_error_messages_agree_with_the_program(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for campaign, model, settings in [
         ("kinematic", "skid", {}),
@@ -113,8 +113,8 @@ def test_errors_have_the_words_of_the_program(program, tmp_path, monkeypatch):
         assert said.returncode == 2 and said.stderr == f"error: {caught.value}\n"
     model = {"model": "skid", "omega_rad_s": 3.0}
     for arguments, words in [
-        ({}, "needed one, or a robot and a gait"),
-        ({"robot": "kinematic"}, "found a robot alone"),
+        ({}, "pass a campaign, or a robot and a gait"),
+        ({"robot": "kinematic"}, "found a robot without a gait"),
         ({"gait": {"joint3": {}}, "robot": "kinematic"}, "unknown field `joint3`"),
         ({"gait": "symmetrical", "robot": "kinematic"}, "needed one of `"),
         ({"campaign": "kinematic-skewed", "samples": 3}, "samples: found 3"),
@@ -145,8 +145,8 @@ print(1e3 * alone / len(omegas), 1e3 * together / len(omegas))
 """
 
 
-def test_a_call_takes_little_longer_than_the_solver(tmp_path):
-    """Many frequencies in one call, on one thread, against a call for each."""
+def test_a_call_takes_barely_longer_than_the_solver(tmp_path):
+    """Compares one call for many frequencies with one call per frequency, on a single thread."""
     command = [sys.executable, "-c", TIMES]
     environment = {**os.environ, "RAYON_NUM_THREADS": "1"}
     said = subprocess.run(

@@ -1,4 +1,4 @@
-"""Tables go to polars, pandas, DuckDB and pyarrow with the same values, and without a copy."""
+"""Tests that polars, pandas, DuckDB and pyarrow receive tables with the same values and without copying."""
 
 import gc
 import subprocess
@@ -17,7 +17,7 @@ def names(folder):
     return [table.relative_to(folder).with_suffix("").as_posix() for table in tables]
 
 
-def test_every_table_is_what_its_file_has_in_every_library(project):
+def test_every_table_agrees_with_its_file_in_every_library(project):
     derived = project[0] / "derived"
     assert {"trials", "fits", "checks", "starts", "predictions"} <= set(names(derived))
     for name in names(derived):
@@ -35,19 +35,19 @@ def test_every_table_is_what_its_file_has_in_every_library(project):
         assert relation.fetchall() == known.rows(), name
 
 
-def test_a_table_is_read_in_part(project):
+def test_columns_and_rows_of_a_table_can_be_selected(project):
     derived = project[0] / "derived"
     part = trilink.read("trials", folder=derived, columns=["trial", "d_m"], where="omega_rad_s > 2.5")
     assert part.columns == ["trial", "d_m"]
     assert len(part) == 2 == len(polars.DataFrame(part))
     assert part.units["d_m"] == "m"
-    assert "in a cycle" in part.meanings["d_m"]
+    assert "per cycle" in part.meanings["d_m"]
     assert len(trilink.read("trials", config=project[0] / "pipeline.toml", where="d_m > 100")) == 0
 
 
 @pytest.fixture(scope="module")
 def large(tmp_path_factory):
-    """A table of a million rows, as this program writes them: in one part."""
+    """Returns a table of a million rows in a single row group, as trilink writes its tables."""
     path = tmp_path_factory.mktemp("large") / "large.parquet"
     index = polars.int_range(1_000_000, eager=True)
     columns = {"frame": index, "x_m": index / 7, "y_m": (index * 3).cast(polars.Float64).sqrt()}
@@ -56,11 +56,11 @@ def large(tmp_path_factory):
 
 
 def addresses(table):
-    """Where the values of each column are."""
+    """Returns the memory address of the values of each column."""
     return [column.chunk(0).buffers()[1].address for column in table.columns]
 
 
-def test_a_million_rows_are_taken_without_a_copy(large):
+def test_a_million_rows_are_passed_on_without_copying(large):
     assert len(large) == 1_000_000
     taken = pyarrow.table(large)
     assert [column.num_chunks for column in taken.columns] == [1, 1, 1]
@@ -77,19 +77,19 @@ def test_a_million_rows_are_taken_without_a_copy(large):
     assert streamed[0] == (pytest.approx(frame["x_m"].sum()), 1_000_000)
 
 
-def test_memory_stays_while_anybody_has_the_table(project):
+def test_memory_is_kept_while_the_table_is_in_use(project):
     table = trilink.read("trials", folder=project[0] / "derived")
     known = polars.DataFrame(table).to_dicts()
     frame, capsule = polars.DataFrame(table), table.__arrow_c_stream__()
     del table
     gc.collect()
     assert frame.to_dicts() == known
-    # A capsule that nobody opened frees its stream.
+    # A capsule that was never consumed frees its stream.
     del capsule, frame
     gc.collect()
 
 
-def test_errors_have_the_words_of_the_program(project, program, tmp_path):
+def test_error_messages_agree_with_the_program(project, program, tmp_path):
     derived = project[0] / "derived"
     damaged = tmp_path / "damaged.parquet"
     whole = (derived / "trials.parquet").read_bytes()
@@ -107,6 +107,6 @@ def test_errors_have_the_words_of_the_program(project, program, tmp_path):
         said = subprocess.run(command, cwd=project[0], capture_output=True, text=True)
         with pytest.raises(trilink.TableError) as caught:
             trilink.read(table, config=project[0] / "pipeline.toml", **arguments)
-        # Python names folders from where it is.
+        # Python runs in another folder, so its messages contain absolute paths.
         found = str(caught.value).replace(f"{project[0]}/", "")
         assert said.returncode == 2 and said.stderr == f"error: {found}\n"

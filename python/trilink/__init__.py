@@ -1,4 +1,4 @@
-"""From marker files of a wheeled three-link robot to fitted dissipation models and figures.
+"""Processes motion-capture trials of a three-link robot: from marker files to fitted dissipation models and figures.
 
     import polars, trilink
 
@@ -6,8 +6,8 @@
     trials = polars.DataFrame(trilink.read("trials"))
     motion = trilink.simulate("kinematic-symmetric", model="skid-roll", omega_rad_s=3.9, samples=240)
 
-Units are in the names: `_m`, `_m_s`, `_rad`, `_rad_s`, `_kg_s`, `_n`, `_j`, `_s`. What a function cannot do
-is an `Error` in the program's words. The program itself is the command `trilink`.
+Names of quantities end with the unit: `_m`, `_m_s`, `_rad`, `_rad_s`, `_kg_s`, `_n`, `_j`, `_s`. Functions that fail
+raise an `Error` with the same message as the command-line program `trilink`.
 """
 
 from __future__ import annotations
@@ -50,24 +50,27 @@ def run(
     wait: bool = False,
     progress: bool | None = None,
 ) -> dict[str, Any]:
-    """Ingests, fits and reports what has changed, as `trilink run` does.
+    """Ingests trials, fits models and writes the report, like `trilink run`; recomputes only what is out of date.
 
-    config: path of a `pipeline.toml`; without one that of the current folder, or the paper's values.
-    folders: trial folders, or patterns of them, instead of the configured ones.
-    only: remove the trials of all other folders, which otherwise stay.
-    force: redo every trial, fit and figure, not only what changed.
-    verify: read every file again, also those whose size and time have not changed.
-    wait: wait for another run on the same results, instead of a `BusyError`.
-    progress: show on `sys.stderr` what is done, by a bar on a terminal and elsewhere, as in a notebook, by a
-        line for each trial, fit and figure; without a word only on a terminal.
+    config: path of a `pipeline.toml`; by default, the one in the current folder or, if there is none, the values of
+        the paper.
+    folders: trial folders, or patterns that match them, to be used instead of the configured ones.
+    only: remove the results of trials in all other folders; by default, these results are kept.
+    force: recompute every trial, fit and figure, even if it is up to date.
+    verify: read every file again, even if its size and time have not changed.
+    wait: wait until another run on the same results has ended, instead of raising `BusyError`.
+    progress: show the progress on `sys.stderr`: as a progress bar on a terminal, or otherwise (for example, in a
+        notebook) as one line for each trial, fit and figure. By default, progress is shown on terminals only.
 
-    Gives `was_up_to_date`; `needs_a_person`, true where the program's exit status is 1; `results`, how
-    many `trials` ended how, which need `attention`, how each of the `fits` ended, the path of the
-    `page` (as in `reports/run.json`); `stages` with their times, `seconds`; `derived`, where the
-    tables are, for `read`; `history_problem` and what was `damaged`.
+    Returns a dictionary with these keys: `was_up_to_date`, whether nothing had to be recomputed; `needs_a_person`,
+    whether the exit status of the program would be 1; `results`, with the number of `trials` by status, the trials
+    that need `attention`, the status of each of the `fits` and the path of the report `page` (as in
+    `reports/run.json`); `stages`, with their durations in `seconds`; `derived`, the folder from which `read` reads
+    tables; `history_problem`, the problem with the history of runs or None; and `damaged`, sentences about damaged
+    tables.
 
-    Raises ConfigError, TableError, BusyError or Error where nothing could be done. Ctrl-C stops it
-    between two steps, as a KeyboardInterrupt that says how far it was; every file is whole.
+    Raises ConfigError, TableError, BusyError or Error if the run fails. Ctrl-C stops the run between two steps with a
+    KeyboardInterrupt that describes the progress; all files remain intact.
     """
     is_terminal = getattr(sys.stderr, "isatty", lambda: False)()
     shown = is_terminal if progress is None else progress
@@ -91,15 +94,15 @@ def read(
     columns: Iterable[str] = (),
     where: str | None = None,
 ) -> Table:
-    """Reads a table of `derived`, or any Parquet file.
+    """Reads a table from the folder `derived`, or any Parquet file.
 
-    table: its name, such as `trials`, `fits` or `poses/kinematic-symmetric-3.90-r1`, or a path.
-    folder: where the tables are; without one the configuration's `paths.derived`.
-    config: path of that `pipeline.toml`, as for `run`.
-    columns: those to read; all without any.
-    where: a condition as SQL has it: "campaign = 'x' and omega_rad_s > 3".
+    table: name of the table, such as `trials`, `fits` or `poses/kinematic-symmetric-3.90-r1`, or path of a file.
+    folder: folder that contains the tables; by default, `paths.derived` in the configuration.
+    config: path of the `pipeline.toml`, as for `run`.
+    columns: names of the columns to read; by default, all columns.
+    where: SQL condition that selects rows, such as "campaign = 'x' and omega_rad_s > 3".
 
-    Raises TableError where there is no such table, column or condition.
+    Raises TableError if the table or a column does not exist, or if the condition is invalid.
     """
     request = {
         "table": _path(table),
@@ -112,7 +115,7 @@ def read(
 
 
 class Table:
-    """A table in memory, which polars, pandas, DuckDB and pyarrow take as it is, without a copy.
+    """Table in memory, which polars, pandas, DuckDB and pyarrow can use without copying the data.
 
     trials = trilink.read("trials")
     polars.DataFrame(trials)
@@ -123,23 +126,25 @@ class Table:
 
     def __init__(self, path: str, columns: str, rows: int, stream: Any) -> None:
         self.path: str = path
-        """The file that it was read from."""
+        """Path of the file from which the table was read."""
         described = json.loads(columns)
         self.columns: list[str] = [column["name"] for column in described]
-        """Names of the columns, units in them."""
-        self.units: dict[str, str | None] = {of["name"]: of["unit"] for of in described}
-        """The columns' units, such as `m/s`; None of what has none."""
-        self.meanings: dict[str, str | None] = {of["name"]: of["meaning"] for of in described}
-        """What the columns mean; None of columns that are not trilink's."""
+        """Names of the columns, including the units."""
+        self.units: dict[str, str | None] = {column["name"]: column["unit"] for column in described}
+        """Units by column name, such as `m/s`; None for columns without a unit."""
+        self.meanings: dict[str, str | None] = {
+            column["name"]: column["meaning"] for column in described
+        }
+        """Descriptions by column name; None for columns that trilink does not define."""
         self._rows = rows
         self._stream = stream
 
     def __len__(self) -> int:
-        """Number of rows."""
+        """Returns the number of rows."""
         return self._rows
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        """A PyCapsule of an Arrow stream (the types are the table's own, whatever is requested)."""
+        """Returns a PyCapsule with an Arrow stream of the table. `requested_schema` is ignored."""
         return self._stream()
 
     def __repr__(self) -> str:
@@ -184,29 +189,32 @@ def simulate(
     samples: int | None = None,
     **parameters: Number,
 ) -> dict[str, Any] | list[dict[str, Any]]:
-    """Solves for a model's steady motion, as `trilink simulate --json` does.
+    """Solves for a model's steady-state motion, like `trilink simulate --json`.
 
-    campaign: name of a `[campaign.*]` of the configuration, which has a robot and a gait; or say
-    robot, gait: names of `[robot.*]` and `[gait.*]`, or what these tables say:
+    campaign: name of a `[campaign.*]` in the configuration, which defines the robot and the gait.
+    robot, gait: alternatives to `campaign`, or replacements for its robot or gait: names of a `[robot.*]` and a
+        `[gait.*]` in the configuration, or the contents of such tables, for example
         gait={"joint1": {"amplitude_deg": 30}, "joint2": {"amplitude_deg": 30, "phase_deg": 90}}.
-    model: name of a `[model.*]`: no-skid, skid, skid-roll, coulomb, .. or one of the configuration.
-    omega_rad_s: a frequency, rad/s, or several.
-    config: path of a `pipeline.toml`; without one that of the current folder, or the paper's values.
-    from_rest: answer with the motion in which the robot ends that starts from rest.
-    samples: add one steady cycle at so many moments and one more, 8 to 100000 a cycle; with
-        `from_rest` the way there.
-    parameters: of the robot: skid_kg_s=[104, 34, 45], of one wheel skid1_kg_s=34; and of the gait, of a
-        commanded joint: amplitude1_deg=25.
+    model: name of a model: no-skid, skid, skid-roll, coulomb, ... or a `[model.*]` in the configuration.
+    omega_rad_s: one or several frequencies, rad/s.
+    config: path of a `pipeline.toml`; by default, the one in the current folder or, if there is none, the values of
+        the paper.
+    from_rest: return the attractor that the robot reaches from rest.
+    samples: add the `trajectory` of one steady-state cycle, divided into this number of intervals, 8 to 100000; with
+        `from_rest`, the trajectory covers all cycles from rest to the steady state and one more.
+    parameters: values that replace parameters of the robot, such as skid_kg_s=[104, 34, 45] or, for one wheel,
+        skid1_kg_s=34, or of the commanded joints, such as amplitude1_deg=25.
 
-    Gives for each frequency a dictionary: `d_m` (displacement a cycle), `v_m_s`, skid ratios `sigma`,
-    `alpha1_rad` (amplitude of a passive joint), `dtheta_rad` (rotation a cycle), `work_j` (of the
-    actuators, a cycle), `work_j_m`, the motion's `status`, the modulus of the largest Floquet
-    multiplier `floquet`, `from_rest`, `cycles_to_settle`, of dry friction `sharp_limit`, the `model`, the
-    robot's `parameters` and the `gait`. A motion that does not exist has a `reason`, and None for numbers. With `samples`
-    there is `trajectory`, NumPy arrays by the names that `trilink simulate --trajectory` gives its
-    columns of numbers: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, .. (NaN where there is no value), or None.
+    Returns a dictionary (for several frequencies, a list with one dictionary per frequency) with these keys: `d_m`
+    (displacement per cycle), `v_m_s` (mean speed), `sigma` (skid ratios), `alpha1_rad` (amplitude of a passive joint),
+    `dtheta_rad` (rotation per cycle), `work_j` (work of the actuators per cycle), `work_j_m` (work per metre),
+    `status` (kind of motion), `floquet` (modulus of the largest Floquet multiplier), `from_rest`, `cycles_to_settle`,
+    `sharp_limit` (for dry friction), `model`, `parameters` (of the robot) and `gait`. If the motion does not exist,
+    `reason` says why, and the values are None. With `samples`, `trajectory` is a dictionary of NumPy arrays named like
+    the numeric columns of `trilink simulate --trajectory`: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, ... (NaN for
+    missing values); it is None if the motion does not exist.
 
-    Raises ConfigError where there is no such campaign, model or parameter.
+    Raises ConfigError if the campaign, the model or a parameter does not exist.
     """
     if samples is not None and not 8 <= samples <= 100_000:
         raise ConfigError(f"samples: found {samples}, needed 8 to 100000")
@@ -244,7 +252,7 @@ def _setting(value: Number) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's numbers and arrays as Python's own."""
+    """Converts NumPy numbers and arrays to Python numbers and lists."""
     return value.tolist() if hasattr(value, "tolist") else value
 
 
@@ -253,9 +261,9 @@ def _path(path: Path | None) -> str | None:
 
 
 def _main() -> int:
-    """The command `trilink`."""
+    """Runs the command `trilink` and returns its exit status."""
     import signal
 
-    # The program listens for Ctrl-C itself.
+    # The program handles Ctrl-C itself.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     return _trilink.main(sys.argv)

@@ -1,4 +1,4 @@
-"""`python -m trilink` is the command `trilink`."""
+"""Makes `python -m trilink` run the command `trilink`."""
 
 import sys
 

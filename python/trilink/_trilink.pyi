@@ -1,20 +1,20 @@
-"""The compiled part: requests and answers are JSON."""
+"""Compiled part of the package `trilink`; its functions take requests and return results as JSON."""
 
 from collections.abc import Callable
 
 __version__: str
 
 class Error(Exception):
-    """What trilink could not do, and why."""
+    """Base class for all errors raised by trilink."""
 
 class ConfigError(Error):
-    """`pipeline.toml`, `trials.toml` or an argument: which key, what was found, what was needed."""
+    """Invalid `pipeline.toml`, `trials.toml` or argument; the message names the key."""
 
 class TableError(Error):
-    """A table or another file that cannot be read or written, or a column or condition that is none."""
+    """A table or other file that cannot be read or written, or an invalid column or condition."""
 
 class BusyError(Error):
-    """Another run is busy with the same results."""
+    """Another run is writing the same results."""
 
 def main(line: list[str]) -> int: ...
 def run(request: str) -> str: ...

@@ -1,4 +1,4 @@
-//! The second stage: tables to fitted models, a target for each model of each campaign.
+//! Second pipeline stage: fits models to the ingested tables. Each model of each campaign is a separate build target.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,14 +11,16 @@ use trilink_tables::config::{Config, GaitInput, ParameterSource};
 use trilink_tables::{BootstrapRow, FitRow, Provenance, Reader, SharedFitRow, StoreError};
 
 use super::RunError;
-use super::plan::{ROBOTS, Stage, Wanted, Work, hash_of};
+use super::plan::{ROBOTS, Stage, TargetSpec, Work, hash_of};
 use super::record::{Files, Inputs, Record, StageState};
 use super::steps::Steps;
 use super::target::{Key, Target};
 
-/// Part of every fit of a campaign.
+/// Name, in the [`Key`] of a fit to one campaign, of the entry that holds the campaign's number of trials without
+/// metrics.
 const WITHOUT_METRICS: &str = "the number of trials without metrics";
 
+/// Fit stage of the pipeline.
 pub(super) struct FitStage {
     derived: PathBuf,
     inputs: FitInputs,
@@ -27,44 +29,43 @@ pub(super) struct FitStage {
 
 impl FitStage {
     pub(super) fn new(config: &Config) -> Self {
-        let (derived, inputs) = (config.paths.derived.clone(), FitInputs::new(config));
-        Self { derived, inputs, replicates: Replicates::default() }
+        let derived = config.paths.derived.clone();
+        Self { derived, inputs: FitInputs::new(config), replicates: Replicates::default() }
     }
 
-    /// The same without what campaigns share.
+    /// Removes from this stage the fits of a model to several campaigns.
     pub(super) fn without_shared(mut self) -> Self {
         self.inputs.shared.clear();
         self
     }
 
-    /// All targets, made of their settings and of what the tables have, if they are read.
-    pub(super) fn targets(&self, data: Option<&FitData>) -> Vec<Wanted> {
+    /// Returns the specification of each fit as a build target. Without `data`, the keys identify only the settings of
+    /// the fits, not the data.
+    pub(super) fn specs_with(&self, data: Option<&FitData>) -> Vec<TargetSpec> {
         let FitInputs { own, shared } = &self.inputs;
-        let of = |campaigns: &[FitInput]| -> Vec<String> {
-            let names = campaigns.iter().map(|input| format!("campaign {}", input.campaign.name));
-            names.chain([format!("robot {}", campaigns[0].robot.name)]).collect()
-        };
-        let of_own = own.iter().map(|input| {
-            let parts = data.map_or(Key::new(), |data| parts_of_own(input, data));
-            let of = of(std::slice::from_ref(input));
-            Wanted::new(Target::of_fit(&input.key()), input, parts, of)
+        let own = own.iter().map(|input| {
+            let key = data.map_or(Key::new(), |data| own_key(input, data));
+            let subjects = subjects(std::slice::from_ref(input));
+            TargetSpec::new(Target::from_fit(&input.key()), input, key, subjects)
         });
-        let of_shared = shared.iter().map(|input| {
-            let parts = |data| parts_of(input.trials(data), &input.campaigns[0], data);
-            let (parts, of) = (data.map_or(Key::new(), parts), of(&input.campaigns));
-            Wanted::new(Target::of_fit(&input.key()), &input.settings(), parts, of)
+        let shared = shared.iter().map(|input| {
+            let key = data
+                .map_or(Key::new(), |data| data_key(input.trials(data), &input.campaigns[0], data));
+            let subjects = subjects(&input.campaigns);
+            TargetSpec::new(Target::from_fit(&input.key()), &input.settings(), key, subjects)
         });
-        of_own.chain(of_shared).collect()
+        own.chain(shared).collect()
     }
 
-    /// Fits the models that are not kept.
+    /// Fits the models that are not among the `retained` fits, and returns new and retained fits together. Calls
+    /// `on_replicate` after each bootstrap replicate.
     ///
     /// # Errors
-    /// The work was cancelled.
+    /// Returns an error if the work was cancelled.
     pub(super) fn fit(
         &self,
         data: &FitData,
-        kept: BTreeMap<FitKey, Fitted>,
+        retained: BTreeMap<FitKey, Fitted>,
         steps: &Steps,
         on_replicate: &(dyn Fn(GaitInput, &BootstrapRow) + Sync),
     ) -> Result<Fitted, RunError> {
@@ -79,7 +80,8 @@ impl FitStage {
             }
             FitEvent::Shared(SharedFitRow { robot, fit, .. }) => {
                 steps.step(&format!("{robot} {}", fit.model));
-                let (model, status) = (fit.model.name(), fit.status.to_string());
+                let model = fit.model.name();
+                let status = fit.status.name();
                 tracing::debug!(robot, model, j = fit.j, status, "shared fit");
             }
             FitEvent::Replicate { driven_by, row, done, total } => {
@@ -88,26 +90,34 @@ impl FitStage {
             }
         };
         let cancel = steps.watch.cancel_token();
-        Ok(fit_except(&self.inputs, data, kept, &self.replicates, &on_event, &cancel)?)
+        Ok(fit_except(&self.inputs, data, retained, &self.replicates, &on_event, &cancel)?)
     }
 }
 
-/// What a fit is made of beside its settings: trials, and what was measured of the robot if it reads
-/// that.
-fn parts_of(trials: BTreeMap<String, String>, of_robot: &FitInput, data: &FitData) -> Key {
+/// Returns the names of the campaigns and of the robot on which a fit depends, each preceded by its kind: `campaign a`,
+/// `robot b`.
+fn subjects(campaigns: &[FitInput]) -> Vec<String> {
+    let names = campaigns.iter().map(|input| format!("campaign {}", input.campaign.name));
+    names.chain([format!("robot {}", campaigns[0].robot.name)]).collect()
+}
+
+/// Returns the part of a fit's key that depends on data, not on settings: hashes of the trials and, if the fit uses the
+/// robot's measured parameters, a hash of these.
+fn data_key(trials: BTreeMap<String, String>, input: &FitInput, data: &FitData) -> Key {
     let trials = trials.into_iter().map(|(trial, hash)| (format!("trial {trial}"), hash));
-    let is_measured = of_robot.fit.robot_parameters == ParameterSource::Measured;
-    let robots = is_measured.then(|| (ROBOTS.to_owned(), of_robot.robots(data)));
+    let is_measured = input.fit.robot_parameters == ParameterSource::Measured;
+    let robots = is_measured.then(|| (ROBOTS.to_owned(), input.robots(data)));
     trials.chain(robots).collect()
 }
 
-/// What a fit of a campaign is made of, and what is said beside it in the comparison.
-fn parts_of_own(input: &FitInput, data: &FitData) -> Key {
-    let mut parts = parts_of(input.trials(data), input, data);
-    let robots = hash_of(&(parts.remove(ROBOTS), input.contradiction(data)));
-    parts.insert(ROBOTS.to_owned(), robots);
-    parts.insert(WITHOUT_METRICS.to_owned(), input.trials_without_metrics(data).to_string());
-    parts
+/// Returns the part of the key of a fit to one campaign that depends on data: the same as [`data_key`], extended by the
+/// data that the table of model comparisons reports for the campaign.
+fn own_key(input: &FitInput, data: &FitData) -> Key {
+    let mut key = data_key(input.trials(data), input, data);
+    let robots = hash_of(&(key.remove(ROBOTS), input.contradiction(data)));
+    key.insert(ROBOTS.to_owned(), robots);
+    key.insert(WITHOUT_METRICS.to_owned(), input.trials_without_metrics(data).to_string());
+    key
 }
 
 impl Stage for FitStage {
@@ -118,14 +128,14 @@ impl Stage for FitStage {
     const NAME: &'static str = "fit";
     const SOURCE: &'static str = env!("TRILINK_FIT_SOURCE");
     const STEPS: &'static str = "fits";
-    const ROWS_OF_TARGETS: bool = true;
-    const OTHER_ORDER: &'static str = "the configuration has another order of models";
+    const HAS_TARGET_ROWS: bool = true;
+    const ORDER_CHANGED: &'static str = "the order of the models in the configuration has changed";
 
     fn state(record: &Record) -> &StageState {
         &record.fit
     }
 
-    fn home(&self) -> &Path {
+    fn output_folder(&self) -> &Path {
         &self.derived
     }
 
@@ -133,40 +143,42 @@ impl Stage for FitStage {
         Ok(input_paths(&self.derived)?)
     }
 
-    fn foreseen(&self, _known: &StageState) -> Vec<Wanted> {
-        self.targets(None)
+    fn expected_specs(&self, _known: &StageState) -> Vec<TargetSpec> {
+        self.specs_with(None)
     }
 
     fn read(&self, inputs: Inputs) -> Result<FitData, RunError> {
         Ok(FitData::read(&self.derived, &inputs.into_reader()?)?)
     }
 
-    fn wanted(&self, data: &FitData) -> Vec<Wanted> {
-        self.targets(Some(data))
+    fn specs(&self, data: &FitData) -> Vec<TargetSpec> {
+        self.specs_with(Some(data))
     }
 
-    fn earlier(&self, _known: &StageState, written: &Reader) -> Result<Fitted, StoreError> {
+    fn load_previous(&self, _known: &StageState, written: &Reader) -> Result<Fitted, StoreError> {
         Fitted::read(&self.derived, written)
     }
 
-    fn by_target(&self, _known: &StageState, earlier: Fitted) -> BTreeMap<Target, Fitted> {
+    fn rows_by_target(&self, _known: &StageState, earlier: Fitted) -> BTreeMap<Target, Fitted> {
         let rows = earlier.by_target().into_iter();
-        rows.map(|(key, rows)| (Target::of_fit(&key), rows)).collect()
+        rows.map(|(key, rows)| (Target::from_fit(&key), rows)).collect()
     }
 
     fn make(
         &self,
-        Work { sources, wanted, mut kept }: Work<Self>,
+        Work { sources, specs, mut retained }: Work<Self>,
         steps: &Steps,
     ) -> Result<(Fitted, StageState), RunError> {
         let FitInputs { own, shared } = &self.inputs;
         let keys = own.iter().map(FitInput::key).chain(shared.iter().map(SharedInput::key));
-        let kept = keys.filter_map(|key| Some((kept.remove(&Target::of_fit(&key))?.1, key)));
-        let kept = kept.map(|(rows, key)| (key, rows)).collect();
-        let output = self.fit(&sources, kept, steps, &|_, _| {})?;
-        let parts: Vec<&Key> = wanted.iter().map(|wanted| &wanted.parts).collect();
-        let outputs = output.write(&self.derived, &Provenance { input: hash_of(&parts) })?;
-        let targets = wanted.into_iter().map(|wanted| wanted.made(Files::new())).collect();
+        let retained = keys.filter_map(|key| {
+            let (_, rows) = retained.remove(&Target::from_fit(&key))?;
+            Some((key, rows))
+        });
+        let output = self.fit(&sources, retained.collect(), steps, &|_, _| {})?;
+        let keys: Vec<&Key> = specs.iter().map(|spec| &spec.key).collect();
+        let outputs = output.write(&self.derived, &Provenance { input: hash_of(&keys) })?;
+        let targets = specs.into_iter().map(|spec| spec.into_record(Files::new())).collect();
         Ok((output, StageState { targets, outputs, ..StageState::default() }))
     }
 }

@@ -1,4 +1,4 @@
-//! The first stage: marker files to tables, a target for each trial.
+//! First pipeline stage: ingests marker files into tables. Each trial is a separate build target.
 
 use std::collections::{BTreeMap, HashSet};
 use std::io::ErrorKind;
@@ -9,15 +9,16 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use trilink_base::files::name_in;
 use trilink_ingest::{
-    Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated, undiagnosed,
+    Entry, FolderInput, IngestInput, Ingested, MarkerStamp, ingest_trials, outdated_tables,
+    without_diagnosis,
 };
 use trilink_tables::config::Config;
 use trilink_tables::trial::{ListedTrial, TrialError, TrialFolder, TrialFolders};
 use trilink_tables::{Provenance, Reader, StoreError, TrialRow, TrialStatus};
 
 use super::RunError;
-use super::plan::{ANY_ROBOT, Stage, Wanted, Work, hash_of};
-use super::record::{Inputs, Made, Record, StageState};
+use super::plan::{ANY_ROBOT, Stage, TargetSpec, Work, hash_of};
+use super::record::{Inputs, Record, StageState, TargetRecord};
 use super::steps::Steps;
 use super::target::{Key, Kind, Target};
 
@@ -25,49 +26,52 @@ const ENTRY: &str = "the entry in trials.toml";
 const FOLDER: &str = "the folder";
 const MARKER_FILE: &str = "the marker file";
 
+/// Ingest stage of the pipeline.
 pub(super) struct IngestStage {
     derived: PathBuf,
     folders: Vec<TrialFolder>,
     trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
-    /// What is to be said of the lists: of ignored trials and of ids that several folders have.
+    /// Notes about ignored trials and about trial ids that occur in several folders.
     notes: Vec<String>,
-    /// Missing for some of the trials, of which nothing is said together.
+    /// Input of the checks across trials; `None` in a shard, which skips these checks.
     together: Option<FolderInput>,
 }
 
 impl IngestStage {
+    /// Reads the lists of trials.
+    ///
     /// # Errors
-    /// A list of trials cannot be used.
+    /// Returns an error if a list of trials is unreadable or invalid.
     pub(super) fn new(config: &Config) -> Result<Self, RunError> {
         let all = TrialFolders::load(&config.paths)?;
         let together = Some(FolderInput::new(config, &all.folders));
         let notes = all.ignored().into_iter().chain(all.told_apart()).collect();
         let TrialFolders { folders, trials } = all;
-        let with_input = |listed: ListedTrial| {
+        let trials = trials.into_par_iter().map(|listed| {
             let input = IngestInput::new(config, &listed.trial);
             (listed, input)
-        };
-        let trials = trials.into_par_iter().map(with_input).collect();
+        });
+        let trials = trials.collect();
         Ok(Self { derived: config.paths.derived.clone(), folders, trials, notes, together })
     }
 
-    /// The stage of some of the trials, with tables elsewhere.
-    pub(super) fn of_some(mut self, keep: impl Fn(&str) -> bool, derived: &Path) -> Self {
+    /// Restricts the stage to the trials whose ids satisfy `keep`, and makes `derived` the folder for their tables.
+    pub(super) fn restrict(mut self, keep: impl Fn(&str) -> bool, derived: &Path) -> Self {
         self.retain(keep);
         Self { derived: derived.to_owned(), together: None, ..self }
     }
 
-    /// Leaves out trials.
+    /// Removes the trials whose ids do not satisfy `keep`.
     pub(super) fn retain(&mut self, keep: impl Fn(&str) -> bool) {
         self.trials.retain(|(listed, _)| keep(&listed.trial.id));
     }
 
-    /// Names of the trials, in order.
+    /// Returns the trial ids, in the order of the stage's targets.
     pub(super) fn trials(&self) -> impl Iterator<Item = &str> {
         self.trials.iter().map(|(listed, _)| listed.trial.id.as_str())
     }
 
-    /// Names of the folders, in order.
+    /// Returns the names of the trial folders in order.
     pub(super) fn folders(&self) -> impl Iterator<Item = &String> {
         self.folders.iter().map(|folder| &folder.name)
     }
@@ -81,47 +85,51 @@ impl IngestStage {
         (0..self.trials.len()).map(|index| self.entry(index))
     }
 
-    /// Tables of trials that are of none of the targets.
-    fn outdated(&self, targets: &[Made]) -> Result<Vec<PathBuf>, StoreError> {
+    /// Returns the paths of those tables of single trials that belong to none of `targets`.
+    fn outdated(&self, targets: &[TargetRecord]) -> Result<Vec<PathBuf>, StoreError> {
         let current = targets.iter().flat_map(|made| made.outputs.keys().map(String::as_str));
-        outdated(&self.derived, &current.collect())
+        outdated_tables(&self.derived, &current.collect())
     }
 
-    /// What a trial is made of but for its marker file.
-    fn without_file(Entry { folder, listed, input }: Entry) -> Wanted {
+    /// Returns the specification of a trial as a build target. Its key lacks the entry for the marker file.
+    fn spec_without_file(Entry { folder, listed, input }: Entry) -> TargetSpec {
         let trial = &listed.trial;
-        let parts = Key::from([
+        let key = Key::from([
             (ENTRY.to_owned(), hash_of(trial)),
             (FOLDER.to_owned(), folder.name.clone()),
         ]);
-        let mut of = vec![format!("trial {}", trial.id)];
-        of.extend(trial.campaign.iter().map(|campaign| format!("campaign {campaign}")));
-        of.extend(
-            trial.robot.iter().flat_map(|name| [format!("robot {name}"), ANY_ROBOT.to_owned()]),
-        );
+        let mut subjects = vec![format!("trial {}", trial.id)];
+        subjects.extend(trial.campaign.iter().map(|campaign| format!("campaign {campaign}")));
+        if let Some(robot) = &trial.robot {
+            subjects.extend([format!("robot {robot}"), ANY_ROBOT.to_owned()]);
+        }
         let target = Target::new(Kind::Trial, &trial.id);
         match input {
-            Ok(input) => Wanted::new(target, input, parts, of),
-            // What is wrong is said with names of the configuration.
-            Err(error) => Wanted::new(target, &json!({ "entry": error.to_string() }), parts, of),
+            Ok(input) => TargetSpec::new(target, input, key, subjects),
+            // The message depends on names in the configuration.
+            Err(error) => {
+                TargetSpec::new(target, &json!({ "entry": error.to_string() }), key, subjects)
+            }
         }
     }
 
-    /// [`Self::without_file`] with the marker file.
-    fn trial(entry: Entry, file: Option<&MarkerStamp>) -> Wanted {
-        let mut wanted = Self::without_file(entry);
+    /// Returns the specification of a trial as a build target. Its key contains the hash of the marker file, or the
+    /// information that the file is unreadable or has not been read.
+    fn spec(entry: Entry, file: Option<&MarkerStamp>) -> TargetSpec {
+        let mut spec = Self::spec_without_file(entry);
         let file = match file {
             Some(Ok(stamp)) => stamp.blake3.clone(),
             Some(Err(kind)) => format!("unreadable: {kind}"),
             None => "not read".to_owned(),
         };
-        wanted.parts.insert(MARKER_FILE.to_owned(), file);
-        wanted
+        spec.key.insert(MARKER_FILE.to_owned(), file);
+        spec
     }
 }
 
 impl Stage for IngestStage {
-    /// The marker files of the trials that were made before.
+    /// Stamp of each trial's marker file, or the error if the file does not exist. `None` if the file has not been
+    /// checked, because the trial is new or its entry invalid, or if the file exists but cannot be read.
     type Sources = Vec<Option<MarkerStamp>>;
     type Output = Ingested;
     type Rows = Ingested;
@@ -129,105 +137,109 @@ impl Stage for IngestStage {
     const NAME: &'static str = "ingest";
     const SOURCE: &'static str = env!("TRILINK_INGEST_SOURCE");
     const STEPS: &'static str = "trials";
-    const ROWS_OF_TARGETS: bool = true;
-    const OTHER_ORDER: &'static str = "trials.toml has another order";
+    const HAS_TARGET_ROWS: bool = true;
+    const ORDER_CHANGED: &'static str = "the order of the trials in trials.toml has changed";
 
     fn state(record: &Record) -> &StageState {
         &record.ingest
     }
 
-    fn home(&self) -> &Path {
+    fn output_folder(&self) -> &Path {
         &self.derived
     }
 
-    fn whole(&self) -> Value {
+    fn stage_settings(&self) -> Value {
         json!(self.together)
     }
 
     fn input_paths(&self, known: &StageState) -> Result<Vec<(PathBuf, bool)>, RunError> {
         let made: HashSet<&str> = known.targets.iter().map(|made| &*made.target.name).collect();
-        let is_made = |entry: &Entry| entry.input.is_ok() && made.contains(&*entry.listed.trial.id);
-        Ok(self.entries().filter(is_made).map(|entry| (entry.marker_file(), false)).collect())
+        let entries = self
+            .entries()
+            .filter(|entry| entry.input.is_ok() && made.contains(&*entry.listed.trial.id));
+        Ok(entries.map(|entry| (entry.marker_file(), false)).collect())
     }
 
-    fn foreseen(&self, _known: &StageState) -> Vec<Wanted> {
-        let wanted = |index| Self::without_file(self.entry(index));
-        (0..self.trials.len()).into_par_iter().map(wanted).collect()
+    fn expected_specs(&self, _known: &StageState) -> Vec<TargetSpec> {
+        let indices = (0..self.trials.len()).into_par_iter();
+        indices.map(|index| Self::spec_without_file(self.entry(index))).collect()
     }
 
     fn read(&self, inputs: Inputs) -> Result<Self::Sources, RunError> {
-        // A file that is not there is known; what cannot be read may be there the next time.
-        let is_known =
-            |file: &MarkerStamp| !matches!(file, Err(kind) if *kind != ErrorKind::NotFound);
-        let file = |entry: Entry| inputs.get(&entry.marker_file()).filter(is_known);
-        Ok(self.entries().map(file).collect())
+        // A missing file is a valid finding; a file that cannot be read is tried again.
+        let files = self.entries().map(|entry| {
+            let file = inputs.get(&entry.marker_file());
+            file.filter(|file| !matches!(file, Err(kind) if *kind != ErrorKind::NotFound))
+        });
+        Ok(files.collect())
     }
 
-    fn wanted(&self, files: &Self::Sources) -> Vec<Wanted> {
-        let wanted = |index: usize| Self::trial(self.entry(index), files[index].as_ref());
-        (0..self.trials.len()).into_par_iter().map(wanted).collect()
+    fn specs(&self, files: &Self::Sources) -> Vec<TargetSpec> {
+        let indices = (0..self.trials.len()).into_par_iter();
+        indices.map(|index| Self::spec(self.entry(index), files[index].as_ref())).collect()
     }
 
-    fn earlier(&self, _known: &StageState, written: &Reader) -> Result<Ingested, StoreError> {
+    fn load_previous(&self, _known: &StageState, written: &Reader) -> Result<Ingested, StoreError> {
         Ingested::read(&self.derived, written)
     }
 
-    fn by_target(&self, _known: &StageState, earlier: Ingested) -> BTreeMap<Target, Ingested> {
+    fn rows_by_target(&self, _known: &StageState, earlier: Ingested) -> BTreeMap<Target, Ingested> {
         let rows = earlier.by_target().into_iter();
-        rows.map(|(id, rows)| (Target::new(Kind::Trial, &id), undiagnosed(rows))).collect()
+        rows.map(|(id, rows)| (Target::new(Kind::Trial, &id), without_diagnosis(rows))).collect()
     }
 
-    /// What a run left that was killed before it recorded them.
+    /// Returns a sentence for each table that belongs to no trial because a run was killed before it saved the record.
     fn leftovers(&self, known: &StageState) -> Result<Vec<String>, RunError> {
         let outdated = self.outdated(&known.targets)?;
-        Ok(outdated.iter().map(|path| format!("{} is of no trial", path.display())).collect())
+        Ok(outdated.iter().map(|path| format!("{} belongs to no trial", path.display())).collect())
     }
 
     fn make(
         &self,
-        Work { mut kept, .. }: Work<Self>,
+        Work { mut retained, .. }: Work<Self>,
         steps: &Steps,
     ) -> Result<(Ingested, StageState), RunError> {
         self.notes.iter().for_each(|sentence| steps.watch.note(sentence));
         let derived = &self.derived;
-        let target = |entry: &Entry| Target::new(Kind::Trial, &entry.listed.trial.id);
-        let redone: Vec<Entry> =
-            self.entries().filter(|entry| !kept.contains_key(&target(entry))).collect();
+        let stale: Vec<Entry> =
+            self.entries().filter(|entry| !retained.contains_key(&target_of(entry))).collect();
         let begin = Instant::now();
         let on_trial = |TrialRow { trial, status, message, .. }: &TrialRow| {
             steps.step(&format!("{trial} {status}"));
             let after_s = begin.elapsed().as_secs_f64();
-            let (is_ok, status) = (*status == TrialStatus::Ok, status.name());
-            match is_ok {
-                true => tracing::debug!(trial, status, after_s, "trial"),
-                false => tracing::warn!(trial, status, message, "trial"),
+            let name = status.name();
+            if *status == TrialStatus::Ok {
+                tracing::debug!(trial, status = name, after_s, "trial");
+            } else {
+                tracing::warn!(trial, status = name, message, "trial");
             }
         };
         let provenance = |entry: Entry, file: Option<&MarkerStamp>| Provenance {
-            input: hash_of(&Self::trial(entry, file).parts),
+            input: hash_of(&Self::spec(entry, file).key),
         };
         let cancel = steps.watch.cancel_token();
         let mut ingested =
-            ingest_trials(derived, &redone, &provenance, &on_trial, &cancel)?.into_iter();
-        let (mut output, mut state) = (Ingested::default(), StageState::default());
+            ingest_trials(derived, &stale, &provenance, &on_trial, &cancel)?.into_iter();
+        let mut output = Ingested::default();
+        let mut state = StageState::default();
         for entry in self.entries() {
-            if let Some((made, rows)) = kept.remove(&target(&entry)) {
+            if let Some((made, rows)) = retained.remove(&target_of(&entry)) {
                 output.extend(rows);
                 state.targets.push(made);
             } else if let Some(new) = ingested.next() {
-                let wanted = Self::trial(entry, new.marker_file.as_ref());
+                let spec = Self::spec(entry, new.marker_file.as_ref());
                 if let Some(Ok(stamp)) = new.marker_file {
                     state.inputs.insert(name_in(derived, &entry.marker_file()), stamp);
                 }
                 output.extend(new.rows);
                 let written = new.written.into_iter();
                 let outputs = written.map(|(path, stamp)| (name_in(derived, &path), stamp));
-                state.targets.push(wanted.made(outputs.collect()));
+                state.targets.push(spec.into_record(outputs.collect()));
             }
         }
-        // What was not read has words instead of a hash.
+        // For a file that was not read, the key holds a text instead of a hash.
         let contents = state.targets.iter().filter_map(|made| {
-            let content = made.parts.get(MARKER_FILE).filter(|content| !content.contains(' '))?;
+            let content = made.key.get(MARKER_FILE).filter(|content| !content.contains(' '))?;
             Some((made.target.name.clone(), content.clone()))
         });
         if let Some(together) = &self.together {
@@ -236,9 +248,14 @@ impl Stage for IngestStage {
         for path in self.outdated(&state.targets)? {
             std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
         }
-        let parts: Vec<&Key> = state.targets.iter().map(|made| &made.parts).collect();
-        let provenance = Provenance { input: hash_of(&(parts, &self.together)) };
+        let keys: Vec<&Key> = state.targets.iter().map(|made| &made.key).collect();
+        let provenance = Provenance { input: hash_of(&(keys, &self.together)) };
         state.outputs = output.write(derived, &provenance)?;
         Ok((output, state))
     }
+}
+
+/// Returns the build target for a trial.
+fn target_of(entry: &Entry) -> Target {
+    Target::new(Kind::Trial, &entry.listed.trial.id)
 }

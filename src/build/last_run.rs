@@ -1,4 +1,4 @@
-//! How the last run ended, and its results for who reads all of them.
+//! Outcome of the last run, and checks that must pass before the results of a run are read.
 
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
@@ -11,27 +11,27 @@ use super::lock::{Lock, record_path, take_over};
 use super::record::{RECORD_FILE, Record, changed_outputs};
 use super::{RunError, Watch};
 
-/// What `run.json` says of the last run.
+/// Outcome of the last run, as read from `run.json`.
 #[derive(Debug, Deserialize)]
 pub(super) struct LastRun {
     pub status: RunStatus,
-    /// UTC.
+    /// Start time of the run (UTC).
     pub started: String,
-    /// Why it did not come to its end.
+    /// Error that ended the run; `None` if there was none.
     pub error: Option<String>,
 }
 
 impl LastRun {
-    /// `None` if there is no `run.json` that can be understood.
+    /// Reads `run.json`; returns `None` if the file is missing or invalid.
     pub(super) fn load(config: &Config) -> Option<Self> {
         serde_json::from_slice(&Reader::default().bytes(&record_path(config)).ok()?).ok()
     }
 }
 
-/// Keeps runs from a folder of results while this lives.
+/// Locks the folder of results, so that no run can change it while the returned lock is held.
 ///
 /// # Errors
-/// Another process is busy with the folder, or it cannot be written to.
+/// Returns an error if there are no results, if another process uses the folder, or if the folder cannot be written to.
 pub fn hold(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
     let path = config.paths.derived.join("trials.parquet");
     if !is_there(&path)? {
@@ -40,22 +40,23 @@ pub fn hold(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunE
     take_over(config, wait, watch)
 }
 
-/// Makes sure that the tables are those of a run that came to its end, and that a run has found
-/// them up to date within `max_age`. Who asks holds the lock.
+/// Checks that the tables are those of a completed run and, if `max_age` is given, that a run within this time made
+/// them or confirmed that they are up to date. The caller must hold the lock.
 ///
 /// # Errors
-/// They are not.
+/// Returns an error if the last run was not completed, or if no run has confirmed the tables within `max_age`.
 pub fn check_finished(
     _lock: &Lock,
     config: &Config,
     max_age: Option<Duration>,
 ) -> Result<(), RunError> {
-    let (derived, path) = (&config.paths.derived, record_path(config));
+    let derived = &config.paths.derived;
+    let path = record_path(config);
     let error = |path: PathBuf, problem: String| Err(RunError::Unfinished { path, problem });
     let Some(LastRun { status, started, error: why }) = LastRun::load(config) else {
         let problem = match path.try_exists() {
-            Ok(true) => "is no record of a run".to_owned(),
-            Ok(false) => "is not there".to_owned(),
+            Ok(true) => "is not the record of a run".to_owned(),
+            Ok(false) => "does not exist".to_owned(),
             Err(source) => format!("cannot be read: {source}"),
         };
         return error(path, problem);
@@ -63,8 +64,8 @@ pub fn check_finished(
     let began = format!("the run that began at {started}");
     match status {
         RunStatus::Ok | RunStatus::Attention => {}
-        // Who runs holds the lock.
-        RunStatus::Running => return error(path, format!("{began} was killed")),
+        // A run that were still going on would hold the lock.
+        RunStatus::Running => return error(path, format!("{began} was killed before it ended")),
         RunStatus::Failed | RunStatus::Interrupted => {
             let why = why.map_or(String::new(), |why| format!(": {why}"));
             return error(path, format!("{began}: {status}{why}"));
@@ -81,19 +82,20 @@ pub fn check_finished(
     let path = derived.join(RECORD_FILE);
     let modified = std::fs::metadata(&path).and_then(|metadata| metadata.modified());
     let modified = modified.map_err(|source| StoreError::Read { path: path.clone(), source })?;
-    // A time to come has no age.
+    // A modification time in the future counts as age 0.
     let age = SystemTime::now().duration_since(modified).unwrap_or_default();
     match max_age.filter(|max_age| age > *max_age) {
         Some(max_age) => {
             let [age, max_age] = [age, max_age].map(|time| time.as_secs_f64() / 3600.0);
-            error(path, format!("last confirmed {age:.1} h ago, needed {max_age} h at most"))
+            let confirmed = "the tables were last confirmed to be up to date";
+            error(path, format!("{confirmed} {age:.1} h ago; --max-age allows {max_age} h"))
         }
         None => Ok(()),
     }
 }
 
-/// Notes that a run has found everything up to date: the record then is as young as that, while
-/// no file has another content. A folder that cannot be written to stays as it is.
+/// Sets the modification time of `up-to-date.json` to now, after a run that found everything up to date. The content
+/// does not change; errors (for example in a read-only folder) are ignored.
 pub(super) fn confirm(config: &Config) {
     let path = config.paths.derived.join(RECORD_FILE);
     let record = std::fs::File::options().append(true).open(path);

@@ -1,4 +1,4 @@
-//! One run at a time on a folder of results.
+//! Locking of a folder of results: one run at a time.
 
 use std::fs::{File, TryLockError};
 use std::io::{Read, Seek, Write};
@@ -12,20 +12,20 @@ use trilink_tables::{StoreError, WRITING, remove_unfinished};
 use super::record::RECORD_FILE;
 use super::{RunError, Watch};
 
-/// Name of the lock inside `derived/`. The file stays; what counts is who holds it, and the
-/// system lets go of it when a process ends, however that ends.
+/// Name of the lock file in `derived/`. The file is never removed: only the operating system's lock on it counts, which
+/// is released however the process that holds it ends.
 const LOCK_FILE: &str = ".lock";
 
-/// How often who waits looks whether the lock is free.
-const LOOK_AGAIN: Duration = Duration::from_millis(50);
+/// Interval at which a waiting process tries to take the lock.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// A folder of results that nobody else writes to while this lives.
+/// Lock on a folder of results, released on drop.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,
 }
 
-/// Who holds a lock, as the file says it.
+/// Process that holds a lock, as described in the lock file.
 #[derive(Debug, Serialize, Deserialize)]
 struct Holder {
     process: u32,
@@ -34,22 +34,23 @@ struct Holder {
 }
 
 impl Lock {
-    /// Takes the lock of `derived`, which is made if need be. If another process has it, waits
-    /// for it after `waiting` was told who that is; without `waiting` it gives up.
+    /// Locks the folder `derived`, which is created if necessary. If another process holds the lock, this function
+    /// notifies `waiting` and waits; if `waiting` is `None`, it returns an error at once.
     ///
     /// # Errors
-    /// Another process has it, or the file cannot be written.
+    /// Returns an error if another process holds the lock, if waiting was cancelled, or if the lock file cannot be
+    /// written.
     pub fn take(derived: &Path, waiting: Option<&dyn Watch>) -> Result<Self, StoreError> {
         let path = derived.join(LOCK_FILE);
         let error = |source| StoreError::Write { path: path.clone(), source };
         std::fs::create_dir_all(derived)
             .map_err(|source| StoreError::Write { path: derived.to_owned(), source })?;
-        // Whoever follows a link writes where nothing of this program is.
+        // Following a link would write to a file that does not belong to this program.
         if let Ok(kind) = std::fs::symlink_metadata(&path).map(|found| found.file_type())
             && !kind.is_file()
         {
             let found = if kind.is_symlink() { "a link" } else { "a device or pipe" };
-            return Err(StoreError::Place { path, found, needed: "a place for a file" });
+            return Err(StoreError::Place { path, found, needed: "a path for a regular file" });
         }
         let mut options = File::options();
         let mut file = options
@@ -68,13 +69,15 @@ impl Lock {
                 let cancel = watch.cancel_token();
                 while let Err(TryLockError::WouldBlock) = file.try_lock() {
                     cancel.check()?;
-                    std::thread::sleep(LOOK_AGAIN);
+                    std::thread::sleep(POLL_INTERVAL);
                 }
             }
             Err(TryLockError::Error(source)) => return Err(error(source)),
         }
         let holder = Holder { process: std::process::id(), host: host(), started_unix_s: now_s() };
-        let text = serde_json::to_string(&holder).expect("a holder is plain data") + "\n";
+        let text = serde_json::to_string(&holder)
+            .expect("the holder of the lock can be serialised")
+            + "\n";
         file.set_len(0)
             .and_then(|()| file.rewind())
             .and_then(|()| file.write_all(text.as_bytes()))
@@ -83,11 +86,11 @@ impl Lock {
     }
 }
 
-/// Keeps runs from a folder of results that is only read, while this lives; `None` if no run has
-/// ever been there.
+/// Takes a shared lock on a folder of results, so that no run changes them while they are read. Returns `None` if no
+/// run has ever used the folder.
 ///
 /// # Errors
-/// Another process is busy with the folder.
+/// Returns an error if another process holds the lock.
 pub fn share(derived: &Path) -> Result<Option<Lock>, StoreError> {
     let path = derived.join(LOCK_FILE);
     let mut file = match File::open(&path) {
@@ -102,10 +105,10 @@ pub fn share(derived: &Path) -> Result<Option<Lock>, StoreError> {
     }
 }
 
-/// Who holds a lock, in words.
+/// Describes in words which process holds the lock on a lock file.
 fn holder(file: &mut File) -> String {
     let mut text = String::new();
-    // Some systems do not let others read a file that is locked.
+    // Some operating systems do not let other processes read a locked file.
     let _ = file.read_to_string(&mut text);
     match serde_json::from_str::<Holder>(&text) {
         Ok(Holder { process, host, started_unix_s }) => {
@@ -117,53 +120,60 @@ fn holder(file: &mut File) -> String {
     }
 }
 
+/// Returns the current Unix time, s.
 fn now_s() -> u64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
+/// Returns the host name of this computer; `None` if it is unknown.
 fn host() -> Option<String> {
     const LINUX: &str = "/proc/sys/kernel/hostname";
-    let said = std::fs::read_to_string(LINUX).ok();
-    let said = said.or_else(|| std::env::var("COMPUTERNAME").ok());
-    let said = said.or_else(|| std::env::var("HOSTNAME").ok());
-    said.map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
+    let name = std::fs::read_to_string(LINUX).ok();
+    let name = name.or_else(|| std::env::var("COMPUTERNAME").ok());
+    let name = name.or_else(|| std::env::var("HOSTNAME").ok());
+    Some(name?.trim().to_owned()).filter(|name| !name.is_empty())
 }
 
-/// Removes what writers that were killed left in these folders. Only who holds the lock may.
+/// Removes the unfinished files that killed processes have left in `folders`. The caller must hold the lock.
 ///
 /// # Errors
-/// A file cannot be removed.
+/// Returns an error if a file cannot be removed.
 pub fn sweep(_lock: &Lock, folders: &[PathBuf]) -> Result<(), StoreError> {
     remove_unfinished(folders)
 }
 
-/// Checks that results can be written before any work is done: that `folders` are folders, or
-/// can be made, in which files can be made, and that none of `files` is a folder.
+/// Checks, before any work is done, that results can be written: each of `folders` must exist or be creatable, and be
+/// writable; none of `files` may be a folder.
 ///
 /// # Errors
-/// Names the first place that will not do.
-fn check_places(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
+/// Returns an error that names the first unusable path.
+fn check_writable(folders: &[PathBuf], files: &[PathBuf]) -> Result<(), StoreError> {
     for folder in folders {
         let error = |source| StoreError::Write { path: folder.clone(), source };
         if folder.exists() && !folder.is_dir() {
-            let (found, needed) = ("a file", "a folder");
-            return Err(StoreError::Place { path: folder.clone(), found, needed });
+            return Err(StoreError::Place {
+                path: folder.clone(),
+                found: "a file",
+                needed: "a folder",
+            });
         }
         std::fs::create_dir_all(folder).map_err(error)?;
         tempfile::Builder::new().prefix(WRITING).tempfile_in(folder).map_err(error)?;
     }
     match files.iter().find(|path| path.is_dir()) {
         Some(path) => {
-            let (found, needed) = ("a folder", "a place for a file");
-            Err(StoreError::Place { path: path.clone(), found, needed })
+            let needed = "a path for a regular file";
+            Err(StoreError::Place { path: path.clone(), found: "a folder", needed })
         }
         None => Ok(()),
     }
 }
 
-/// Takes the lock of the folder of results, and makes sure that there is where to write to.
+/// Locks the folder of results and checks that all results can be written. If another process holds the lock, waits if
+/// `wait` is set, and otherwise returns an error.
 pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Lock, RunError> {
-    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
+    let derived = &config.paths.derived;
+    let reports = &config.paths.reports;
     let folders = folders(config);
     let names = [RECORD_FILE].into_iter().chain(trilink_ingest::TABLES);
     let names = names.chain(trilink_fit::TABLES).chain(trilink_fit::optimise::TABLES);
@@ -173,21 +183,22 @@ pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Resul
     hold_places(&folders, &files, wait, watch)
 }
 
-/// Takes the lock in the first of `folders`, and makes sure that all files can be written.
+/// Locks the first of `folders`, checks that all `folders` and `files` can be written, and removes the unfinished files
+/// of killed processes. If another process holds the lock, waits if `wait` is set, and otherwise returns an error.
 pub(super) fn hold_places(
     folders: &[PathBuf],
     files: &[PathBuf],
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<Lock, RunError> {
-    check_places(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
-    let lock = Lock::take(&folders[0], wait.then_some(watch)).map_err(RunError::of_lock)?;
-    check_places(folders, files)?;
+    check_writable(&folders[..1], &[folders[0].join(LOCK_FILE)])?;
+    let lock = Lock::take(&folders[0], wait.then_some(watch)).map_err(RunError::from_lock)?;
+    check_writable(folders, files)?;
     sweep(&lock, folders)?;
     Ok(lock)
 }
 
-/// Folders that are written to, `derived/` first.
+/// Returns the folders that a run writes to, `derived/` first.
 pub(super) fn folders(config: &Config) -> Vec<PathBuf> {
     let reports = &config.paths.reports;
     let mut folders = table_folders(&config.paths.derived);
@@ -195,12 +206,13 @@ pub(super) fn folders(config: &Config) -> Vec<PathBuf> {
     folders
 }
 
-/// A folder of results and those inside of it that tables are written to.
+/// Returns the paths of a folder of results and of its subfolders for tables.
 pub(super) fn table_folders(derived: &Path) -> Vec<PathBuf> {
-    let inner = trilink_ingest::FOLDERS.map(|folder| derived.join(folder));
+    let inner = trilink_ingest::TRIAL_FOLDERS.map(|folder| derived.join(folder));
     std::iter::once(derived.to_owned()).chain(inner).collect()
 }
 
+/// Returns the path of `run.json`.
 pub(super) fn record_path(config: &Config) -> PathBuf {
     config.paths.reports.join("run.json")
 }

@@ -1,15 +1,15 @@
-//! From trial folders to the page, as far as something changed: what is up to date, what is
-//! redone and why, in which order, and a record of how it went.
+//! Incremental runs from trial folders to the report page: which targets are stale and why, the stages in order, and
+//! the record of each run.
 
 mod fit;
 mod ingest;
 mod last_run;
 mod lock;
 mod own_table;
-mod part;
 mod plan;
 mod record;
 mod report;
+mod shard;
 mod shards;
 mod steps;
 mod summary;
@@ -37,39 +37,41 @@ pub use last_run::{check_finished, hold};
 pub use lock::{Lock, share, sweep};
 use lock::{folders, record_path, take_over};
 pub use own_table::fit_own_table;
-pub use part::Part;
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, hash_of, plan, plan_after};
 use record::Record;
 use report::ReportStage;
-pub use shards::{Merged, PartStatus, ShardsStatus, fit_shard, ingest_shard, merge, shards_status};
+pub use shard::Shard;
+pub use shards::{
+    Merged, ShardStatus, ShardsStatus, fit_shard, ingest_shard, merge, shards_status,
+};
 use summary::{RunRecord, results_configuration};
 pub use summary::{RunResults, StageRecord, TrialCounts, count};
 pub use target::{Kind, Target};
 pub use unconfigured::{check_unconfigured, check_unconfigured_tables};
 
-/// Somebody who watches a run.
+/// Observer of a run.
 pub trait Watch: Sync {
-    /// A stage begins that has `total` steps.
+    /// Called when a stage of `total` steps begins.
     fn begin(&self, _stage: &'static str, _total: usize) {}
-    /// A step is done; steps may end on any thread.
+    /// Called when a step is complete, from any thread.
     fn step(&self, _what: &str) {}
-    /// Something smaller than a step is done: `done` of `total` parts of `what`.
+    /// Called during a step, when `done` of `total` parts of `what` are complete.
     fn part(&self, _what: &str, _done: usize, _total: usize) {}
-    /// What a stage is about to do again.
+    /// Called with the plan of a stage before the plan is carried out.
     fn planned(&self, _plan: &StagePlan) {}
-    /// Cancels the run; by default nothing does.
+    /// Returns the token that cancels the run. The default token is never cancelled.
     fn cancel_token(&self) -> CancelToken {
         CancelToken::default()
     }
-    /// Something that a person should know.
+    /// Called with a message for the user.
     fn note(&self, _message: &str) {}
 }
 
-/// Nobody watches.
+/// Observer that ignores everything.
 impl Watch for () {}
 
-/// Why a run ended before its end.
+/// Error that ends a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     #[error(transparent)]
@@ -81,65 +83,65 @@ pub enum RunError {
     #[error(transparent)]
     OwnTable(#[from] OwnTableError),
     #[error(
-        "found no pipeline.toml here, without which the paper's experiment is assumed, but {why}; needed the \
-         configuration of these trials: name it with -c FILE, or begin one with `trilink init {folders}` \
-         (`trilink demo` shows the paper's)"
+        "no pipeline.toml in the current folder, so the paper's experiment is assumed, but {why}; \
+         name the configuration of these trials with -c FILE, or create one with `trilink init \
+         {folders}` (`trilink demo` shows the paper's experiment)"
     )]
     Unconfigured { why: String, folders: String },
     #[error(
-        "{}: found the place of ingested trials, whose fits would be replaced; needed another folder \
-         for a table that was made elsewhere",
+        "{}: this folder holds the ingested trials, whose fits would be replaced; name another \
+         folder for the fits of a table from another program",
         home.display()
     )]
     OwnTablePlace { home: PathBuf },
-    /// There is something to do, and nothing may be written.
+    /// A target is stale, but the run may only check, not write.
     #[error("something has changed")]
     Outdated,
     #[error(
-        "{}: found no trials.toml, needed the folder because {} has tables of its trials; --only \
-         removes those of folders that are not named",
+        "{}: this trial folder has no trials.toml, but {} still contains tables of its trials; restore the trial \
+         folder, or use --only to remove the results of all folders that are not named",
         folder.display(),
         derived.display()
     )]
     FolderGone { folder: PathBuf, derived: PathBuf },
     #[error(
-        "{0}: found no parts, needed those that `trilink ingest --shard 3/8 --into {0}` or `trilink \
-         fit --replicates 0..500 --into {0}` leaves",
+        "{0}: contains no shards; `trilink ingest --shard 3/8 --into {0}` and `trilink fit --replicates 0..500 --into \
+         {0}` write shards to it",
         shards.display()
     )]
     NoShards { shards: PathBuf },
-    #[error("nothing is merged because of{problems}{}", to_do(again))]
+    #[error("nothing was merged, because these shards cannot be used:{problems}{}", to_do(again))]
     Shards { problems: String, again: String },
-    #[error("{part}: found `fit.bootstrap` = {bootstrap}, needed {} at least", part.to)]
-    Replicates { part: Part, bootstrap: usize },
+    #[error("{shard}: found `fit.bootstrap` = {bootstrap}, needed at least {}", shard.to)]
+    Replicates { shard: Shard, bootstrap: usize },
     #[error(
-        "{}: found tables of trials of {folder}, needed only those of the folders that the parts \
-         are of: {}; make parts of all folders, or remove the tables",
+        "{}: contains tables for trials in {folder}, but the shards cover only trials in {}; make shards that cover \
+         all folders, or remove the tables for {folder}",
         derived.display(),
-        of.join(", ")
+        shard_folders.join(", ")
     )]
-    OtherFolder { derived: PathBuf, folder: String, of: Vec<String> },
-    #[error("{0}; --wait waits for it")]
+    OtherFolder { derived: PathBuf, folder: String, shard_folders: Vec<String> },
+    #[error("{0}; with --wait, the command waits until the lock is released")]
     Held(StoreError),
-    #[error("found no trial {trial} in trials.parquet, needed one of its{meant}")]
+    #[error("trials.parquet contains no trial {trial}{meant}")]
     NoTrial { trial: String, meant: String },
-    #[error("{}: {problem}; needed the results of a run that came to its end: `trilink run`", path.display())]
+    #[error("{}: {problem}; `trilink run` completes and updates the results", path.display())]
     Unfinished { path: PathBuf, problem: String },
     #[error(
-        "interrupted during {stage}{}; left: {}. Every file is whole, as this run or the one \
-         before wrote it",
+        "interrupted during {stage}{}; still to do: {}. Every file is complete, as written by \
+         this run or the previous one",
         after(done),
         left(stage)
     )]
     Interrupted { stage: &'static str, done: String },
-    /// Cancelled before the first stage.
+    /// Cancellation before the first stage started.
     #[error(transparent)]
     Stopped(#[from] Cancelled),
 }
 
 impl RunError {
-    /// Of a lock that was not taken.
-    fn of_lock(error: StoreError) -> Self {
+    /// Converts the error of a failed attempt to lock a folder.
+    fn from_lock(error: StoreError) -> Self {
         match error {
             StoreError::Held { .. } => Self::Held(error),
             StoreError::Cancelled(_) => Self::Stopped(Cancelled),
@@ -147,7 +149,8 @@ impl RunError {
         }
     }
 
-    /// It as the end of a stage of which so much was `done`, if the work was cancelled.
+    /// Converts a cancellation error into [`Self::Interrupted`], which names the stage and how much of it was `done`;
+    /// returns any other error unchanged.
     fn interrupted(self, stage: &'static str, done: String) -> Self {
         match self {
             Self::Stopped(Cancelled)
@@ -159,7 +162,8 @@ impl RunError {
         }
     }
 
-    /// Whether a table is not as it was written, although its size and time are.
+    /// Returns whether this error states that a table's content has changed although its size and modification time
+    /// have not.
     fn is_of_changed_table(&self) -> bool {
         use ReportError::Store;
         let (Self::Store(error) | Self::Report(Store(error))) = self else { return false };
@@ -167,38 +171,41 @@ impl RunError {
     }
 }
 
+/// Formats the last line of a message, which names the option `again` that selects the shards to compute again; empty
+/// if there is no such option.
 fn to_do(again: &str) -> String {
-    if again.is_empty() { String::new() } else { format!("\nto do again: {again}") }
+    if again.is_empty() { String::new() } else { format!("\nmake them again with {again}") }
 }
 
+/// Formats how much of a stage was `done` when it was interrupted; empty if this was not counted.
 fn after(done: &str) -> String {
     if done.is_empty() { String::new() } else { format!(" after {done}") }
 }
 
-/// The stages that were not done when one was interrupted.
+/// Lists the stages that are incomplete because `stage` was interrupted.
 fn left(stage: &str) -> String {
     let stages = [IngestStage::NAME, FitStage::NAME, ReportStage::NAME];
     let done = stages.iter().position(|known| *known == stage).unwrap_or(0);
     stages[done..].join(", ")
 }
 
-/// Everything that a run gives.
+/// Results of a completed run.
 #[derive(Debug)]
 pub struct Finished {
     pub ingested: Ingested,
     pub fitted: Fitted,
     pub reported: Reported,
     pub stages: Vec<StageRecord>,
-    /// Whether there was nothing to do, and nothing was written.
+    /// Whether everything was up to date, so that nothing was written.
     pub was_up_to_date: bool,
-    /// What is wrong with the history.
+    /// Message if the run could not be added to the history; `None` if it was added.
     pub history_problem: Option<String>,
 }
 
-/// Ingests, fits and reports what has changed of the trial folders that `config` names and of those
-/// of which there are results, and writes `run.json`. The results are those of a run of all of them
-/// from scratch, to the last byte. Where nothing has changed, nothing is written. If another run is
-/// busy with the results, `wait` waits for it.
+/// Ingests, fits and reports whatever has changed in the trial folders that `config` names and in those that already
+/// have results, and writes `run.json`. The results are byte-for-byte identical to those of a run of all folders from
+/// scratch. If nothing has changed, nothing is written. If another run is using the folder of results, waits for its
+/// end if `wait` is set, and otherwise returns an error.
 ///
 /// ```
 /// use trilink::build::{RerunOptions, run};
@@ -220,40 +227,40 @@ pub struct Finished {
 /// ```
 ///
 /// # Errors
-/// A stage that cannot be done at all, or another run that is busy with the same folder. Trials
-/// and fits that fail are rows with a status.
+/// Returns an error if a stage cannot be carried out at all, or if another run uses the same folder. Trials and fits
+/// that fail are not errors but rows with a status.
 pub fn run(
     config: &Config,
     options: RerunOptions,
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<Finished, RunError> {
-    let mut look = Sequence::new(config, options, watch);
-    look.problem.iter().for_each(|problem| watch.note(problem));
-    look.may_write = false;
-    // Looking comes first: an unchanged folder is not even locked.
-    match look.all() {
+    let mut check = Sequence::new(config, options, watch);
+    check.problem.iter().for_each(|problem| watch.note(problem));
+    check.may_write = false;
+    // The check comes first, so that an unchanged folder is not even locked.
+    match check.run_all() {
         Ok(finished) => {
             confirm(config);
             return Ok(finished);
         }
         Err(RunError::Outdated) => {}
-        // Somebody else may be changing what was looked at; the lock tells.
+        // Another process may have changed files during the check, so try again with the lock.
         Err(_) if config.paths.derived.is_dir() => {}
         Err(error) => return Err(error),
     }
     let _lock = take_over(config, wait, watch)?;
-    // Whoever held the lock may have been faster.
+    // A process that held the lock may have changed the record.
     let mut sequence = Sequence::new(config, options, watch);
-    let remember_failure = |started: &str, status, why: &str| {
-        // Why a run ended is to be said, not why that could not be recorded.
-        let problem = crate::compare::remember_failure(config, started, status, why);
+    let record_failure = |started: &str, status, why: &str| {
+        // The error that ended the run matters more than a failure to record it.
+        let problem = crate::compare::record_failure(config, started, status, why);
         problem.ok().flatten().iter().for_each(|problem| watch.note(problem));
     };
     if let Some(LastRun { status: RunStatus::Running, started, .. }) = LastRun::load(config) {
-        remember_failure(&started, RunStatus::Interrupted, "killed");
+        record_failure(&started, RunStatus::Interrupted, "killed");
     }
-    let mut finished = sequence.all();
+    let mut finished = sequence.run_all();
     if let Err(error) = &finished
         && error.is_of_changed_table()
         && !options.verify
@@ -261,40 +268,40 @@ pub fn run(
         watch.note(&format!("{error}: every file is read again"));
         let options = RerunOptions { verify: true, ..options };
         sequence = Sequence::new(config, options, watch);
-        finished = sequence.all();
+        finished = sequence.run_all();
     }
     if let Err(error) = &finished {
         let status = match error {
             RunError::Interrupted { .. } => RunStatus::Interrupted,
             _ => RunStatus::Failed,
         };
-        remember_failure(&sequence.began_at, status, &error.to_string());
+        record_failure(&sequence.began_at, status, &error.to_string());
         let _ = sequence.write_record(status, Some(error.to_string()), None);
     }
     finished
 }
 
-/// The stages, one after the other, of a folder of results with its record.
+/// Sequence of stages that work on a folder of results, with the record of these results.
 struct Sequence<'s> {
     config: Config,
     options: RerunOptions,
     watch: &'s dyn Watch,
     record: Record,
-    /// Why there is no record that can be used.
+    /// Reason why the record of earlier results, `up-to-date.json`, is unusable; `None` if it is usable.
     problem: Option<String>,
-    /// Else it only looks whether there is something to do.
+    /// Whether stages may be carried out; otherwise the sequence only checks that everything is up to date.
     may_write: bool,
-    /// Whether it is a run, of which `run.json` tells, and not one stage alone.
+    /// Whether the sequence is a run of all stages, which is recorded in `run.json`, and not a single stage.
     is_run: bool,
-    /// Those that are done.
+    /// Completed stages.
     stages: Vec<StageRecord>,
-    /// UTC.
+    /// Start time of the sequence (UTC).
     began_at: String,
     began: Instant,
 }
 
 impl<'s> Sequence<'s> {
-    /// A sequence that may write.
+    /// Creates a sequence that may carry out stages.
     fn new(config: &Config, options: RerunOptions, watch: &'s dyn Watch) -> Self {
         let (record, problem) = Record::load(&config.paths.derived);
         Self {
@@ -311,13 +318,13 @@ impl<'s> Sequence<'s> {
         }
     }
 
-    /// Names of the trial folders of which there are tables.
+    /// Returns the names of the trial folders that have tables.
     fn known_folders(&self) -> Vec<String> {
         let known = FolderInput::folders(&self.record.ingest.whole);
         if !known.is_empty() {
             return known;
         }
-        // Without a record, the tables themselves tell.
+        // Without a record, the names come from the table of trials.
         let table = Reader::default().table(&self.config.paths.derived.join("trials.parquet"));
         let folders = table.and_then(|table| table.values::<String>("folder")).unwrap_or_default();
         let folders: BTreeSet<String> =
@@ -325,7 +332,7 @@ impl<'s> Sequence<'s> {
         folders.into_iter().collect()
     }
 
-    /// Takes for the trial folders those of which there are tables, if there are any.
+    /// Replaces the configured trial folders by those that have tables, if there are any such folders.
     fn take_known_folders(&mut self) {
         let known = self.known_folders();
         let paths = &mut self.config.paths;
@@ -334,8 +341,7 @@ impl<'s> Sequence<'s> {
         }
     }
 
-    /// Finds the trial folders that are named, and unless these are to be the only ones adds those
-    /// of which there are tables.
+    /// Finds the trial folders that the configuration names and, unless `only` is set, adds those that have tables.
     fn find_folders(&mut self) -> Result<(), RunError> {
         let known = if self.options.only { Vec::new() } else { self.known_folders() };
         let paths = &mut self.config.paths;
@@ -352,7 +358,8 @@ impl<'s> Sequence<'s> {
         Ok(())
     }
 
-    /// Does what a stage has to do, and records it.
+    /// Plans a stage, carries out the plan and saves the record. If the sequence may not write, only checks that the
+    /// stage is up to date, and returns an error otherwise.
     fn advance<S: Stage>(&mut self, stage: &S) -> Result<S::Output, RunError> {
         let begin = Instant::now();
         if self.may_write {
@@ -380,8 +387,8 @@ impl<'s> Sequence<'s> {
         Ok(output)
     }
 
-    /// All stages and the record of how they went.
-    fn all(&mut self) -> Result<Finished, RunError> {
+    /// Runs all stages and records the run.
+    fn run_all(&mut self) -> Result<Finished, RunError> {
         self.is_run = true;
         self.find_folders()?;
         let config = &self.config.clone();
@@ -392,7 +399,7 @@ impl<'s> Sequence<'s> {
         let was_up_to_date = !did_something
             && self.is_recorded()
             && unfinished(&folders(config)).is_empty()
-            && crate::compare::is_drawn(&config.paths.reports);
+            && crate::compare::is_history_up_to_date(&config.paths.reports);
         if !self.may_write && !was_up_to_date {
             return Err(RunError::Outdated);
         }
@@ -401,23 +408,24 @@ impl<'s> Sequence<'s> {
         let mut finished =
             Finished { ingested, fitted, reported, stages, was_up_to_date, history_problem };
         if !was_up_to_date {
-            let status = match finished.ingested.needs_a_person() {
-                true => RunStatus::Attention,
-                false => RunStatus::Ok,
+            let status = if finished.ingested.needs_a_person() {
+                RunStatus::Attention
+            } else {
+                RunStatus::Ok
             };
             self.record.run = Some(self.write_record(status, None, Some(&finished))?);
-            let remembered = crate::compare::remember(config);
-            let problem = |error| Some(format!("not in the history: {error}"));
-            finished.history_problem = remembered.unwrap_or_else(problem);
+            finished.history_problem = crate::compare::record_run(config).unwrap_or_else(|error| {
+                Some(format!("this run was not added to the history: {error}"))
+            });
         }
         if self.may_write {
-            // Last, so that what it says is there.
+            // The record comes last, so that it describes files that exist.
             self.record.save(&config.paths.derived)?;
         }
         Ok(finished)
     }
 
-    /// Whether `run.json` is as it was written.
+    /// Returns whether `run.json` exists and is unchanged since a run wrote it.
     fn is_recorded(&self) -> bool {
         let path = record_path(&self.config);
         let run = self.record.run.as_ref();
@@ -447,62 +455,66 @@ impl<'s> Sequence<'s> {
             stages: &self.stages,
             results: finished.map(RunResults::new),
         };
-        let json = serde_json::to_string_pretty(&record).expect("a record is plain data");
+        let json = serde_json::to_string_pretty(&record).expect("a record can be serialised");
         write_bytes(&record_path(&self.config), (json + "\n").as_bytes())
     }
 }
 
-/// What a run would do: certainly if the stages before have nothing to do, else perhaps.
+/// Plan of a run. The plan of a stage is exact if the stages before it are up to date; otherwise it is an upper bound.
 #[derive(Debug)]
 pub struct DryRun {
     pub stages: [StagePlan; 3],
-    /// The first stage of which only the worst is known.
+    /// Index of the first stage whose plan is only an upper bound; the number of stages if all plans are exact.
     pub uncertain_from: usize,
-    /// What else would be written.
+    /// Reasons to write files that belong to no stage, such as `run.json`.
     pub others: Vec<&'static str>,
-    /// Why the record cannot be used.
+    /// Reason why the record of earlier results, `up-to-date.json`, is unusable; `None` if it is usable.
     pub problem: Option<String>,
 }
 
-/// What a run would redo. Writes nothing.
+/// Plans a run without writing anything.
 ///
 /// # Errors
-/// The list of trials or a table cannot be used.
+/// Returns an error if a list of trials or a table is unreadable or invalid.
 pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunError> {
     let mut sequence = Sequence::new(config, options, &());
     sequence.find_folders()?;
     let Sequence { config, record, .. } = &sequence;
-    let (derived, reports) = (&config.paths.derived, &config.paths.reports);
-    let models = FitStage::new(config);
-    let figures = ReportStage::new(config, &record.report, &[]);
+    let derived = &config.paths.derived;
+    let fit_stage = FitStage::new(config);
+    let report_stage = ReportStage::new(config, &record.report, &[]);
     let ingest = plan(&IngestStage::new(config)?, derived, record, options)?.plan;
-    let fit = match ingest.is_empty() {
-        true => plan(&models, derived, record, options)?.plan,
-        false => plan_after(&models, record, options, &ingest.touched),
+    let fit = if ingest.is_empty() {
+        plan(&fit_stage, derived, record, options)?.plan
+    } else {
+        plan_after(&fit_stage, record, options, &ingest.touched)
     };
-    let (mut uncertain_from, mut others) = (if ingest.is_empty() { 2 } else { 1 }, Vec::new());
+    let mut uncertain_from = if ingest.is_empty() { 2 } else { 1 };
+    let mut others = Vec::new();
     let report = if ingest.is_empty() && fit.is_empty() {
         uncertain_from = 3;
-        let unlike = [
-            (unfinished(&folders(config)).is_empty(), "a killed run left unfinished files"),
-            (sequence.is_recorded(), "run.json is not as it was written"),
-            (crate::compare::is_drawn(reports), "history.html is not that of history.parquet"),
-        ];
-        others
-            .extend(unlike.into_iter().filter_map(|(is_well, other)| (!is_well).then_some(other)));
-        plan(&figures, derived, record, options)?.plan
+        if !unfinished(&folders(config)).is_empty() {
+            others.push("a killed run left unfinished files");
+        }
+        if !sequence.is_recorded() {
+            others.push("run.json has changed since the last run");
+        }
+        if !crate::compare::is_history_up_to_date(&config.paths.reports) {
+            others.push("history.html does not match history.parquet");
+        }
+        plan(&report_stage, derived, record, options)?.plan
     } else {
-        plan_after(&figures, record, options, &(&ingest.touched | &fit.touched))
+        plan_after(&report_stage, record, options, &(&ingest.touched | &fit.touched))
     };
     let stages = [ingest, fit, report];
     Ok(DryRun { stages, uncertain_from, others, problem: sequence.problem })
 }
 
-/// The first stage, of all trials: marker files to tables. Those of other folders than the
-/// configured ones are done again, too, unless these are to be the `only` ones.
+/// Runs the first stage for all trials: processes marker files into tables. Trials in folders that `config` does not
+/// name are also processed again if they already have tables; with `only`, these tables are removed instead.
 ///
 /// # Errors
-/// A list of trials cannot be read, a table not written, or another run is busy.
+/// Returns an error if a list of trials cannot be read, a table cannot be written, or another run uses the folder.
 pub fn ingest(
     config: &Config,
     only: bool,
@@ -510,37 +522,41 @@ pub fn ingest(
     watch: &dyn Watch,
 ) -> Result<Ingested, RunError> {
     let options = RerunOptions { only, ..RerunOptions::FORCE };
-    alone(config, options, wait, watch, |sequence| {
+    run_stage(config, options, wait, watch, |sequence| {
         sequence.find_folders()?;
         IngestStage::new(&sequence.config)
     })
 }
 
-/// The second stage, of all models: tables to fitted models.
+/// Runs the second stage for all models: fits them to the tables.
 ///
 /// # Errors
-/// The table of trials cannot be read, a table not written, or another run is busy.
+/// Returns an error if the table of trials cannot be read, a table cannot be written, or another run uses the folder.
 pub fn fit(config: &Config, wait: bool, watch: &dyn Watch) -> Result<Fitted, RunError> {
     input_paths(&config.paths.derived)?;
-    alone(config, RerunOptions::FORCE, wait, watch, |sequence| Ok(FitStage::new(&sequence.config)))
+    run_stage(config, RerunOptions::FORCE, wait, watch, |sequence| {
+        Ok(FitStage::new(&sequence.config))
+    })
 }
 
-/// What the first stage left of the trials and their checks, as far as it is there.
+/// Reads the tables of trials and checks from the last ingest; a missing table counts as empty.
 ///
 /// # Errors
-/// A table cannot be read.
+/// Returns an error if a table cannot be read.
 pub fn ingested(config: &Config) -> Result<Ingested, RunError> {
-    let (derived, reader) = (&config.paths.derived, Reader::default());
+    let derived = &config.paths.derived;
+    let reader = Reader::default();
     let trials = reader.rows_if_there(&derived.join("trials.parquet"))?.unwrap_or_default();
     let checks = reader.rows_if_there(&derived.join("checks.parquet"))?.unwrap_or_default();
     Ok(Ingested { trials, checks, ..Ingested::default() })
 }
 
-/// The third stage, of all figures: figures and the page, and now and later the pages of the
-/// trials that are `asked` for.
+/// Runs the third stage: draws all figures and writes the report page. Pages of the trials in `asked` are written now
+/// and by all later runs.
 ///
 /// # Errors
-/// There is no such trial, a table cannot be read, a file not written, or another run is busy.
+/// Returns an error if a trial in `asked` does not exist, a table cannot be read, a file cannot be written, or another
+/// run uses the folder.
 pub fn report(
     config: &Config,
     asked: &[String],
@@ -556,27 +572,27 @@ pub fn report(
             return Err(RunError::NoTrial { trial: trial.clone(), meant });
         }
     }
-    alone(config, RerunOptions::FORCE, wait, watch, |sequence| {
+    run_stage(config, RerunOptions::FORCE, wait, watch, |sequence| {
         sequence.take_known_folders();
         Ok(ReportStage::new(&sequence.config, &sequence.record.report, asked))
     })
 }
 
-/// One stage, of all targets.
-fn alone<S: Stage>(
+/// Runs only the stage that `stage` creates, for all of its targets.
+fn run_stage<S: Stage>(
     config: &Config,
     options: RerunOptions,
     wait: bool,
     watch: &dyn Watch,
     stage: impl Fn(&mut Sequence) -> Result<S, RunError>,
 ) -> Result<S::Output, RunError> {
-    // Where there is nothing to read, no folder is left behind.
+    // Reading the inputs before the lock leaves no folder behind if there are none.
     stage(&mut Sequence::new(config, options, watch))?;
     let _lock = take_over(config, wait, watch)?;
     let mut sequence = Sequence::new(config, options, watch);
     let stage = stage(&mut sequence)?;
     if S::NAME != ReportStage::NAME {
-        // The tables will be younger than the last run.
+        // The tables will be newer than the last recorded run.
         sequence.record.run = None;
     }
     sequence.advance(&stage)

@@ -1,4 +1,4 @@
-//! A fit of trials that were not ingested.
+//! Fits to a table of trials that another program produced.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,12 +18,12 @@ use super::{RunError, Watch};
 
 const TRIALS: &str = "trials.parquet";
 
-/// Fits every model of the campaigns of a table that was made elsewhere, and writes the tables of
-/// the fit and of its trials to `home`; what an ingest leaves stays as it is.
+/// Fits every model to the campaigns in a table of trials that another program produced, and writes the tables of fits
+/// and trials to the folder `home`. Results of an ingest are not changed.
 ///
 /// # Errors
-/// The table cannot be fitted, `home` has tables of an ingest, a table cannot be written, or another
-/// fit is busy with `home`.
+/// Returns an error if the table cannot be fitted, if `home` has tables of an ingest, if a table cannot be written,
+/// or if another fit uses `home`.
 pub fn fit_own_table(
     config: &Config,
     table: &Path,
@@ -31,7 +31,7 @@ pub fn fit_own_table(
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<(OwnTable, Fitted), RunError> {
-    // Every ingest leaves both.
+    // Every ingest writes both files.
     let is_of_ingest = [RECORD_FILE, "checks.parquet"].iter().any(|name| home.join(name).exists());
     if is_of_ingest || home == config.paths.derived {
         return Err(RunError::OwnTablePlace { home: home.to_owned() });
@@ -42,11 +42,11 @@ pub fn fit_own_table(
     let files: Vec<_> = TABLES.iter().chain([&TRIALS]).map(|name| home.join(name)).collect();
     let _lock = hold_places(&[home.to_owned()], &files, wait, watch)?;
     let data = FitData::from(own.trials.clone());
-    let targets = stage.targets(None);
-    let steps = Steps::begin::<FitStage>(watch, targets.len(), "");
+    let specs = stage.specs_with(None);
+    let steps = Steps::begin::<FitStage>(watch, specs.len(), "");
     let fitted = stage.fit(&data, BTreeMap::new(), &steps, &|_, _| {});
     let fitted = steps.end::<FitStage, _>(fitted)?;
-    let settings: Vec<Key> = targets.into_iter().map(|target| target.parts).collect();
+    let settings: Vec<Key> = specs.into_iter().map(|spec| spec.key).collect();
     let provenance = Provenance { input: hash_of(&(&own.hash, settings)) };
     fitted.write(home, &provenance)?;
     TrialRow::to_table(&own.trials).write_if_changed(&home.join(TRIALS), &provenance)?;

@@ -1,4 +1,4 @@
-//! What a stage has to do again and why, and doing it: one engine for all stages.
+//! Incremental engine for all stages: determines which targets are stale and why, and makes them again.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -9,41 +9,43 @@ use serde_json::Value;
 use trilink_report::page_of;
 use trilink_tables::{Reader, StoreError, hash};
 
-use super::record::{Files, Inputs, Made, Record, StageState, changed_outputs};
+use super::record::{Files, Inputs, Record, StageState, TargetRecord, changed_outputs};
 use super::steps::Steps;
 use super::target::{Key, Kind, SETTINGS, Target, changed_settings, reasons};
 use super::{RunError, Watch};
 
-/// How a stage is done again.
+/// Options of a rerun.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RerunOptions {
-    /// Redo all.
+    /// Recompute everything.
     pub force: bool,
-    /// Read files again whose size and time have not changed.
+    /// Read files again even if their size and modification time have not changed.
     pub verify: bool,
-    /// Remove the trials of folders that are not named.
+    /// Remove the results of trial folders that are not named in the configuration or on the command line.
     pub only: bool,
 }
 
 impl RerunOptions {
-    /// Redo all, as who asks for a single stage means it.
+    /// Options to recompute everything, for a single stage that the user requests.
     pub const FORCE: Self = Self { force: true, verify: false, only: false };
 }
 
-/// What a stage has to do again.
+/// Plan of a stage: which targets are stale and why.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct StagePlan {
     pub targets: Vec<PlannedTarget>,
+    /// Number of targets that are up to date.
     pub up_to_date: usize,
-    /// Targets that are there and should no longer be.
+    /// Targets to remove because they are no longer needed.
     pub removed: Vec<Target>,
-    /// Why files of the stage as a whole are looked at again, if no target gives a reason.
+    /// Reasons to rewrite the files that belong to no single target, such as a table of all trials, although no target
+    /// is stale.
     pub whole: Vec<String>,
-    /// What the targets are of that are made again or removed.
+    /// Trials, campaigns and robots to which the stale or removed targets belong.
     pub(super) touched: BTreeSet<String>,
 }
 
-/// A target to make again, and why.
+/// Stale target, with the reasons why it is stale.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PlannedTarget {
     pub target: Target,
@@ -51,98 +53,101 @@ pub struct PlannedTarget {
 }
 
 impl StagePlan {
-    /// Whether all is up to date.
+    /// Whether the plan is empty, because everything is up to date.
     pub fn is_empty(&self) -> bool {
         self.targets.is_empty() && self.removed.is_empty() && self.whole.is_empty()
     }
 
-    /// A plan for `wanted` targets. All are made again for the `common` reasons, new ones anyway,
-    /// those that were made for `other` reasons, too.
+    /// Determines which of the targets `specs` are stale. The `common` reasons apply to all targets; `target_reasons`
+    /// returns further reasons for a target that was made before. With `force`, only the common reasons are stated.
     fn new(
         known: &StageState,
-        wanted: &[Wanted],
+        specs: &[TargetSpec],
         common: &[String],
         force: bool,
-        other: impl Fn(&Made, &Wanted) -> Vec<String> + Sync,
+        target_reasons: impl Fn(&TargetRecord, &TargetSpec) -> Vec<String> + Sync,
     ) -> Self {
         let mut made = known.by_target();
-        let reasons = |wanted: &Wanted| match made.get(&wanted.target) {
+        let why = specs.par_iter().map(|spec| match made.get(&spec.target) {
             None if !force => vec!["new".to_owned()],
-            Some(made) if !force => [common, &other(made, wanted)].concat(),
+            Some(made) if !force => [common, &target_reasons(made, spec)].concat(),
             _ => common.to_vec(),
-        };
-        let why: Vec<Vec<String>> = wanted.par_iter().map(reasons).collect();
+        });
+        let why: Vec<Vec<String>> = why.collect();
         let mut plan = Self::default();
-        for (Wanted { target, of, .. }, why) in wanted.iter().zip(why) {
+        for (TargetSpec { target, subjects, .. }, why) in specs.iter().zip(why) {
             made.remove(target);
             if why.is_empty() {
                 plan.up_to_date += 1;
                 continue;
             }
-            plan.touched.extend(of.iter().cloned());
+            plan.touched.extend(subjects.iter().cloned());
             plan.targets.push(PlannedTarget { target: target.clone(), why });
         }
-        plan.touched.extend(made.values().flat_map(|made| made.of.iter().cloned()));
+        plan.touched.extend(made.values().flat_map(|made| made.subjects.iter().cloned()));
         plan.removed = made.into_keys().cloned().collect();
         plan
     }
 }
 
-/// A target as it would be made now.
+/// Specification of a target: the inputs from which it would be made now.
 #[derive(Debug, Clone)]
-pub(super) struct Wanted {
+pub(super) struct TargetSpec {
     pub target: Target,
     pub settings: Value,
-    pub parts: Key,
-    /// The trial, campaigns and robot that it is of, such as `trial a`: it may change when they do.
-    pub of: Vec<String>,
+    pub key: Key,
+    /// Trial, campaigns and robot on which the target depends, each with its kind: `trial a`, `campaign b`, `robot c`.
+    pub subjects: Vec<String>,
 }
 
-impl Wanted {
-    /// A target that is made of `settings` and other parts.
+impl TargetSpec {
+    /// Creates the specification of a target. An entry with the hash of `settings` is added to `key`, unless the
+    /// settings are null.
     pub(super) fn new(
         target: Target,
         settings: &impl Serialize,
-        mut parts: Key,
-        of: Vec<String>,
+        mut key: Key,
+        subjects: Vec<String>,
     ) -> Self {
         let settings = serde_json::to_value(settings).expect("settings have text keys");
         if !settings.is_null() {
-            parts.insert(SETTINGS.to_owned(), hash_of(&settings));
+            key.insert(SETTINGS.to_owned(), hash_of(&settings));
         }
-        Self { target, settings, parts, of }
+        Self { target, settings, key, subjects }
     }
 
-    /// It as made, with the files that it left.
-    pub(super) fn made(self, outputs: Files) -> Made {
-        let Self { target, parts, of, .. } = self;
-        Made { target, parts, of, outputs }
+    /// Converts the specification into the record of a target that has been made, with the files `outputs`.
+    pub(super) fn into_record(self, outputs: Files) -> TargetRecord {
+        let Self { target, key, subjects, .. } = self;
+        TargetRecord { target, key, subjects, outputs }
     }
 }
 
-/// Of the value as JSON.
+/// Returns the hash of a value's JSON representation.
 pub(super) fn hash_of(value: &impl Serialize) -> String {
-    hash(&serde_json::to_vec(value).expect("plain data with text keys"))
+    hash(&serde_json::to_vec(value).expect("a value with text keys can be serialised"))
 }
 
-/// What a fit is made of if it reads what was measured of its robot.
+/// Name, in the [`Key`] of a fit, of the entry for the robot's measured parameters.
 pub(super) const ROBOTS: &str = "robot_parameters.parquet";
 
-/// What figures are of that are of no campaign, and trials that measure a robot.
+/// Subject ([`TargetSpec::subjects`]) that the figures without a campaign share with all trials that measure robot
+/// parameters, because a change to such a trial may change each of these figures.
 pub(super) const ANY_ROBOT: &str = "any robot";
 
-/// Why a target may have to be made again once the stages before are done that have `touched`
-/// trials, campaigns and robots.
-fn perhaps(made: &Made, touched: &BTreeSet<String>) -> Vec<String> {
-    let is_touched =
-        |kind: &str| made.of.iter().any(|of| of.starts_with(kind) && touched.contains(of));
+/// Returns the reasons why a target may become stale once the preceding stages have changed the `touched` trials,
+/// campaigns and robots.
+fn possible_reasons(made: &TargetRecord, touched: &BTreeSet<String>) -> Vec<String> {
+    let is_touched = |kind: &str| {
+        made.subjects.iter().any(|subject| subject.starts_with(kind) && touched.contains(subject))
+    };
     let mut why = Vec::new();
     match made.target.kind {
         Kind::Trial => {}
         Kind::Fit | Kind::SharedFit => {
-            let parts = made.parts.keys().filter(|part| touched.contains(*part));
-            why.extend(parts.map(|part| format!("if {part} changes")));
-            if made.parts.contains_key(ROBOTS) && is_touched("robot ") {
+            let entries = made.key.keys().filter(|name| touched.contains(*name));
+            why.extend(entries.map(|name| format!("if {name} changes")));
+            if made.key.contains_key(ROBOTS) && is_touched("robot ") {
                 why.push(format!("if {ROBOTS} changes"));
             }
             if why.is_empty() && is_touched("campaign ") {
@@ -150,108 +155,120 @@ fn perhaps(made: &Made, touched: &BTreeSet<String>) -> Vec<String> {
             }
         }
         Kind::Figure | Kind::Page => {
-            let mut trials = touched.iter().filter_map(|of| of.strip_prefix("trial "));
+            let mut trials = touched.iter().filter_map(|subject| subject.strip_prefix("trial "));
             if trials.any(|trial| page_of(trial) == made.target.name) {
                 why.push("if its trial changes".to_owned());
             } else if is_touched("") {
-                why.push("if what it shows changes".to_owned());
+                why.push("if the displayed data change".to_owned());
             }
         }
     }
     why
 }
 
-/// A stage as the engine sees it. It reads files, makes targets of them, each with files of its
-/// own, and files of the stage as a whole.
+/// Stage of the pipeline. A stage reads files and makes targets from them. Each target has its own files; stage-wide
+/// files, such as a table of all trials, belong to no single target.
 pub(super) trait Stage: Sync {
-    /// What the targets are made of, read.
+    /// Data read from the input files.
     type Sources;
+    /// Result of the stage.
     type Output: Clone;
-    /// What the stage has of one target beside its files.
+    /// Part of the result that belongs to one target, besides the target's files.
     type Rows: Sync;
 
+    /// Name of the stage on the command line.
     const NAME: &'static str;
-    /// Hash of the stage's source, see `build.rs`.
+    /// Hash of the stage's source code, from `build.rs`.
     const SOURCE: &'static str;
-    /// What its steps are; empty where there are none.
+    /// Plural noun for the steps of the stage; empty if its progress is not counted.
     const STEPS: &'static str;
-    /// Whether the files of the stage as a whole are the rows of its targets; else they are made
-    /// of everything that is read.
-    const ROWS_OF_TARGETS: bool;
-    /// What to say where targets have another order than they had.
-    const OTHER_ORDER: &'static str;
+    /// Whether the stage-wide files consist of the rows of the targets; otherwise they are made from everything that
+    /// the stage reads.
+    const HAS_TARGET_ROWS: bool;
+    /// Reason that the plan states if only the order of the targets has changed.
+    const ORDER_CHANGED: &'static str;
 
-    /// The stage's part of the record.
+    /// Returns the part of the record that belongs to the stage.
     fn state(record: &Record) -> &StageState;
 
-    /// The folder that it writes to.
-    fn home(&self) -> &Path;
+    /// Returns the folder that the stage writes to.
+    fn output_folder(&self) -> &Path;
 
-    /// The settings of the stage as a whole.
-    fn whole(&self) -> Value {
+    /// Returns the settings that affect the stage as a whole, not a single target; null if there are none.
+    fn stage_settings(&self) -> Value {
         Value::Null
     }
 
-    /// The files that it reads for the plan, and whether they are the program's own.
+    /// Returns the paths of the files that the stage reads for its plan, each with a flag that is true if this program
+    /// wrote the file.
     fn input_paths(&self, known: &StageState) -> Result<Vec<(PathBuf, bool)>, RunError>;
 
-    /// The targets in order, with the parts of their keys that are known before anything is read.
-    fn foreseen(&self, known: &StageState) -> Vec<Wanted>;
+    /// Returns the specifications of the targets in order, with the key entries that are known before any file is read.
+    fn expected_specs(&self, known: &StageState) -> Vec<TargetSpec>;
 
-    /// Reads what the targets are made of.
+    /// Reads the data from which the targets are made.
     fn read(&self, inputs: Inputs) -> Result<Self::Sources, RunError>;
 
-    /// The targets in order.
-    fn wanted(&self, sources: &Self::Sources) -> Vec<Wanted>;
+    /// Returns the specifications of the targets in order, with complete keys.
+    fn specs(&self, sources: &Self::Sources) -> Vec<TargetSpec>;
 
-    /// What the stage gave the last time, as it was `written`.
-    fn earlier(&self, known: &StageState, written: &Reader) -> Result<Self::Output, StoreError>;
+    /// Reads the result of the last run through the reader `written`, which rejects changed files.
+    fn load_previous(
+        &self,
+        known: &StageState,
+        written: &Reader,
+    ) -> Result<Self::Output, StoreError>;
 
-    /// What there is of each target.
-    fn by_target(&self, known: &StageState, earlier: Self::Output) -> BTreeMap<Target, Self::Rows>;
+    /// Splits the result of the last run by target.
+    fn rows_by_target(
+        &self,
+        known: &StageState,
+        previous: Self::Output,
+    ) -> BTreeMap<Target, Self::Rows>;
 
-    /// What is there that nobody accounts for.
+    /// Returns a sentence for each file that belongs to no target.
     fn leftovers(&self, _known: &StageState) -> Result<Vec<String>, RunError> {
         Ok(Vec::new())
     }
 
-    /// Makes what is not kept and the files of the stage as a whole. Gives of the record its
-    /// targets in order, the whole stage's files, what is missing, and the stamps of files as they
-    /// were when they were read, where that was not for the plan.
+    /// Makes the targets that are not retained, and the stage-wide files. The returned record contains the targets in
+    /// order, the stage-wide files, notes on what is missing from the report, and the stamps of those files that this
+    /// function, not the plan, has read.
     fn make(&self, work: Work<Self>, steps: &Steps)
     -> Result<(Self::Output, StageState), RunError>;
 }
 
-/// Targets that stay, as they were made, with what the stage has of them.
-pub(super) type Kept<S> = BTreeMap<Target, (Made, <S as Stage>::Rows)>;
+/// Up-to-date targets with their records and rows.
+pub(super) type Retained<S> = BTreeMap<Target, (TargetRecord, <S as Stage>::Rows)>;
 
-/// What there is to do.
+/// Work to be done for a stage that is not up to date.
 pub(super) struct Work<S: Stage + ?Sized> {
     pub sources: S::Sources,
-    /// All targets in order.
-    pub wanted: Vec<Wanted>,
-    pub kept: Kept<S>,
+    /// Specifications of all targets, in the order of the stage.
+    pub specs: Vec<TargetSpec>,
+    pub retained: Retained<S>,
 }
 
-/// A plan with what it takes to carry it out.
+/// Plan of a stage together with the data to carry it out.
 pub(super) struct Planned<'k, S: Stage> {
     pub plan: StagePlan,
     next: Next<S>,
-    /// The files that were read for the plan, by their path from `derived/`.
+    /// Files read for the plan, indexed by their path relative to `derived/`.
     inputs: Files,
     known: &'k StageState,
 }
 
+/// Work that remains for a stage.
 enum Next<S: Stage> {
-    /// All is up to date: what there is.
+    /// No work: the result of the last run is up to date.
     Nothing(S::Output),
     Make(Box<Work<S>>),
 }
 
-/// Compares what a stage would make now with what the record has of it.
+/// Plans a stage by comparing its targets with the record of earlier results.
 ///
 /// # Errors
-/// What the stage reads cannot be used.
+/// Returns an error if an input of the stage cannot be used.
 pub(super) fn plan<'k, S: Stage>(
     stage: &S,
     derived: &Path,
@@ -259,159 +276,167 @@ pub(super) fn plan<'k, S: Stage>(
     options: RerunOptions,
 ) -> Result<Planned<'k, S>, RunError> {
     let RerunOptions { force, verify, .. } = options;
-    let (home, known) = (stage.home(), S::state(record));
-    let changed = |outputs: &Files| changed_outputs(home, outputs, verify);
-    let mut common = common::<S>(known, force);
+    let folder = stage.output_folder();
+    let known = S::state(record);
+    let changed = |outputs: &Files| changed_outputs(folder, outputs, verify);
+    let mut common = stage_reasons::<S>(known, force);
     let mut whole = if force { Vec::new() } else { changed(&known.outputs) };
-    let mut earlier = None;
-    if common.is_empty() && (whole.is_empty() || !S::ROWS_OF_TARGETS) {
-        let found = stage.earlier(known, &Reader::of(home, &known.outputs));
-        earlier = found.map_err(|error| whole.push(error.to_string())).ok();
+    let mut previous = None;
+    if common.is_empty() && (whole.is_empty() || !S::HAS_TARGET_ROWS) {
+        let found = stage.load_previous(known, &Reader::new(folder, &known.outputs));
+        previous = found.map_err(|error| whole.push(error.to_string())).ok();
     }
-    if S::ROWS_OF_TARGETS {
+    if S::HAS_TARGET_ROWS {
         common.append(&mut whole);
     }
     whole.splice(..0, common.iter().cloned());
-    whole.extend(changed_settings(&known.whole, &stage.whole()));
+    whole.extend(changed_settings(&known.whole, &stage.stage_settings()));
     whole.extend(stage.leftovers(known)?);
 
-    let looked = Inputs::look(stage.input_paths(known)?, (derived, record), known, verify);
-    let (inputs, are_whole) = (looked.stamps(derived), looked.are_whole());
+    let checked = Inputs::check(stage.input_paths(known)?, (derived, record), known, verify);
+    let inputs = checked.stamps(derived);
+    let are_readable = checked.are_readable();
     let changed_inputs = changed_files(&known.inputs, &inputs);
-    if let Some(output) = &earlier
+    if let Some(output) = &previous
         && whole.is_empty()
-        && are_whole
+        && are_readable
         && changed_inputs.is_none()
-        && are_as_foreseen(&known.targets, &stage.foreseen(known))
+        && match_specs(&known.targets, &stage.expected_specs(known))
         && known.targets.par_iter().all(|made| changed(&made.outputs).is_empty())
     {
         let plan = StagePlan { up_to_date: known.targets.len(), ..StagePlan::default() };
         return Ok(Planned { plan, next: Next::Nothing(output.clone()), inputs, known });
     }
 
-    let sources = stage.read(looked)?;
-    let wanted = stage.wanted(&sources);
+    let sources = stage.read(checked)?;
+    let specs = stage.specs(&sources);
     let mut rows =
-        earlier.clone().map(|earlier| stage.by_target(known, earlier)).unwrap_or_default();
-    let other = |made: &Made, wanted: &Wanted| {
-        let mut why = known.reasons(&made.parts, wanted);
+        previous.clone().map(|previous| stage.rows_by_target(known, previous)).unwrap_or_default();
+    let mut plan = StagePlan::new(known, &specs, &common, force, |made, spec| {
+        let mut why = known.reasons(&made.key, spec);
         why.extend(changed(&made.outputs));
         if why.is_empty() && common.is_empty() && !rows.contains_key(&made.target) {
-            why.push("its rows are not there".to_owned());
+            why.push("its rows are missing from the table".to_owned());
         }
         why
-    };
-    let mut plan = StagePlan::new(known, &wanted, &common, force, other);
+    });
     if plan.is_empty() {
         let order = known.targets.iter().map(|made| &made.target);
-        if !order.eq(wanted.iter().map(|wanted| &wanted.target)) {
-            plan.whole.push(S::OTHER_ORDER.to_owned());
+        if !order.eq(specs.iter().map(|spec| &spec.target)) {
+            plan.whole.push(S::ORDER_CHANGED.to_owned());
         }
         plan.whole.extend(whole);
-        plan.whole.extend(changed_inputs.filter(|_| !S::ROWS_OF_TARGETS));
+        plan.whole.extend(changed_inputs.filter(|_| !S::HAS_TARGET_ROWS));
     }
-    if let Some(output) = earlier
+    if let Some(output) = previous
         && plan.is_empty()
     {
         return Ok(Planned { plan, next: Next::Nothing(output), inputs, known });
     }
-    let redone: BTreeSet<&Target> = plan.targets.iter().map(|planned| &planned.target).collect();
+    let stale: BTreeSet<&Target> = plan.targets.iter().map(|planned| &planned.target).collect();
     let made = known.by_target();
-    let stays = |Wanted { target, .. }: &Wanted| {
-        let made = Made::clone(made.get(target).filter(|_| !redone.contains(target))?);
+    let retained = specs.iter().filter_map(|TargetSpec { target, .. }| {
+        let made = TargetRecord::clone(made.get(target).filter(|_| !stale.contains(target))?);
         Some((target.clone(), (made, rows.remove(target)?)))
-    };
-    let kept = wanted.iter().filter_map(stays).collect();
-    let next = Next::Make(Box::new(Work { sources, wanted, kept }));
+    });
+    let retained = retained.collect();
+    let next = Next::Make(Box::new(Work { sources, specs, retained }));
     Ok(Planned { plan, next, inputs, known })
 }
 
-/// Plans to join targets that were all made elsewhere.
+/// Plans the merge of the targets that shards have made, given as `retained`, into the results of the whole stage.
 pub(super) fn join<'k, S: Stage>(
     stage: &S,
     sources: S::Sources,
     record: &'k Record,
-    kept: Kept<S>,
+    retained: Retained<S>,
 ) -> Planned<'k, S> {
     let known = S::state(record);
-    let wanted = stage.foreseen(known);
-    let plan = StagePlan::new(known, &wanted, &[], true, |_, _| Vec::new());
-    let next = Next::Make(Box::new(Work { sources, wanted, kept }));
+    let specs = stage.expected_specs(known);
+    let plan = StagePlan::new(known, &specs, &[], true, |_, _| Vec::new());
+    let next = Next::Make(Box::new(Work { sources, specs, retained }));
     Planned { plan, next, inputs: Files::new(), known }
 }
 
-/// What a stage will have to do once those before it are done that have `touched` something: more
-/// than that only if other tables than the record knows lie about.
+/// Returns an upper bound for the plan of a stage before the preceding stages change the `touched` trials, campaigns
+/// and robots. The bound can be exceeded only if tables have changed that are not in the record.
 pub(super) fn plan_after<S: Stage>(
     stage: &S,
     record: &Record,
     options: RerunOptions,
     touched: &BTreeSet<String>,
 ) -> StagePlan {
-    let (known, force) = (S::state(record), options.force);
-    let other = |made: &Made, wanted: &Wanted| {
-        let mut old = made.parts.clone();
-        old.retain(|name, _| wanted.parts.contains_key(name));
-        [known.reasons(&old, wanted), perhaps(made, touched)].concat()
-    };
-    let common = common::<S>(known, force);
-    let mut plan = StagePlan::new(known, &stage.foreseen(known), &common, force, other);
-    if !S::ROWS_OF_TARGETS {
+    let known = S::state(record);
+    let common = stage_reasons::<S>(known, options.force);
+    let specs = stage.expected_specs(known);
+    let mut plan = StagePlan::new(known, &specs, &common, options.force, |made, spec| {
+        let mut old = made.key.clone();
+        old.retain(|name, _| spec.key.contains_key(name));
+        [known.reasons(&old, spec), possible_reasons(made, touched)].concat()
+    });
+    if !S::HAS_TARGET_ROWS {
         let is_new = known.targets.is_empty();
         plan.whole.push(if is_new { "new" } else { "if a table changes" }.to_owned());
     }
     plan
 }
 
-/// Why all of a stage is made again, whatever it is made of.
-fn common<S: Stage>(known: &StageState, force: bool) -> Vec<String> {
-    match force {
-        true => vec!["--force".to_owned()],
-        false if known.source == S::SOURCE => Vec::new(),
-        false if known.source.is_empty() => vec!["new".to_owned()],
-        false => vec![format!("the program's {} has changed", S::NAME)],
+/// Returns the reasons that make all targets of a stage stale, regardless of their keys.
+fn stage_reasons<S: Stage>(known: &StageState, force: bool) -> Vec<String> {
+    if force {
+        vec!["--force".to_owned()]
+    } else if known.source == S::SOURCE {
+        Vec::new()
+    } else if known.source.is_empty() {
+        vec!["new".to_owned()]
+    } else {
+        vec![format!("the program code of stage {} has changed", S::NAME)]
     }
 }
 
-/// Whether what was made is what is foreseen, as far as that is known without reading anything.
-fn are_as_foreseen(made: &[Made], foreseen: &[Wanted]) -> bool {
-    let has = |made: &Made, wanted: &Wanted| {
-        made.target == wanted.target
-            && wanted.parts.iter().all(|(name, part)| made.parts.get(name) == Some(part))
-    };
-    made.len() == foreseen.len() && made.iter().zip(foreseen).all(|(made, of)| has(made, of))
+/// Returns whether the targets `made` earlier are the `expected` ones in the same order, and agree with them in all
+/// entries that the keys of the expected targets contain.
+fn match_specs(made: &[TargetRecord], expected: &[TargetSpec]) -> bool {
+    made.len() == expected.len()
+        && made.iter().zip(expected).all(|(made, spec)| {
+            made.target == spec.target
+                && spec.key.iter().all(|(name, content)| made.key.get(name) == Some(content))
+        })
 }
 
-/// Which files have another content than when they were read.
+/// Describes the files whose content has changed since they were read; `None` if there are none.
 fn changed_files(old: &Files, new: &Files) -> Option<String> {
-    let content = |inputs: &Files| -> Key {
-        inputs.iter().map(|(path, stamp)| (path.clone(), stamp.blake3.clone())).collect()
-    };
-    let changed = reasons(&content(old), &content(new), Vec::new);
+    let [old, new] = [old, new].map(|files| -> Key {
+        files.iter().map(|(path, stamp)| (path.clone(), stamp.blake3.clone())).collect()
+    });
+    let changed = reasons(&old, &new, Vec::new);
     let (first, others) = changed.split_first()?;
     Some(match others.len() {
         0 => first.clone(),
-        others => format!("{first}, and so of {others} other files"),
+        1 => format!("{first}, and 1 more file"),
+        others => format!("{first}, and {others} more files"),
     })
 }
 
 impl StageState {
-    /// The targets that were made.
-    fn by_target(&self) -> BTreeMap<&Target, &Made> {
+    /// Returns the records of the targets, indexed by target.
+    fn by_target(&self) -> BTreeMap<&Target, &TargetRecord> {
         self.targets.iter().map(|made| (&made.target, made)).collect()
     }
 
-    /// Why a target that was made of `old` parts is to be made again.
-    fn reasons(&self, old: &Key, wanted: &Wanted) -> Vec<String> {
-        reasons(old, &wanted.parts, || {
+    /// Returns the reasons why a target that was made with the key `old` is stale, given its current specification;
+    /// empty if it is not stale.
+    fn reasons(&self, old: &Key, spec: &TargetSpec) -> Vec<String> {
+        reasons(old, &spec.key, || {
             let settings = old.get(SETTINGS).and_then(|hash| self.settings.get(hash));
-            settings.map_or(Vec::new(), |old| changed_settings(old, &wanted.settings))
+            settings.map_or(Vec::new(), |old| changed_settings(old, &spec.settings))
         })
     }
 }
 
 impl<S: Stage> Planned<'_, S> {
-    /// What there is already, if there is nothing to do and nothing worth to be recorded.
+    /// Returns the result of the last run, and the plan, if no work remains and the recorded stamps of the input files
+    /// are current; otherwise `None`.
     pub(super) fn up_to_date(self) -> Option<(S::Output, StagePlan)> {
         let Next::Nothing(output) = self.next else { return None };
         let mut both = self.inputs.iter().zip(&self.known.inputs);
@@ -420,14 +445,15 @@ impl<S: Stage> Planned<'_, S> {
         is_confirmed.then_some((output, self.plan))
     }
 
-    /// Does what is planned; gives what to record, too. Says with every step of which part it is.
+    /// Carries out the plan and returns the result, the plan and the new record of the stage. Progress messages name
+    /// the `shard`, which is empty for an undivided stage.
     ///
     /// # Errors
-    /// A file cannot be written or removed, or the work was cancelled.
+    /// Returns an error if a file cannot be written or removed, or if the work was cancelled.
     pub(super) fn carry_out(
         self,
         stage: &S,
-        (watch, of): (&dyn Watch, &str),
+        (watch, shard): (&dyn Watch, &str),
     ) -> Result<(S::Output, StagePlan, StageState), RunError> {
         let Self { plan, next, mut inputs, known } = self;
         watch.planned(&plan);
@@ -437,25 +463,26 @@ impl<S: Stage> Planned<'_, S> {
             }
             Next::Make(work) => work,
         };
-        let of_target = |wanted: &Wanted| {
-            wanted.parts.get(SETTINGS).map(|hash| (hash.clone(), wanted.settings.clone()))
-        };
-        let settings = work.wanted.iter().filter_map(of_target).collect();
+        let settings = work.specs.iter().filter_map(|spec| {
+            spec.key.get(SETTINGS).map(|hash| (hash.clone(), spec.settings.clone()))
+        });
+        let settings = settings.collect();
         let total = if S::STEPS.is_empty() { 1 } else { plan.targets.len() };
-        let steps = Steps::begin::<S>(watch, total, of);
+        let steps = Steps::begin::<S>(watch, total, shard);
         let (output, made) = steps.end::<S, _>(stage.make(*work, &steps))?;
-        remove_outdated(stage.home(), known, &made)?;
+        remove_outdated(stage.output_folder(), known, &made)?;
         inputs.extend(made.inputs);
-        let (source, whole) = (S::SOURCE.to_owned(), stage.whole());
+        let source = S::SOURCE.to_owned();
+        let whole = stage.stage_settings();
         Ok((output, plan, StageState { source, whole, settings, inputs, ..made }))
     }
 }
 
-/// Removes what the stage wrote before and does not have any more, if it is as it was written.
-fn remove_outdated(home: &Path, known: &StageState, made: &StageState) -> Result<(), StoreError> {
+/// Removes files that the stage wrote earlier and no longer produces, unless somebody else has changed them.
+fn remove_outdated(folder: &Path, known: &StageState, made: &StageState) -> Result<(), StoreError> {
     let current: BTreeSet<&String> = made.written().map(|(name, _)| name).collect();
     for (name, stamp) in known.written().filter(|(name, _)| !current.contains(name)) {
-        let path = home.join(name);
+        let path = folder.join(name);
         if stamp.content_of(&path).is_some() {
             std::fs::remove_file(&path).map_err(|source| StoreError::Remove { path, source })?;
         }
@@ -468,13 +495,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_figure_of_a_robot_may_change_with_the_robot_s_trials() {
+    fn a_figure_of_any_robot_may_change_when_a_robot_is_measured_again() {
         let target = Target::new(Kind::Figure, "fig08");
-        let of = vec![ANY_ROBOT.to_owned()];
-        let made = Wanted::new(target, &(), Key::new(), of).made(Files::new());
+        let subjects = vec![ANY_ROBOT.to_owned()];
+        let made = TargetSpec::new(target, &(), Key::new(), subjects).into_record(Files::new());
         let mut touched = BTreeSet::from(["campaign semi-passive-symmetric".to_owned()]);
-        assert!(perhaps(&made, &touched).is_empty());
+        assert!(possible_reasons(&made, &touched).is_empty());
         touched.extend(["robot semi-passive", ANY_ROBOT].map(str::to_owned));
-        assert_eq!(perhaps(&made, &touched), ["if what it shows changes"]);
+        assert_eq!(possible_reasons(&made, &touched), ["if the displayed data change"]);
     }
 }

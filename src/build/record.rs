@@ -1,8 +1,7 @@
-//! The record of what is up to date: `derived/up-to-date.json`.
+//! Record of the results that are up to date: `derived/up-to-date.json`.
 //!
-//! It has what every trial, fit, figure and page was made of and which files it left. It is
-//! written after these files: whatever is killed before leaves files that the record does not
-//! describe, and these are made again.
+//! The record lists for every trial, fit, figure and report page the key of its inputs and the files written. It is
+//! saved after these files, so a killed run leaves files that the record does not describe, which are then recomputed.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::{self, ErrorKind};
@@ -17,13 +16,13 @@ use trilink_tables::{Reader, Stamp, StoreError, write_bytes};
 
 use super::target::{Key, Target};
 
-/// Name of the record inside `derived/`.
+/// Name of the file in `derived/` that records what each result was made from.
 pub(super) const RECORD_FILE: &str = "up-to-date.json";
 
-/// Raise it when the meaning of the record changes: then everything is redone once.
+/// Version of the format of `up-to-date.json`; a new version makes all results stale.
 const FORMAT: u32 = 4;
 
-/// The whole record.
+/// Content of `up-to-date.json`: what the results of each stage were made from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Record {
@@ -31,69 +30,73 @@ pub(super) struct Record {
     pub ingest: StageState,
     pub fit: StageState,
     pub report: StageState,
-    /// Of `run.json`.
+    /// Stamp of `run.json`, if a run has been recorded.
     pub run: Option<Stamp>,
 }
 
-/// What a stage left.
+/// Record of a stage: its settings, the files that it read and wrote, and the targets that it made.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StageState {
-    /// Hash of the stage's source.
+    /// Hash of the stage's source code.
     pub source: String,
-    /// Settings of the stage as a whole.
+    /// Settings that affect the stage as a whole, not a single target.
     pub whole: Value,
-    /// Settings of its targets, by their hashes.
+    /// Settings of the targets, indexed by the hash of the settings.
     pub settings: BTreeMap<String, Value>,
-    /// Files that were read, by their path from `derived/`.
+    /// Files read, indexed by their path relative to `derived/`.
     pub inputs: Files,
-    /// In order.
-    pub targets: Vec<Made>,
-    /// Files of the stage as a whole.
+    /// Records of the targets, in the order in which the stage lists its targets.
+    pub targets: Vec<TargetRecord>,
+    /// Files that belong to no single target, indexed by their path in the folder that the stage writes to.
     pub outputs: Files,
-    /// Sentences on what is not in the report.
+    /// Sentences about what is missing from the report.
     pub missing: Vec<String>,
-    /// What the report says of tables that do not belong together.
+    /// Sentences about damaged or inconsistent tables of trials, for the report.
     pub damaged: Vec<String>,
 }
 
-/// Files that a stage wrote, by their path in its folder.
+/// Stamps of files, indexed by their path relative to a folder.
 pub(super) type Files = BTreeMap<String, Stamp>;
 
-/// A target that was made.
+/// Record of a target that was made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Made {
+pub(super) struct TargetRecord {
     pub target: Target,
-    pub parts: Key,
-    /// What it is of, as [`super::plan::Wanted`] has it.
-    pub of: Vec<String>,
-    /// Its own files.
+    #[serde(rename = "parts")]
+    pub key: Key,
+    /// Trials, campaigns and robots on which the target depends, as in [`super::plan::TargetSpec`].
+    #[serde(rename = "of")]
+    pub subjects: Vec<String>,
+    /// Files of the target, indexed by their path in the stage's folder.
     pub outputs: Files,
 }
 
 impl Record {
-    /// The record of a folder; an empty one, with the reason, if there is none that can be used.
+    /// Reads the record in the folder `derived`. Returns an empty record if the file is missing or unusable; if it is
+    /// unusable, also returns the reason.
     pub(super) fn load(derived: &Path) -> (Self, Option<String>) {
         let path = derived.join(RECORD_FILE);
-        match read_json(&path, FORMAT, "not a record of trilink") {
+        match read_json(&path, FORMAT, "not a record written by trilink") {
             Ok(found) => (found.unwrap_or_default(), None),
-            Err(why) => {
-                (Self::default(), Some(format!("{}: {why}; everything is redone", path.display())))
-            }
+            Err(why) => (
+                Self::default(),
+                Some(format!("{}: {why}; everything is recomputed", path.display())),
+            ),
         }
     }
 
-    /// Writes the record.
+    /// Writes the record into the folder `derived`.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// Returns an error if the file cannot be written.
     pub(super) fn save(&self, derived: &Path) -> Result<(), StoreError> {
-        let json = serde_json::to_vec(self).expect("a record is plain data with text keys");
+        let json = serde_json::to_vec(self).expect("a record with text keys can be serialised");
         write_bytes(&derived.join(RECORD_FILE), &json).map(|_| ())
     }
 
-    /// The part of a stage, by its name.
+    /// Returns the record of the stage with this name.
     pub(super) fn state_mut(&mut self, stage: &str) -> &mut StageState {
         match stage {
             "ingest" => &mut self.ingest,
@@ -110,14 +113,16 @@ impl Default for Record {
     }
 }
 
-/// What a JSON file of a `format` has; `None` if it is not there.
+/// Reads a JSON file whose key `format` must have the value of the argument `format`; returns `None` if the file does
+/// not exist.
 ///
 /// # Errors
-/// It cannot be read, is of another format, or is not what it should be, which `unlike` says.
+/// Returns a message if the file cannot be read, has another format version, or has unexpected content. In the last
+/// case the message begins with the text that the argument `invalid` holds.
 pub(super) fn read_json<T: DeserializeOwned>(
     path: &Path,
     format: u32,
-    unlike: &str,
+    invalid: &str,
 ) -> Result<Option<T>, String> {
     #[derive(Deserialize)]
     struct Format {
@@ -132,24 +137,24 @@ pub(super) fn read_json<T: DeserializeOwned>(
         Ok(Format { format: found }) if found != format => {
             Err(format!("found format {found}, needed {format}"))
         }
-        _ => serde_json::from_slice(&json).map_err(|problem| format!("{unlike}: {problem}")),
+        _ => serde_json::from_slice(&json).map_err(|problem| format!("{invalid}: {problem}")),
     }
 }
 
 impl StageState {
-    /// Files that the stage wrote, by their path in its folder.
+    /// Returns all files that the stage wrote, with their path in the stage's folder.
     pub(super) fn written(&self) -> impl Iterator<Item = (&String, &Stamp)> {
         self.targets.iter().flat_map(|made| &made.outputs).chain(&self.outputs)
     }
 }
 
-/// Files that a stage reads, as they are now.
+/// Current state of the files that a stage reads.
 pub(super) struct Inputs(BTreeMap<PathBuf, io::Result<Stamp>>);
 
 impl Inputs {
-    /// Looks at files, of which the program's own are marked; reads those that may have changed
-    /// since a stage of the record read or wrote them, or all to `verify` them.
-    pub(super) fn look(
+    /// Stamps the files at `paths`, each given with a flag that is true if this program wrote the file. A file is read
+    /// only if it may have changed since a stage in the record read or wrote it, or if `verify` is set.
+    pub(super) fn check(
         paths: Vec<(PathBuf, bool)>,
         (derived, record): (&Path, &Record),
         known: &StageState,
@@ -157,16 +162,16 @@ impl Inputs {
     ) -> Self {
         let written: HashMap<&String, &Stamp> =
             record.ingest.written().chain(record.fit.written()).collect();
-        let look = |(path, own): (PathBuf, bool)| {
+        let stamps = paths.into_par_iter().map(|(path, is_own)| {
             let name = name_in(derived, &path);
             let known = written.get(&name).copied().or_else(|| known.inputs.get(&name));
-            let stamp = Stamp::renew(&path, known, own, verify);
+            let stamp = Stamp::renew(&path, known, is_own, verify);
             (path, stamp)
-        };
-        Self(paths.into_par_iter().map(look).collect())
+        });
+        Self(stamps.collect())
     }
 
-    /// A file, if it was looked at; or why it cannot be read.
+    /// Returns the stamp of a file, or the reason why it cannot be read; `None` if the file was not checked.
     pub(super) fn get(&self, path: &Path) -> Option<Result<Stamp, ErrorKind>> {
         Some(match self.0.get(path)? {
             Ok(stamp) => Ok(stamp.clone()),
@@ -174,23 +179,21 @@ impl Inputs {
         })
     }
 
-    /// Whether all can be read.
-    pub(super) fn are_whole(&self) -> bool {
+    /// Whether all files can be read.
+    pub(super) fn are_readable(&self) -> bool {
         self.0.values().all(Result::is_ok)
     }
 
-    /// Those that can be read, by their path from `derived/`.
+    /// Returns the stamps of the readable files, indexed by their path relative to `derived/`.
     pub(super) fn stamps(&self, derived: &Path) -> Files {
-        let named = |(path, found): (&PathBuf, &io::Result<Stamp>)| {
-            Some((name_in(derived, path), found.as_ref().ok()?.clone()))
-        };
-        self.0.iter().filter_map(named).collect()
+        let readable = self.0.iter().filter_map(|(path, found)| Some((path, found.as_ref().ok()?)));
+        readable.map(|(path, stamp)| (name_in(derived, path), stamp.clone())).collect()
     }
 
-    /// Reads these files as they are.
+    /// Returns a reader that rejects files whose content does not match their stamps.
     ///
     /// # Errors
-    /// One of them cannot be read.
+    /// Returns an error if one of the files cannot be read.
     pub(super) fn into_reader(self) -> Result<Reader, StoreError> {
         let files = self.0.into_iter().map(|(path, found)| match found {
             Ok(stamp) => Ok((path, stamp)),
@@ -200,14 +203,16 @@ impl Inputs {
     }
 }
 
-/// What is wrong with files that were written into `folder`.
+/// Returns a sentence for each file in `folder` that is missing or has changed since it was written.
 pub(super) fn changed_outputs(folder: &Path, outputs: &Files, verify: bool) -> Vec<String> {
     let changed = outputs.iter().filter_map(|(name, stamp)| {
         let path = folder.join(name);
-        match stamp.is_intact(&path, verify) {
-            true => None,
-            false if !path.exists() => Some(format!("{name} is gone")),
-            false => Some(format!("{name} is not as it was written")),
+        if stamp.is_intact(&path, verify) {
+            None
+        } else if path.exists() {
+            Some(format!("{name} has changed since it was written"))
+        } else {
+            Some(format!("{name} no longer exists"))
         }
     });
     changed.collect()

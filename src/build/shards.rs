@@ -1,9 +1,8 @@
-//! A stage in parts, each made on a machine that shares nothing with the others' but a folder, and
-//! joined into the tables of an undivided one.
+//! Stages divided into shards. Each shard is computed by a machine that shares only a folder with the others; the
+//! shards are then merged into the tables that an undivided stage would write.
 //!
-//! A part of an ingest is the stage of some of the trials, one of a fit some replicates of its
-//! bootstrap. The manifest of a part, which is written last, says what it was made of and which
-//! files it left, and nothing of the machine.
+//! An ingest shard processes some of the trials, and a fit shard computes some of the bootstrap replicates. The
+//! manifest of a shard, which is written last, lists its inputs and files, but nothing about the machine.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -25,125 +24,128 @@ use trilink_tables::{
 use super::fit::FitStage;
 use super::ingest::IngestStage;
 use super::lock::{hold_places, share, table_folders, take_over};
-use super::part::{Division, Part};
-use super::plan::{Kept, RerunOptions, Stage, Wanted, hash_of, join, plan};
-use super::record::{Inputs, Made, Record, StageState, changed_outputs, read_json};
+use super::plan::{RerunOptions, Retained, Stage, TargetSpec, hash_of, join, plan};
+use super::record::{Inputs, Record, StageState, changed_outputs, read_json};
+use super::shard::{Division, Shard};
 use super::steps::Steps;
 use super::target::{Kind, Target};
 use super::{RunError, Sequence, Watch, count};
 
-/// Name of the manifest inside of a part's folder.
+/// Name of the manifest in the folder of a shard.
 const MANIFEST: &str = "manifest.json";
-/// Raise it when the meaning of the manifest changes.
+/// Version of the manifest's format.
 const FORMAT: u32 = 2;
-/// Files that are copied at a time: most of that is waiting for the disk.
-const COPIES: usize = 16;
+/// Number of threads that copy files: many, because they mostly wait for the disk.
+const COPY_THREADS: usize = 16;
 
-/// What a part was made of and what it left.
+/// Manifest of a shard, which lists its inputs and files.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Manifest {
     format: u32,
     version: String,
-    part: Part,
-    /// What it has, in words.
+    #[serde(rename = "part")]
+    shard: Shard,
+    /// Description of the shard's content for the user.
     content: String,
-    /// Names of the trial folders of an ingest.
+    /// Names of the trial folders that were ingested.
     folders: Vec<String>,
-    /// Hash of the configuration and of all that all parts are made of.
+    /// Hash of the settings and inputs that all shards of the stage have in common.
     project: String,
-    /// The stage's record, without times.
+    /// Record of the stage, without modification times.
     state: StageState,
 }
 
-/// Table of replicates of models that are driven so.
+/// Returns the name of the table of bootstrap replicates for models with this gait input.
 fn replicates_table(driven_by: GaitInput) -> String {
     format!("{driven_by}-bootstrap.parquet")
 }
 
-/// Hash of all that a stage is made of.
-fn project(stage: &impl Stage, wanted: &[Wanted]) -> String {
-    let parts: Vec<_> = wanted.iter().map(|wanted| (&wanted.target, &wanted.parts)).collect();
-    hash_of(&(stage.whole(), parts))
+/// Hashes the settings of a stage and the keys of all of its targets.
+fn project_hash(stage: &impl Stage, specs: &[TargetSpec]) -> String {
+    let keys: Vec<_> = specs.iter().map(|spec| (&spec.target, &spec.key)).collect();
+    hash_of(&(stage.stage_settings(), keys))
 }
 
-fn project_of_trials(stage: &IngestStage) -> String {
-    project(stage, &stage.foreseen(&StageState::default()))
+/// Hashes the settings and the lists of trials of an ingest.
+fn ingest_project_hash(stage: &IngestStage) -> String {
+    project_hash(stage, &stage.expected_specs(&StageState::default()))
 }
 
-/// The models of a fit whatever the number of their replicates, the tables that they are fitted
-/// to, and the hash of both.
+/// Returns the fit stage, the tables to fit, and a hash of both that does not depend on the number of bootstrap
+/// replicates.
 ///
 /// # Errors
-/// There are no tables, or they cannot be read.
-fn fit_of_any_number(config: &Config) -> Result<(FitStage, FitData, String), RunError> {
-    let mut any = config.clone();
-    any.fit.bootstrap = 0;
-    let any = FitStage::new(&any).without_shared();
-    let (record, derived) = (Record::default(), &config.paths.derived);
-    let paths = any.input_paths(&record.fit)?;
-    let data = any.read(Inputs::look(paths, (derived, &record), &record.fit, false))?;
-    let project = project(&any, &any.targets(Some(&data)));
+/// Returns an error if the tables are missing or cannot be read.
+fn load_fit(config: &Config) -> Result<(FitStage, FitData, String), RunError> {
+    let mut without_bootstrap = config.clone();
+    without_bootstrap.fit.bootstrap = 0;
+    let stage = FitStage::new(&without_bootstrap).without_shared();
+    let record = Record::default();
+    let paths = stage.input_paths(&record.fit)?;
+    let inputs = Inputs::check(paths, (&config.paths.derived, &record), &record.fit, false);
+    let data = stage.read(inputs)?;
+    let project = project_hash(&stage, &stage.specs_with(Some(&data)));
     Ok((FitStage::new(config), data, project))
 }
 
-/// Makes a part by `work`, which gives what it has in words, too, in a folder of its own inside of
-/// `shards`, and its manifest; gives that folder, too.
+/// Creates a shard in its own subfolder of `shards`: calls `work` with the path of the subfolder and the shard's name,
+/// and then writes the manifest. `work` returns an output, a description of the shard's content and the record of the
+/// stage. Returns that output and the path of the subfolder.
 fn make<S: Stage, T>(
-    (part, shards): (Part, &Path),
+    (shard, shards): (Shard, &Path),
     (project, folders): (String, Vec<String>),
     (wait, watch): (bool, &dyn Watch),
     work: impl FnOnce(&Path, &str) -> Result<(T, String, StageState), RunError>,
 ) -> Result<(T, PathBuf), RunError> {
-    let home = shards.join(part.folder());
+    let home = shards.join(shard.folder());
     let manifest = home.join(MANIFEST);
-    let (places, mut files) = match part.division {
+    let (folders_to_write, mut files) = match shard.division {
         Division::Trials { .. } => {
             (table_folders(&home), TABLES.map(|name| home.join(name)).into())
         }
         Division::Replicates => (vec![home.clone()], Vec::new()),
     };
     files.push(manifest.clone());
-    let _lock = hold_places(&places, &files, wait, watch)?;
+    let _lock = hold_places(&folders_to_write, &files, wait, watch)?;
     match std::fs::remove_file(&manifest) {
         Err(source) if source.kind() != ErrorKind::NotFound => {
             return Err(StoreError::Remove { path: manifest, source }.into());
         }
         _ => {}
     }
-    tracing::info!(stage = S::NAME, %part, "part begins");
-    let (output, content, mut state) = work(&home, &part.to_string())?;
+    tracing::info!(stage = S::NAME, %shard, "shard begins");
+    let (output, content, mut state) = work(&home, &shard.to_string())?;
     state.inputs.clear();
-    let of_targets = state.targets.iter_mut().flat_map(|made| made.outputs.values_mut());
-    of_targets.chain(state.outputs.values_mut()).for_each(|stamp| stamp.modified_ns = None);
+    let target_stamps = state.targets.iter_mut().flat_map(|made| made.outputs.values_mut());
+    target_stamps.chain(state.outputs.values_mut()).for_each(|stamp| stamp.modified_ns = None);
     let version = env!("CARGO_PKG_VERSION").to_owned();
-    let made = Manifest { format: FORMAT, version, part, content, folders, project, state };
-    let json = serde_json::to_vec(&made).expect("a manifest is plain data with text keys");
+    let made = Manifest { format: FORMAT, version, shard, content, folders, project, state };
+    let json = serde_json::to_vec(&made).expect("a manifest with text keys can be serialised");
     write_bytes(&manifest, &json)?;
-    tracing::info!(stage = S::NAME, %part, "part done");
+    tracing::info!(stage = S::NAME, %shard, "shard done");
     Ok((output, home))
 }
 
-/// Ingests one part of the trials into a folder of its own inside of `shards`; gives that folder,
-/// too. What trials show only together is not looked for.
+/// Ingests one shard of the trials into its own subfolder of `shards`, without the checks across trials. Returns the
+/// results and the path of the subfolder.
 ///
 /// # Errors
-/// A list of trials cannot be read, a file not be written, or another process is busy with this
-/// part.
+/// Returns an error if a list of trials cannot be read, a file cannot be written, or another process uses the shard.
 pub fn ingest_shard(
     config: &Config,
-    part: Part,
+    shard: Shard,
     shards: &Path,
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<(Ingested, PathBuf), RunError> {
     let whole = IngestStage::new(config)?;
-    let common = (project_of_trials(&whole), whole.folders().cloned().collect());
-    make::<IngestStage, _>((part, shards), common, (wait, watch), |home, of| {
-        let stage = whole.of_some(|trial| part.has(trial), home);
+    let common = (ingest_project_hash(&whole), whole.folders().cloned().collect());
+    make::<IngestStage, _>((shard, shards), common, (wait, watch), |home, name| {
+        let stage = whole.restrict(|trial| shard.has(trial), home);
         let record = Record::default();
         let planned = plan(&stage, home, &record, RerunOptions::FORCE)?;
-        let (ingested, _, state) = planned.carry_out(&stage, (watch, of))?;
+        let (ingested, _, state) = planned.carry_out(&stage, (watch, name))?;
         let counts = count(&ingested.trials);
         let mut content = format!("{} trials", counts.total);
         if counts.failed > 0 {
@@ -153,39 +155,39 @@ pub fn ingest_shard(
     })
 }
 
-/// Replicates by what drives their models.
+/// Bootstrap replicates, indexed by the gait input of the models.
 type Refits = BTreeMap<GaitInput, Vec<BootstrapRow>>;
 
-/// Fits some replicates of all models, without what campaigns share, into a folder of their own
-/// inside of `shards`; gives how many there are of all models, and that folder. The fits themselves
-/// are made, too, and not kept.
+/// Computes the bootstrap replicates of a shard for all models and writes them to the shard's own subfolder of
+/// `shards`; fits to several campaigns are left out. Returns the number of replicates summed over the models, and the
+/// path of the subfolder. The fits to the measured trials are also computed, but not written.
 ///
 /// # Errors
-/// The tables of an ingest are not there, a file cannot be written, more replicates are asked for
-/// than `fit.bootstrap` has, or another process is busy with this part.
+/// Returns an error if the tables of an ingest are missing, a file cannot be written, a replicate's number exceeds
+/// `fit.bootstrap`, or another process uses the shard.
 pub fn fit_shard(
     config: &Config,
-    part: Part,
+    shard: Shard,
     shards: &Path,
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<(usize, PathBuf), RunError> {
-    if part.to > config.fit.bootstrap {
-        return Err(RunError::Replicates { part, bootstrap: config.fit.bootstrap });
+    if shard.to > config.fit.bootstrap {
+        return Err(RunError::Replicates { shard, bootstrap: config.fit.bootstrap });
     }
-    let reading = share(&config.paths.derived).map_err(RunError::of_lock)?;
-    let (stage, data, project) = fit_of_any_number(config)?;
+    let reading = share(&config.paths.derived).map_err(RunError::from_lock)?;
+    let (stage, data, project) = load_fit(config)?;
     let mut stage = stage.without_shared();
     drop(reading);
-    stage.replicates = Replicates { numbers: part.from..part.to, given: Refits::new() };
+    stage.replicates = Replicates { numbers: shard.from..shard.to, given: Refits::new() };
     let provenance = Provenance { input: project.clone() };
-    make::<FitStage, _>((part, shards), (project, Vec::new()), (wait, watch), |home, of| {
+    make::<FitStage, _>((shard, shards), (project, Vec::new()), (wait, watch), |home, name| {
         let rows = Mutex::new(Refits::new());
         let on_replicate = |driven_by, row: &BootstrapRow| {
             let mut rows = rows.lock().unwrap_or_else(PoisonError::into_inner);
             rows.entry(driven_by).or_default().push(row.clone());
         };
-        let steps = Steps::begin::<FitStage>(watch, stage.targets(None).len(), of);
+        let steps = Steps::begin::<FitStage>(watch, stage.specs_with(None).len(), name);
         steps.end::<FitStage, _>(stage.fit(&data, BTreeMap::new(), &steps, &on_replicate))?;
         let mut refits = rows.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut state = StageState { source: FitStage::SOURCE.to_owned(), ..Default::default() };
@@ -194,227 +196,254 @@ pub fn fit_shard(
             let mut rows = refits.remove(&driven_by).unwrap_or_default();
             rows.sort_by_cached_key(|row| (row.campaign.clone(), row.model, row.replicate));
             count += rows.len();
-            let (name, table) = (replicates_table(driven_by), BootstrapRow::to_table(&rows));
-            let stamp = table.write_if_changed(&home.join(&name), &provenance)?;
-            state.outputs.insert(name, stamp);
+            let file = replicates_table(driven_by);
+            let table = BootstrapRow::to_table(&rows);
+            let stamp = table.write_if_changed(&home.join(&file), &provenance)?;
+            state.outputs.insert(file, stamp);
         }
-        Ok((count, of.to_owned(), state))
+        Ok((count, name.to_owned(), state))
     })
 }
 
-/// What was found of one part.
+/// Status of a shard.
 #[derive(Debug)]
-pub enum PartStatus {
-    /// What it has.
+pub enum ShardStatus {
+    /// Complete, with a description of the shard's content.
     Whole(String),
     Missing,
-    /// A folder in which the work goes on, or was killed.
+    /// Still in progress or killed: a folder without a manifest.
     Unfinished,
+    /// Unusable, with the reason.
     Refused(String),
 }
 
-impl fmt::Display for PartStatus {
+impl fmt::Display for ShardStatus {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             Self::Whole(text) | Self::Refused(text) => write!(f, "{text}"),
             Self::Missing => write!(f, "missing"),
             Self::Unfinished => {
-                write!(f, "unfinished: no {MANIFEST}, which is written last: killed or still busy")
+                write!(
+                    f,
+                    "unfinished: {MANIFEST}, which is written last, is missing; the command was \
+                     killed or is still running"
+                )
             }
         }
     }
 }
 
-/// What was found of all parts.
+/// Status of all shards.
 #[derive(Debug)]
 pub struct ShardsStatus {
     division: Division,
-    /// By the folders that they have or should have, in the order of their numbers.
-    pub parts: Vec<(PathBuf, Part, PartStatus)>,
+    /// Shards in numerical order, each with its actual or expected folder.
+    pub shards: Vec<(PathBuf, Shard, ShardStatus)>,
 }
 
 impl ShardsStatus {
-    /// Whether all parts are there, each once.
+    /// Whether every shard is complete and none occurs twice.
     pub fn is_whole(&self) -> bool {
-        self.parts.iter().all(|(.., status)| matches!(status, PartStatus::Whole(_)))
+        self.shards.iter().all(|(.., status)| matches!(status, ShardStatus::Whole(_)))
     }
 
-    /// The parts that are to be made again, as an option of who makes them; empty without any.
+    /// Returns the option that selects the shards to compute again: `--array=..` of a cluster's job array for ingest
+    /// shards, `--replicates ..` of `trilink fit` for replicates; empty if there are no such shards.
     pub fn again(&self) -> String {
-        let is_open = |(_, part, status): &&(_, Part, PartStatus)| {
-            part.division == self.division && !matches!(status, PartStatus::Whole(_))
-        };
-        let open: BTreeSet<Part> =
-            self.parts.iter().filter(is_open).map(|(_, part, _)| *part).collect();
-        let (option, in_words): (_, fn(&Part) -> String) = match self.division {
+        let open = self.shards.iter().filter(|(_, shard, status)| {
+            shard.division == self.division && !matches!(status, ShardStatus::Whole(_))
+        });
+        let open: BTreeSet<Shard> = open.map(|(_, shard, _)| *shard).collect();
+        let (option, format): (_, fn(&Shard) -> String) = match self.division {
             _ if open.is_empty() => return String::new(),
-            Division::Trials { .. } => ("--array=", |part| part.from.to_string()),
-            Division::Replicates => ("--replicates ", |part| format!("{}..{}", part.from, part.to)),
+            Division::Trials { .. } => ("--array=", |shard| shard.from.to_string()),
+            Division::Replicates => {
+                ("--replicates ", |shard| format!("{}..{}", shard.from, shard.to))
+            }
         };
-        option.to_owned() + &open.iter().map(in_words).collect::<Vec<_>>().join(",")
+        option.to_owned() + &open.iter().map(format).collect::<Vec<_>>().join(",")
     }
 }
 
-/// What there is of all parts. Writes nothing.
+/// Returns the status of all shards in a folder. Writes nothing.
 ///
 /// # Errors
-/// There is no part, or the lists of trials or the tables that they are of cannot be read.
+/// Returns an error if there is no shard, or if the lists of trials or the tables that the shards were made from cannot
+/// be read.
 pub fn shards_status(config: &Config, shards: &Path) -> Result<ShardsStatus, RunError> {
-    Ok(look(config, shards)?.2)
+    Ok(check_shards(config, shards)?.2)
 }
 
-/// A folder that is a part, and its manifest or why it cannot be joined.
-type Found = (PathBuf, Part, Result<Manifest, PartStatus>);
+/// Folder of a shard, the shard, and its manifest or the reason why it cannot be merged.
+type Found = (PathBuf, Shard, Result<Manifest, ShardStatus>);
 
-/// Parts that can be joined.
+/// Folders and manifests of the shards that can be merged.
 type Shards = Vec<(PathBuf, Manifest)>;
 
-/// The whole that the parts are of.
+/// Undivided stage to which a set of shards belongs.
 enum Whole {
     Trials(IngestStage),
-    /// With the hash of what they were made of.
+    /// Fit, with the hash of its settings and inputs.
     Replicates(String),
 }
 
-/// Looks at all parts; gives those that can be joined, too, and what they are of.
+/// Checks all shards in a folder. Returns the stage to which they belong, the shards that can be merged, and the status
+/// of every shard.
 ///
 /// # Errors
-/// There is no part, or the lists of trials or the tables that they are of cannot be read.
-fn look(config: &Config, shards: &Path) -> Result<(Whole, Shards, ShardsStatus), RunError> {
+/// Returns an error if there is no shard, or if the lists of trials or the tables that the shards were made from cannot
+/// be read.
+fn check_shards(config: &Config, shards: &Path) -> Result<(Whole, Shards, ShardsStatus), RunError> {
     let mut found = find(shards)?;
     found.sort_by(|(a_folder, a, _), (b_folder, b, _)| (a, a_folder).cmp(&(b, b_folder)));
-    // The division is what most say it is.
+    // The division is the one that most shards have.
     let mut divisions = BTreeMap::<_, usize>::new();
-    found.iter().for_each(|(_, part, _)| *divisions.entry(part.division).or_default() += 1);
-    let Some((division, _)) = divisions.into_iter().max_by_key(|(_, parts)| *parts) else {
+    found.iter().for_each(|(_, shard, _)| *divisions.entry(shard.division).or_default() += 1);
+    let Some((division, _)) = divisions.into_iter().max_by_key(|(_, count)| *count) else {
         return Err(RunError::NoShards { shards: shards.to_owned() });
     };
     let (whole, source, project, all) = match division {
         Division::Trials { of } => {
             let mut config = config.clone();
             let mut manifests = found.iter().filter_map(|(.., manifest)| manifest.as_ref().ok());
-            if let Some(manifest) = manifests.find(|manifest| manifest.part.division == division) {
-                // They may have been named on the command line.
+            if let Some(manifest) = manifests.find(|manifest| manifest.shard.division == division) {
+                // The trial folders may have been named on the command line of the ingest.
                 let folders = manifest.folders.iter();
                 config.paths.raw = folders.map(|name| config.paths.base.join(name)).collect();
             }
             let stage = IngestStage::new(&config)?;
-            let project = project_of_trials(&stage);
+            let project = ingest_project_hash(&stage);
             (Whole::Trials(stage), IngestStage::SOURCE, project, 1..of + 1)
         }
         Division::Replicates => {
-            let (.., project) = fit_of_any_number(config)?;
+            let (.., project) = load_fit(config)?;
             let all = 0..config.fit.bootstrap;
             (Whole::Replicates(project.clone()), FitStage::SOURCE, project, all)
         }
     };
-    let listed: Vec<Part> = found.iter().map(|(_, part, _)| *part).collect();
-    let check = |(index, (folder, part, manifest)): (usize, Found)| {
+    let listed: Vec<Shard> = found.iter().map(|(_, shard, _)| *shard).collect();
+    let check = |(index, (folder, shard, manifest)): (usize, Found)| {
         let mut neighbours = [index.wrapping_sub(1), index + 1].into_iter();
-        let is_twice = neighbours.any(|i| listed.get(i).is_some_and(|other| part.meets(other)));
+        let is_twice = neighbours.any(|i| listed.get(i).is_some_and(|other| shard.overlaps(other)));
         let checked = manifest.and_then(|manifest| {
             let state = &manifest.state;
-            let problem = if part.division != division {
-                format!("{part} of another division than most parts: remove those of one")
-            } else if part.from < all.start || part.to > all.end {
-                format!("{part}, needed those of {} to {}", all.start, all.end)
+            let problem = if shard.division != division {
+                format!(
+                    "{shard} comes from a different division into shards than most of the other shards; remove the \
+                     shards of one of the divisions"
+                )
+            } else if shard.from < all.start || shard.to > all.end {
+                format!(
+                    "found {shard}, needed replicates within {}..{}, the range given by `fit.bootstrap`",
+                    all.start, all.end
+                )
             } else if is_twice {
-                format!("{part} is there twice: remove one")
+                format!("{shard} overlaps another shard; remove one of them")
             } else if state.source != source {
-                format!("made by another program (version {})", manifest.version)
+                format!("made by a different build of trilink (version {})", manifest.version)
             } else if manifest.project != project {
-                "made with another configuration, or of other trials".to_owned()
-            } else if !has_its_trials(&whole, part, state) {
-                format!("has other trials than {part} of the lists")
+                "made with a different configuration or from different trials".to_owned()
+            } else if !has_its_trials(&whole, shard, state) {
+                format!("its trials are not those that belong to {shard} according to the lists of trials")
             } else if let Some(damage) = damage(&folder, state) {
                 format!("damaged: {damage}")
             } else {
                 return Ok(manifest);
             };
-            Err(PartStatus::Refused(problem))
+            Err(ShardStatus::Refused(problem))
         });
-        (folder, part, checked)
+        (folder, shard, checked)
     };
     let checked: Vec<Found> = found.into_par_iter().enumerate().map(check).collect();
-    let (mut sound, mut parts) = (Shards::new(), missing(shards, division, &all, &listed));
-    for (folder, part, manifest) in checked {
+    let mut usable = Shards::new();
+    let mut statuses = missing(shards, division, &all, &listed);
+    for (folder, shard, manifest) in checked {
         let status = manifest.map(|manifest| {
             let content = manifest.content.clone();
-            sound.push((folder.clone(), manifest));
-            PartStatus::Whole(content)
+            usable.push((folder.clone(), manifest));
+            ShardStatus::Whole(content)
         });
-        parts.push((folder, part, status.unwrap_or_else(|problem| problem)));
+        statuses.push((folder, shard, status.unwrap_or_else(|problem| problem)));
     }
-    parts.sort_by(|(a_folder, a, _), (b_folder, b, _)| (a, a_folder).cmp(&(b, b_folder)));
-    Ok((whole, sound, ShardsStatus { division, parts }))
+    statuses.sort_by(|(a_folder, a, _), (b_folder, b, _)| (a, a_folder).cmp(&(b, b_folder)));
+    Ok((whole, usable, ShardsStatus { division, shards: statuses }))
 }
 
-/// Whether a part of the trials has those that fall on it.
-fn has_its_trials(whole: &Whole, part: Part, state: &StageState) -> bool {
+/// Whether an ingest shard has exactly the trials that belong to it; always true for a fit shard.
+fn has_its_trials(whole: &Whole, shard: Shard, state: &StageState) -> bool {
     let Whole::Trials(stage) = whole else { return true };
-    let mine = stage.trials().filter(|trial| part.has(trial));
-    mine.eq(state.targets.iter().map(|made| made.target.name.as_str()))
+    let expected = stage.trials().filter(|trial| shard.has(trial));
+    expected.eq(state.targets.iter().map(|made| made.target.name.as_str()))
 }
 
-/// What is wrong with the files of a part.
+/// Describes the first damaged or missing file of a shard; `None` if all files are intact.
 fn damage(folder: &Path, state: &StageState) -> Option<String> {
-    let is_inside = |name: &str| Path::new(name).components().all(|c| matches!(c, Normal(_)));
-    if let Some((name, _)) = state.written().find(|(name, _)| !is_inside(name)) {
-        return Some(format!("{MANIFEST}: found file {name}, needed one in the folder"));
+    let outside = state
+        .written()
+        .find(|(name, _)| !Path::new(name).components().all(|c| matches!(c, Normal(_))));
+    if let Some((name, _)) = outside {
+        return Some(format!(
+            "{MANIFEST}: found file {name}, needed a file in the shard's own folder"
+        ));
     }
     let outputs = state.targets.iter().map(|made| &made.outputs).chain([&state.outputs]);
     outputs.flat_map(|outputs| changed_outputs(folder, outputs, true)).next()
 }
 
-/// The parts between those that are `listed`, in order.
+/// Returns, in order, the shards whose numbers lie in the range `all` but in none of the shards `listed`, each with its
+/// expected folder and the status `Missing`. `listed` must be sorted.
 fn missing(
     shards: &Path,
     division: Division,
     all: &Range<usize>,
-    listed: &[Part],
-) -> Vec<(PathBuf, Part, PartStatus)> {
-    let (mut parts, mut next) = (Vec::new(), all.start);
-    let ours = listed.iter().filter(|part| part.division == division);
-    for (from, to) in ours.map(|part| (part.from, part.to)).chain([(all.end, all.end)]) {
-        let missing = division.parts(next..from.min(all.end));
-        parts.extend(missing.map(|part| (shards.join(part.folder()), part, PartStatus::Missing)));
+    listed: &[Shard],
+) -> Vec<(PathBuf, Shard, ShardStatus)> {
+    let mut statuses = Vec::new();
+    let mut next = all.start;
+    let present = listed.iter().filter(|shard| shard.division == division);
+    for (from, to) in present.map(|shard| (shard.from, shard.to)).chain([(all.end, all.end)]) {
+        let missing = division.shards(next..from.min(all.end));
+        statuses.extend(
+            missing.map(|shard| (shards.join(shard.folder()), shard, ShardStatus::Missing)),
+        );
         next = next.max(to);
     }
-    parts
+    statuses
 }
 
-/// Folders that are parts by their manifest or, without one, by their name.
+/// Finds the folders of shards, recognised by their manifest or, without a manifest, by their name.
 fn find(shards: &Path) -> Result<Vec<Found>, StoreError> {
     let unreadable = |source| StoreError::Read { path: shards.to_owned(), source };
     let mut found = Vec::new();
     for entry in std::fs::read_dir(shards).map_err(unreadable)? {
         let folder = entry.map_err(unreadable)?.path();
         let manifest = match read_json::<Manifest>(&folder.join(MANIFEST), FORMAT, "damaged") {
-            Ok(manifest) => manifest.ok_or(PartStatus::Unfinished),
-            Err(problem) => Err(PartStatus::Refused(format!("{MANIFEST}: {problem}"))),
+            Ok(manifest) => manifest.ok_or(ShardStatus::Unfinished),
+            Err(problem) => Err(ShardStatus::Refused(format!("{MANIFEST}: {problem}"))),
         };
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
-        let part = manifest.as_ref().map_or(Part::of_folder(&name), |manifest| Some(manifest.part));
-        if let Some(part) = part.filter(|_| folder.is_dir()) {
-            found.push((folder, part, manifest));
+        let shard =
+            manifest.as_ref().map_or(Shard::from_folder(&name), |manifest| Some(manifest.shard));
+        if let Some(shard) = shard.filter(|_| folder.is_dir()) {
+            found.push((folder, shard, manifest));
         }
     }
     Ok(found)
 }
 
-/// What parts were joined into.
+/// Result of a merge.
 #[derive(Debug)]
 pub enum Merged {
     Trials(Ingested),
     Fits(Fitted),
 }
 
-/// Joins all parts into the tables that an undivided stage leaves. If parts of the trials may be
-/// missing, the tables are of the other trials.
+/// Merges all shards into the tables that an undivided stage writes. With `allow_missing`, shards of an ingest may be
+/// missing or unfinished; the tables then contain only the trials of the other shards.
 ///
 /// # Errors
-/// A part is missing or cannot be joined, then nothing is written; or a file cannot be written, or
-/// another process is busy.
+/// Returns an error, and writes nothing, if a shard cannot be merged, or if a required shard is missing or unfinished.
+/// Also returns an error if a file cannot be written or another process uses the folder.
 pub fn merge(
     config: &Config,
     shards: &Path,
@@ -422,29 +451,29 @@ pub fn merge(
     wait: bool,
     watch: &dyn Watch,
 ) -> Result<(Merged, ShardsStatus), RunError> {
-    let (whole, sound, status) = look(config, shards)?;
-    // Fewer replicates are no bootstrap of this number.
-    let may_miss = allow_missing && matches!(whole, Whole::Trials(_)) && !sound.is_empty();
-    let is_refused = |status: &PartStatus| match status {
-        PartStatus::Whole(_) => false,
-        PartStatus::Missing | PartStatus::Unfinished => !may_miss,
-        PartStatus::Refused(_) => true,
-    };
-    let refused = status.parts.iter().filter(|(.., status)| is_refused(status));
+    let (whole, usable, status) = check_shards(config, shards)?;
+    // Replicates may not be missing, because `fit.bootstrap` states their number.
+    let may_miss = allow_missing && matches!(whole, Whole::Trials(_)) && !usable.is_empty();
+    let refused = status.shards.iter().filter(|(.., status)| match status {
+        ShardStatus::Whole(_) => false,
+        ShardStatus::Missing | ShardStatus::Unfinished => !may_miss,
+        ShardStatus::Refused(_) => true,
+    });
     let problems = refused.map(|(folder, _, status)| format!("\n  {}: {status}", folder.display()));
     let problems: String = problems.collect();
     if !problems.is_empty() {
         return Err(RunError::Shards { problems, again: status.again() });
     }
     let merged = match whole {
-        Whole::Trials(stage) => Merged::Trials(merge_trials(config, stage, sound, wait, watch)?),
+        Whole::Trials(stage) => Merged::Trials(merge_trials(config, stage, usable, wait, watch)?),
         Whole::Replicates(project) => {
-            Merged::Fits(merge_replicates(config, &project, sound, wait, watch)?)
+            Merged::Fits(merge_replicates(config, &project, usable, wait, watch)?)
         }
     };
     Ok((merged, status))
 }
 
+/// Copies the trial tables of all shards and writes the tables of the whole ingest.
 fn merge_trials(
     config: &Config,
     mut stage: IngestStage,
@@ -453,56 +482,54 @@ fn merge_trials(
     watch: &dyn Watch,
 ) -> Result<Ingested, RunError> {
     let derived = &config.paths.derived;
-    let of: Vec<String> = stage.folders().cloned().collect();
-    let is_other = |folder: &String| !of.contains(folder);
+    let shard_folders: Vec<String> = stage.folders().cloned().collect();
     let known = Sequence::new(config, RerunOptions::FORCE, watch).known_folders();
-    if let Some(folder) = known.into_iter().find(is_other) {
-        return Err(RunError::OtherFolder { derived: derived.clone(), folder, of });
+    if let Some(folder) = known.into_iter().find(|folder| !shard_folders.contains(folder)) {
+        return Err(RunError::OtherFolder { derived: derived.clone(), folder, shard_folders });
     }
     let _lock = take_over(config, wait, watch)?;
     let mut record = Sequence::new(config, RerunOptions::FORCE, watch).record;
     watch.begin("merge", shards.len());
     let cancel = watch.cancel_token();
-    let join_all = || {
-        shards
-            .into_iter()
-            .map(|(folder, manifest)| {
-                let part = manifest.part;
-                let copied = copy(&folder, manifest.state, derived, &cancel)?;
-                watch.step(&part.to_string());
-                tracing::info!(%part, "merged");
-                Ok(copied)
-            })
-            .collect::<Result<Vec<_>, RunError>>()
+    let copy_all = || {
+        let copied = shards.into_iter().map(|(folder, manifest)| {
+            let shard = manifest.shard;
+            let copied = copy(&folder, manifest.state, derived, &cancel)?;
+            watch.step(&shard.to_string());
+            tracing::info!(%shard, "merged");
+            Ok(copied)
+        });
+        copied.collect::<Result<Vec<_>, RunError>>()
     };
-    let kept = match rayon::ThreadPoolBuilder::new().num_threads(COPIES).build() {
-        Ok(pool) => pool.install(join_all),
-        Err(_) => join_all(),
+    let copied = match rayon::ThreadPoolBuilder::new().num_threads(COPY_THREADS).build() {
+        Ok(pool) => pool.install(copy_all),
+        Err(_) => copy_all(),
     };
-    let kept = kept.map_err(|error| error.interrupted(IngestStage::NAME, String::new()))?;
-    let kept: Kept<IngestStage> = kept.into_iter().flatten().collect();
-    stage.retain(|trial| kept.contains_key(&Target::new(Kind::Trial, trial)));
+    let copied = copied.map_err(|error| error.interrupted(IngestStage::NAME, String::new()))?;
+    let retained: Retained<IngestStage> = copied.into_iter().flatten().collect();
+    stage.retain(|trial| retained.contains_key(&Target::new(Kind::Trial, trial)));
     let (ingested, _, state) =
-        join(&stage, Vec::new(), &record, kept).carry_out(&stage, (watch, ""))?;
-    (record.ingest, record.run) = (state, None);
+        join(&stage, Vec::new(), &record, retained).carry_out(&stage, (watch, ""))?;
+    record.ingest = state;
+    record.run = None;
     record.save(derived)?;
     Ok(ingested)
 }
 
-/// Copies the tables of a part's trials; gives the trials as made here, with their rows.
+/// Copies the tables of a shard's trials into the folder `derived`, and returns the records and rows of these trials.
 fn copy(
     folder: &Path,
     state: StageState,
     derived: &Path,
     cancel: &CancelToken,
-) -> Result<Kept<IngestStage>, RunError> {
-    let reader = Reader::of(folder, state.written());
+) -> Result<Retained<IngestStage>, RunError> {
+    let reader = Reader::new(folder, state.written());
     let mut rows = Ingested::read(folder, &reader)?.by_target();
-    let with_rows = |made: Made| {
+    let trials = state.targets.into_iter().filter_map(|made| {
         let rows = rows.remove(&made.target.name)?;
         Some((made, rows))
-    };
-    let trials: Vec<_> = state.targets.into_iter().filter_map(with_rows).collect();
+    });
+    let trials: Vec<_> = trials.collect();
     let copied = trials.into_par_iter().map(|(mut made, rows)| {
         cancel.check()?;
         for (name, stamp) in &mut made.outputs {
@@ -514,7 +541,8 @@ fn copy(
     copied.collect()
 }
 
-/// Fits all models with the replicates of the parts.
+/// Fits all models with the bootstrap replicates of the shards; returns an error if the settings and inputs no longer
+/// have the hash `project`.
 fn merge_replicates(
     config: &Config,
     project: &str,
@@ -523,13 +551,13 @@ fn merge_replicates(
     watch: &dyn Watch,
 ) -> Result<Fitted, RunError> {
     let _lock = take_over(config, wait, watch)?;
-    let (mut stage, _, now) = fit_of_any_number(config)?;
+    let (mut stage, _, now) = load_fit(config)?;
     if now != project {
         return Err(StoreError::Changed { path: config.paths.derived.clone() }.into());
     }
     let mut given = Refits::new();
     for (folder, manifest) in shards {
-        let reader = Reader::of(&folder, manifest.state.written());
+        let reader = Reader::new(&folder, manifest.state.written());
         for driven_by in GaitInput::ALL {
             let rows: Vec<BootstrapRow> = reader.rows(&folder.join(replicates_table(driven_by)))?;
             given.entry(driven_by).or_default().extend(rows);

@@ -1,39 +1,41 @@
-//! The steps of a stage's work, shown and counted.
+//! Progress of a stage: reports and counts its steps.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::plan::Stage;
 use super::{RunError, Watch};
 
+/// Progress of a stage or of one of its shards.
 pub(super) struct Steps<'w> {
     pub watch: &'w dyn Watch,
-    /// Of which part they are, if of one.
-    of: &'w str,
+    /// Name of the shard; empty for an undivided stage.
+    shard: &'w str,
     total: usize,
     done: AtomicUsize,
 }
 
 impl<'w> Steps<'w> {
-    /// The steps of a stage, or of the part `of` it.
-    pub(super) fn begin<S: Stage>(watch: &'w dyn Watch, total: usize, of: &'w str) -> Self {
+    /// Announces the start of a stage of `total` steps, or of its shard with the given name (empty for the whole
+    /// stage).
+    pub(super) fn begin<S: Stage>(watch: &'w dyn Watch, total: usize, shard: &'w str) -> Self {
         watch.begin(S::NAME, total);
-        Self { watch, of, total, done: AtomicUsize::new(0) }
+        Self { watch, shard, total, done: AtomicUsize::new(0) }
     }
 
-    /// One more is done.
+    /// Reports and counts a completed step.
     pub(super) fn step(&self, what: &str) {
-        let of = if self.of.is_empty() { "" } else { ", " };
-        self.watch.step(&format!("{what}{of}{}", self.of));
+        let separator = if self.shard.is_empty() { "" } else { ", " };
+        self.watch.step(&format!("{what}{separator}{}", self.shard));
         self.done.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Something smaller than a step is done: `done` of `total` parts of `what`.
+    /// Reports progress within a step: `done` of `total` parts of `what`.
     pub(super) fn part(&self, what: &str, done: usize, total: usize) {
-        let of = if self.of.is_empty() { "" } else { " of " };
-        self.watch.part(&format!("{what}{of}{}", self.of), done, total);
+        let separator = if self.shard.is_empty() { "" } else { " of " };
+        self.watch.part(&format!("{what}{separator}{}", self.shard), done, total);
     }
 
-    /// The work's result; says how far it was if it was cancelled.
+    /// Returns `result`; if it is a cancellation error, adds the number of completed steps to the error.
     pub(super) fn end<S: Stage, T>(&self, result: Result<T, RunError>) -> Result<T, RunError> {
         let done = self.done.load(Ordering::Relaxed);
         let done = match S::STEPS {

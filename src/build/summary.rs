@@ -1,64 +1,65 @@
-//! `run.json`: how a run went.
+//! `run.json`: the summary of a run.
 
 use std::path::Path;
 
 use serde::Serialize;
 use trilink_robot::Model;
 use trilink_tables::config::Config;
-use trilink_tables::{CheckRow, FitStatus, RunStatus, TrialRow, TrialStatus};
+use trilink_tables::{FitStatus, RunStatus, TrialRow, TrialStatus};
 
 use super::plan::hash_of;
 use super::{Finished, StagePlan};
 
-/// `run.json`: what ran and how long it took, however it ended.
+/// Content of `run.json`: stages, durations and outcome of a run.
 #[derive(Serialize)]
 pub(super) struct RunRecord<'r> {
     pub program: &'static str,
     pub version: &'static str,
-    /// Of the tables: hashes of the program's source and of the settings.
+    /// Hash of the source code of the stages that write tables.
     pub source: String,
+    /// Hash of the settings on which the tables depend.
     pub configuration: String,
     pub status: RunStatus,
-    /// Why it did not come to its end.
+    /// Error that ended the run; `None` if there was none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// UTC.
+    /// Start time of the run (UTC).
     pub started: &'r str,
     pub ended: Option<String>,
     pub seconds: f64,
-    /// Trial folders, as seen from the configuration.
+    /// Trial folders, relative to the folder of the configuration file.
     pub folders: Vec<String>,
     pub threads: usize,
-    /// Those that were done.
+    /// Completed stages.
     pub stages: &'r [StageRecord],
     #[serde(flatten)]
     pub results: Option<RunResults<'r>>,
 }
 
-/// Hash of the settings that results depend on, not places and looks.
+/// Hashes the settings on which results depend: all except those in the tables `paths`, `report` and `compare`.
 pub(super) fn results_configuration(config: &Config) -> String {
-    let mut settings = serde_json::to_value(config).expect("a configuration is plain data");
+    let mut settings = serde_json::to_value(config).expect("a configuration can be serialised");
     if let Some(tables) = settings.as_object_mut() {
         tables.retain(|name, _| !["paths", "report", "compare"].contains(&name.as_str()));
     }
     hash_of(&settings)
 }
 
-/// What came of a run that came to its end, as `run.json` has it.
+/// Results of a completed run, as listed in `run.json`.
 #[derive(Serialize)]
 pub struct RunResults<'r> {
     trials: TrialCounts,
     attention: Vec<Attention<'r>>,
     fits: Vec<FitRecord<'r>>,
-    /// Figures drawn.
+    /// Names of the figures that were drawn.
     figures: &'r [String],
-    /// What could not be drawn, and why.
+    /// Sentences about figures that could not be drawn, each with the reason.
     missing: &'r [String],
     page: &'r Path,
     scorecard: &'r Path,
 }
 
-/// A trial that needs a person, with the reason.
+/// Trial that needs attention, with the reason.
 #[derive(Serialize)]
 struct Attention<'r> {
     trial: &'r str,
@@ -66,35 +67,35 @@ struct Attention<'r> {
     message: &'r str,
 }
 
-/// How one fit ended.
+/// Outcome of a fit.
 #[derive(Serialize)]
 struct FitRecord<'r> {
     campaign: &'r str,
     model: Model,
-    status: &'r FitStatus,
-    /// Missing where there is no fit.
+    status: FitStatus,
+    /// Reason why the fit failed; empty if it did not.
+    failure: &'r str,
+    /// Objective, or `None` if the fit failed.
     j: Option<f64>,
 }
 
 impl<'r> RunResults<'r> {
+    /// Summarises the results of a completed run.
     pub fn new(finished: &'r Finished) -> Self {
         let Finished { ingested, fitted, reported, .. } = finished;
-        let attention = |row: &'r TrialRow| Attention {
-            trial: &row.trial,
-            status: row.status,
-            message: &row.message,
-        };
-        let of_several = |row: &'r CheckRow| Attention {
-            trial: &row.trial,
-            status: TrialStatus::Failed,
-            message: &row.message,
-        };
         let trials = ingested.trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
-        let attention = trials.map(attention).chain(ingested.together().map(of_several));
+        let attention = trials
+            .map(|row| Attention { trial: &row.trial, status: row.status, message: &row.message })
+            .chain(ingested.together().map(|row| Attention {
+                trial: &row.trial,
+                status: TrialStatus::Failed,
+                message: &row.message,
+            }));
         let fits = fitted.fits.iter().map(|fit| FitRecord {
             campaign: &fit.campaign,
             model: fit.model,
-            status: &fit.status,
+            status: fit.status,
+            failure: &fit.failure,
             j: fit.j.is_finite().then_some(fit.j),
         });
         Self {
@@ -109,18 +110,19 @@ impl<'r> RunResults<'r> {
     }
 }
 
-/// One stage of a run.
+/// Record of one stage of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct StageRecord {
     pub stage: &'static str,
     pub seconds: f64,
-    /// Whether any file of it was looked at again.
+    /// Whether the stage had anything to recompute or remove.
     #[serde(skip)]
     pub did_something: bool,
-    /// Trials, fits or figures that were made again, and how many were not.
+    /// Names of the recomputed trials, fits or figures.
     pub redone: Vec<String>,
+    /// Number of trials, fits or figures that were up to date.
     pub up_to_date: usize,
-    /// Those that are no more.
+    /// Names of the trials, fits or figures that were removed.
     pub removed: Vec<String>,
 }
 
@@ -137,7 +139,7 @@ impl StageRecord {
     }
 }
 
-/// How many trials ended how.
+/// Number of trials with each status.
 #[derive(Debug, Serialize)]
 pub struct TrialCounts {
     pub total: usize,
@@ -148,7 +150,7 @@ pub struct TrialCounts {
 
 /// Counts trials by their status.
 pub fn count(trials: &[TrialRow]) -> TrialCounts {
-    let with = |status| trials.iter().filter(|trial| trial.status == status).count();
-    let [ok, flagged, failed] = TrialStatus::ALL.map(with);
+    let [ok, flagged, failed] =
+        TrialStatus::ALL.map(|status| trials.iter().filter(|trial| trial.status == status).count());
     TrialCounts { total: trials.len(), ok, flagged, failed }
 }

@@ -1,4 +1,4 @@
-//! What a run makes, and what each of it is made of.
+//! Build targets of a run and the keys that identify their content.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use trilink_fit::FitKey;
 
-/// What a target is.
+/// Kind of a [`Target`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// The tables of a trial, by its id.
+    /// Tables of a trial, named by the trial's id.
     Trial,
-    /// A model of a campaign.
+    /// Fit of a model to one campaign.
     Fit,
-    /// A model of all campaigns of a robot.
+    /// Fit of a model to all campaigns of a robot.
     SharedFit,
-    /// By the name of its files without extension.
+    /// Figure, named after its files without their extension.
     Figure,
-    /// The page of a trial, by its path inside of `reports/`.
+    /// Report page of a trial, named by its path in `reports/`.
     Page,
 }
 
-/// Something that a stage makes and that can be made again alone.
+/// Unit of an incremental run: a result that a stage can recompute independently of its other results.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
@@ -36,7 +36,8 @@ impl Target {
         Self { kind, name: name.to_owned() }
     }
 
-    pub(super) fn of_fit(key: &FitKey) -> Self {
+    /// Returns the target of a fit.
+    pub(super) fn from_fit(key: &FitKey) -> Self {
         match key {
             FitKey::Own { campaign, model } => Self::new(Kind::Fit, &format!("{campaign} {model}")),
             FitKey::Shared { robot, model } => {
@@ -59,15 +60,15 @@ impl fmt::Display for Target {
     }
 }
 
-/// The key of a target's content: a short text, mostly a hash, by what it is of. The source of its
-/// stage is beside it in the record.
+/// Key of a target's content: for each input, by name, a short text that identifies its content, usually a hash. The
+/// source hash of the stage is stored once per stage, outside the key.
 pub(super) type Key = BTreeMap<String, String>;
 
-/// The part of a key that stands for the keys of the configuration that are read.
+/// Name of the entry in a [`Key`] that holds the hash of the settings used.
 pub(super) const SETTINGS: &str = "the configuration";
 
-/// Why what was made by the key `old` is not what would be made by `new`; `settings` says what has
-/// changed in the configuration.
+/// Returns the reasons why a target made with the key `old` is stale if its key is now `new`; `settings` lists the
+/// changes to the configuration.
 pub(super) fn reasons(old: &Key, new: &Key, settings: impl Fn() -> Vec<String>) -> Vec<String> {
     let mut why = Vec::new();
     for name in old.keys().chain(new.keys()).collect::<BTreeSet<_>>() {
@@ -78,28 +79,25 @@ pub(super) fn reasons(old: &Key, new: &Key, settings: impl Fn() -> Vec<String>) 
             (_, None) => "is gone",
         };
         let settings = if name == SETTINGS { settings() } else { Vec::new() };
-        match settings.is_empty() {
-            true => why.push(format!("{name} {changed}")),
-            false => why.extend(settings),
+        if settings.is_empty() {
+            why.push(format!("{name} {changed}"));
+        } else {
+            why.extend(settings);
         }
     }
     why
 }
 
-/// What has changed in settings, by the dotted names of their keys: `fit.starts: 8 -> 4`. A table
-/// of which no key stays is named as a whole: `robot: kinematic -> semi-passive`.
+/// Lists the changes between two versions of the settings by their dotted keys: `fit.starts: 8 -> 4`. A table that has
+/// no key in common with its earlier version is named as a whole: `robot: kinematic -> semi-passive`.
 pub(super) fn changed_settings(old: &Value, new: &Value) -> Vec<String> {
     let mut changed = Vec::new();
     add_changed("", old, new, &mut changed);
     changed
 }
 
+/// Appends to `changed` the differences between `old` and `new`, two versions of the settings below `key`.
 fn add_changed(key: &str, old: &Value, new: &Value, changed: &mut Vec<String>) {
-    let text = |value: &Value| match value {
-        Value::Null => "not there".to_owned(),
-        Value::Object(fields) => fields.keys().cloned().collect::<Vec<_>>().join(", "),
-        other => other.to_string(),
-    };
     match (old, new) {
         (old, new) if old == new => {}
         (Value::Object(a), Value::Object(b)) if a.keys().any(|name| b.contains_key(name)) => {
@@ -109,7 +107,16 @@ fn add_changed(key: &str, old: &Value, new: &Value, changed: &mut Vec<String>) {
                 add_changed(&key, old, new, changed);
             }
         }
-        _ => changed.push(format!("{key}: {} -> {}", text(old), text(new))),
+        _ => changed.push(format!("{key}: {} -> {}", summary(old), summary(new))),
+    }
+}
+
+/// Formats a setting: a table by its keys, a missing value as "not set".
+fn summary(value: &Value) -> String {
+    match value {
+        Value::Null => "not set".to_owned(),
+        Value::Object(fields) => fields.keys().cloned().collect::<Vec<_>>().join(", "),
+        other => other.to_string(),
     }
 }
 
@@ -123,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn every_part_that_differs_is_a_reason() {
+    fn every_changed_entry_of_a_key_is_a_reason() {
         let old = parts(&[("trial a", "0"), ("trial b", "0"), ("the file", "0")]);
         let new = parts(&[("trial b", "0"), ("trial c", "0"), ("the file", "1")]);
         assert_eq!(

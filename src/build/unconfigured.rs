@@ -1,4 +1,4 @@
-//! Without a configuration file the paper's experiment is assumed, if any trial can belong to it.
+//! Runs without a configuration file: the paper's experiment is assumed if any trial can belong to it.
 
 use std::io::ErrorKind;
 
@@ -9,12 +9,12 @@ use trilink_tables::trial::{ListedTrial, TrialFolders, TrialKind};
 
 use super::{RunError, ingested};
 
-/// Checks that the defaults match at least one trial of the folders (with a gait, if any has one):
-/// the names in its entry and the labels of its marker file. Trials that do not match fail later,
-/// one by one.
+/// Checks that the default configuration matches at least one trial in the folders, as judged by the names in the
+/// trial's entry and the labels in its marker file. If there are gait trials, only these are checked. A trial that does
+/// not match fails on its own when it is processed.
 ///
 /// # Errors
-/// They describe none; or there is no list of trials.
+/// Returns an error if the defaults match no trial, or if there is no list of trials.
 pub fn check_unconfigured(config: &Config) -> Result<(), RunError> {
     let folders = config.paths.raw.iter().filter(|folder| folder.is_dir());
     let folders: Vec<String> = folders.map(|folder| folder.display().to_string()).collect();
@@ -33,23 +33,29 @@ pub fn check_unconfigured(config: &Config) -> Result<(), RunError> {
     let mut first = None;
     for ListedTrial { folder, trial, .. } in &trials {
         let input = IngestInput::new(config, trial).map_err(TrialFailure::from);
-        match input.and_then(|of| of.check_labels(&all[*folder].path.join(&trial.file))) {
+        match input.and_then(|input| input.check_labels(&all[*folder].path.join(&trial.file))) {
             Ok(()) => return Ok(()),
             Err(failure) => _ = first.get_or_insert(failure),
         }
     }
     let why = first.map_or(String::new(), |failure| format!(": {failure}"));
-    unconfigured(format!("not one trial of {} is of its robots{why}", trials.len()))
+    unconfigured(format!(
+        "0 of {} trials match the robots of the paper's experiment{why}",
+        trials.len()
+    ))
 }
 
+/// Whether an error means that a file is missing, rather than unreadable.
 fn is_absent(error: &ConfigError) -> bool {
     matches!(error, ConfigError::Read { source, .. } if source.kind() == ErrorKind::NotFound)
 }
 
-/// [`check_unconfigured`] of the trials that are ingested, of which names alone are looked at.
+/// Checks that the default configuration contains the campaign of at least one ingested trial. Unlike
+/// [`check_unconfigured`], this function compares only the names of campaigns.
 ///
 /// # Errors
-/// There are trials with a gait, and the defaults describe none of them; or a table cannot be read.
+/// Returns an error if there are gait trials and the defaults contain none of their campaigns, or if a table cannot be
+/// read.
 pub fn check_unconfigured_tables(config: &Config) -> Result<(), RunError> {
     let mut trials = ingested(config)?.trials;
     trials.retain(|row| !row.campaign.is_empty());
@@ -57,8 +63,11 @@ pub fn check_unconfigured_tables(config: &Config) -> Result<(), RunError> {
     let Some(first) = trials.first().filter(|_| !trials.iter().any(is_known)) else {
         return Ok(());
     };
-    let (all, campaign) = (trials.len(), &first.campaign);
-    let why = format!("not one ingested trial of {all} is of its campaigns: found `{campaign}`");
+    let all = trials.len();
+    let campaign = &first.campaign;
+    let why = format!(
+        "0 of {all} ingested trials belong to a campaign of the paper's experiment: found `{campaign}`"
+    );
     let folders = config.paths.base.join(&first.folder).display().to_string();
     Err(RunError::Unconfigured { why, folders })
 }

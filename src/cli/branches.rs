@@ -4,7 +4,7 @@ use std::path::Path;
 
 use trilink_fit::simulate::{Setup, number_names, with_number};
 use trilink_mechanics::{Branch, Problem, branches};
-use trilink_report::{FigureFile, branches_drawing};
+use trilink_report::branches_drawing;
 use trilink_robot::Laws;
 use trilink_tables::BranchRow;
 use trilink_tables::config::{Config, GaitConfig, RobotConfig, did_you_mean};
@@ -17,27 +17,29 @@ use super::table::{Table, short};
 use super::{Context, Failure, Outcome};
 use crate::interrupt;
 
-/// The name of the frequency among what branches can be followed over.
+/// Name of the frequency as a parameter of a continuation.
 const OMEGA: &str = "omega_rad_s";
 
-/// Follow a model's steady motions over a parameter: folds, lost symmetry, doubled periods.
+/// Continue a model's steady-state motions as a parameter varies, and find folds, symmetry breaking and
+/// period doubling.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/branches.txt").trim_end())]
 pub(super) struct Branches {
-    /// Name of a `[campaign.*]`.
+    /// Name of a `[campaign.*]` table.
     campaign: String,
-    /// What to vary, from where the first motion is solved for: `omega_rad_s=0.5..12`, or a number of
-    /// the robot or the gait such as `damping_nm_s_rad=0.0002..0.01`; of one wheel, link or joint with
-    /// its number, as columns have it: `skid1_kg_s=20..400`, `amplitude2_deg=5..60`.
+    /// Parameter to vary and its range, in which branches are followed from the lower limit upwards: the frequency
+    /// (`omega_rad_s=0.5..12`), or a parameter of the robot or the gait such as `damping_nm_s_rad=0.0002..0.01`. The
+    /// name of a parameter of one wheel, link or joint includes the number of that wheel, link or joint, as in the
+    /// columns of tables: `skid1_kg_s=20..400`, `amplitude2_deg=5..60`.
     #[arg(long, value_name = "KEY=LOW..HIGH", value_parser = parse_over)]
     over: Over,
-    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own [default: skid-roll, with
-    /// --fitted the one that the comparison prefers].
+    /// Name of a `[model.*]` table: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own
+    /// [default: skid-roll, with --fitted the preferred model of the comparison].
     #[arg(long)]
     model: Option<String>,
     #[command(flatten)]
     numbers: Numbers,
-    /// The frequency, rad/s, where another parameter varies.
+    /// Frequency, rad/s; required if `--over` varies another parameter.
     #[arg(long, value_name = "RAD_S")]
     omega: Option<f64>,
     #[command(flatten)]
@@ -46,7 +48,7 @@ pub(super) struct Branches {
     format: Format,
 }
 
-/// A parameter and its range.
+/// Parameter that a continuation varies, and its range.
 #[derive(Debug, Clone, PartialEq)]
 struct Over {
     key: String,
@@ -55,8 +57,10 @@ struct Over {
 
 impl Branches {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let (campaign, config) = (&self.campaign, &context.config);
-        let (key, [low, high]) = (&self.over.key, self.over.range);
+        let campaign = &self.campaign;
+        let config = &context.config;
+        let key = &self.over.key;
+        let [low, high] = self.over.range;
         let fits = self.numbers.fits(config, false)?;
         let setup =
             self.numbers.setup(config.clone(), campaign, self.model.as_deref(), fits.as_ref())?;
@@ -74,8 +78,8 @@ impl Branches {
         let input = format!("{:?} {key} {low} {high}", vary.problem(low));
         self.files.write(&context, &rows, &input, "points")?;
         let names = [campaign.as_str(), setup.model.name(), key];
-        let drawn = |file: FigureFile| branches_drawing(names, &rows, file);
-        self.files.draw(&context, self.numbers.fitted, drawn)?;
+        self.files
+            .draw(&context, self.numbers.fitted, |file| branches_drawing(names, &rows, file))?;
         if !self.format.rows(&rows) {
             print(&found, &rows);
         }
@@ -83,28 +87,42 @@ impl Branches {
     }
 }
 
-/// The problems along a range.
+/// Steady-state problems along the range of a parameter.
 struct Vary {
     robot: RobotConfig,
     gait: GaitConfig,
     laws: Laws,
     key: String,
-    /// Where it is not the one that varies.
+    /// Frequency, rad/s, at which another parameter is varied; unused if the frequency itself is varied.
     omega_rad_s: f64,
 }
 
 impl Vary {
-    fn new(config: &Config, of: &Branches, setup: &Setup) -> Result<Self, Failure> {
-        let Over { key, range } = of.over.clone();
-        let (robot, gait) = (setup.robot_config.clone(), setup.gait_config.clone());
-        let omega_rad_s = match (key == OMEGA, of.omega) {
+    /// Checks the parameter and its range, and combines them with the robot, gait and friction laws of `setup`.
+    fn new(config: &Config, arguments: &Branches, setup: &Setup) -> Result<Self, Failure> {
+        let Over { key, range } = arguments.over.clone();
+        let robot = setup.robot_config.clone();
+        let gait = setup.gait_config.clone();
+        let omega_rad_s = match (key == OMEGA, arguments.omega) {
             (true, None) => range[0],
-            (true, Some(_)) => return Err("--omega: `--over omega_rad_s` varies it already".into()),
+            (true, Some(_)) => {
+                return Err(
+                    "--omega: the frequency cannot be fixed, because `--over omega_rad_s` varies \
+                     it"
+                    .into(),
+                );
+            }
             (false, Some(omega)) if omega > 0.0 && omega.is_finite() => omega,
             (false, Some(omega)) => {
                 return Err(format!("--omega: found {omega}, needed a frequency above 0").into());
             }
-            (false, None) => return Err(format!("--omega: needed, `{key}` varies").into()),
+            (false, None) => {
+                return Err(format!(
+                    "--omega: this option is required, because `--over` varies `{key}` instead of \
+                     the frequency"
+                )
+                .into());
+            }
         };
         if key == OMEGA && range[0] <= 0.0 {
             return Err(format!("--over: found {}, needed a frequency above 0", range[0]).into());
@@ -117,7 +135,7 @@ impl Vary {
                 format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}")
             })?;
             let mut config = config.clone();
-            let campaign = config.campaign[&of.campaign].clone();
+            let campaign = config.campaign[&arguments.campaign].clone();
             config.robot.insert(campaign.robot, varied.0);
             config.gait.insert(campaign.gait, varied.1);
             config.check(Path::new("--over"))?;
@@ -126,8 +144,8 @@ impl Vary {
         let [low, high] = range.map(|value| vary.problem(value).is_mirrored());
         if low && !high {
             return Err(format!(
-                "--over: at {}={} the motion is its own mirror image and beside it none is: needed a range \
-                 that does not begin there",
+                "--over: the motion at {}={} is symmetric, but the motions next to it are not; \
+                 start the range at another value",
                 vary.key, range[0]
             )
             .into());
@@ -135,6 +153,7 @@ impl Vary {
         Ok(vary)
     }
 
+    /// Returns the steady-state problem at a value of the parameter.
     fn problem(&self, value: f64) -> Problem {
         let mut problem = Problem {
             robot: self.robot.to_robot(),
@@ -145,12 +164,14 @@ impl Vary {
         if self.key == OMEGA {
             problem.omega_rad_s = value;
         } else if let Some((robot, gait)) = with_number(&self.robot, &self.gait, &self.key, value) {
-            (problem.robot, problem.gait) = (robot.to_robot(), gait.to_gait());
+            problem.robot = robot.to_robot();
+            problem.gait = gait.to_gait();
         }
         problem
     }
 }
 
+/// Parses a parameter and its range, `KEY=LOW..HIGH`.
 fn parse_over(text: &str) -> Result<Over, String> {
     let needed = || format!("found `{text}`, needed KEY=LOW..HIGH, such as omega_rad_s=0.5..12");
     let (key, range) = text.split_once('=').ok_or_else(needed)?;
@@ -161,34 +182,33 @@ fn parse_over(text: &str) -> Result<Over, String> {
     Ok(Over { key: key.trim().to_owned(), range: [low, high] })
 }
 
-/// A row for each point; `extrapolated` says of a value whether it is beyond the trials of the fit.
+/// Returns a row for each point of the branches; `extrapolated` returns whether a parameter value lies outside the
+/// range of the fitted trials, or `None` if there is no such range or it is unknown.
 fn rows(
     found: &[Branch],
     parameter: &str,
     extrapolated: impl Fn(f64) -> Option<bool>,
 ) -> Vec<BranchRow> {
-    let number = |index: usize| index as i64 + 1;
-    let of_branch = |(index, branch): (usize, &Branch)| {
-        let (kind, parent) = (branch.kind, branch.parent.map(number));
-        let row = |point: &trilink_mechanics::BranchPoint| BranchRow {
-            branch: number(index),
-            kind,
-            parent,
-            periods: kind.periods(),
-            parameter: parameter.to_owned(),
-            value: point.value,
-            extrapolated: extrapolated(point.value),
-            metrics: point.metrics,
-            floquet: point.floquet,
-            status: point.status,
-            bifurcation: point.bifurcation,
-        };
-        branch.points.iter().map(row).collect::<Vec<_>>()
-    };
-    found.iter().enumerate().flat_map(of_branch).collect()
+    let points = found.iter().zip(1_i64..).flat_map(|(branch, number)| {
+        branch.points.iter().map(move |point| (branch, number, point))
+    });
+    let rows = points.map(|(branch, number, point)| BranchRow {
+        branch: number,
+        kind: branch.kind,
+        parent: branch.parent.map(|index| index as i64 + 1),
+        periods: branch.kind.periods(),
+        parameter: parameter.to_owned(),
+        value: point.value,
+        extrapolated: extrapolated(point.value),
+        metrics: point.metrics,
+        floquet: point.floquet,
+        status: point.status,
+        bifurcation: point.bifurcation,
+    });
+    rows.collect()
 }
 
-/// Where each branch begins and ends, and what happens on it.
+/// Prints the end points and the bifurcations of each branch.
 fn print(found: &[Branch], rows: &[BranchRow]) {
     let Some(first) = rows.first() else { return };
     let mut lines: Vec<(&BranchRow, String)> = Vec::new();
@@ -200,14 +220,14 @@ fn print(found: &[Branch], rows: &[BranchRow]) {
                 (Some(bifurcation), n) if n < last => bifurcation.name().to_owned(),
                 (_, n) if n == last => branch.end.clone(),
                 (_, 0) => {
-                    row.parent.map_or("the first motion".to_owned(), |of| format!("from {of}"))
+                    row.parent.map_or("first motion".to_owned(), |parent| format!("from {parent}"))
                 }
                 _ => continue,
             };
             lines.push((row, what));
         }
     }
-    Table::of(&lines)
+    Table::new(&lines)
         .right("branch", |(row, _)| row.branch.to_string())
         .left("kind", |(row, _)| row.kind.to_string())
         .right(&first.parameter, |(row, _)| format!("{:.7}", row.value))
@@ -218,7 +238,7 @@ fn print(found: &[Branch], rows: &[BranchRow]) {
         .left("status", |(row, _)| row.status.to_string())
         .left("", |(_, what)| what.clone())
         .print();
-    say!("{} points of {} branches", rows.len(), found.len());
+    say!("{} points on {} branches", rows.len(), found.len());
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! `trilink ingest --calibrate`: the marker layouts that a trial shows, as TOML.
+//! `trilink ingest --calibrate`: marker layouts estimated from a trial, as TOML.
 
 use serde_json::json;
 use trilink_ingest::{Calibration, MarkerPosition, calibrate};
@@ -8,51 +8,56 @@ use trilink_tables::trial::{TrialFolder, TrialFolders};
 use super::output::write_text;
 use super::{Context, Failure, Outcome};
 
-/// Estimates the layouts from one trial and prints them.
+/// Estimates the marker layouts from one trial and prints them.
 pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
     let TrialFolders { folders, trials } = TrialFolders::load(&context.config.paths)?;
     let listed = trials.iter().find(|listed| listed.trial.id == trial);
     let (folder, id) = match (listed, &folders[..]) {
         (Some(listed), _) => (&folders[listed.folder], listed.id.as_str()),
-        // What is like it is said, too.
+        // The error of the calibration suggests similar names.
         (None, [folder]) => (folder, trial),
         (None, folders) => {
             let folders = folders.iter().map(|TrialFolder { name, .. }| name.as_str());
             let folders = folders.collect::<Vec<_>>().join(", ");
-            return Err(format!("{folders}: found no trial `{trial}`, needed one of these").into());
+            return Err(format!(
+                "{folders}: trial `{trial}` is not in the trials.toml of any of these folders"
+            )
+            .into());
         }
     };
     let found = calibrate(&context.config, &folder.path, id)?;
     let Calibration { h_mm, h_configured_mm, l_mm: [front, rear], l_configured_mm, .. } = found;
-    let lines = |markers: &Vec<MarkerPosition>| markers.iter().map(line).collect::<Vec<_>>();
+    let links = found.links.each_ref().map(|markers| markers.iter().map(line).collect::<Vec<_>>());
     let h_m = [h_mm.value, h_mm.se, h_configured_mm].map(|mm| mm / 1e3);
     let values = json!({
         "trial": found.trial,
         "frames": found.frames,
         "h_m": h_m,
         "joint_residual_mm": found.joint_residual_mm,
-        "l_configured_m": l_configured_mm / 1e3,
+        "l_configured_m": l_configured_mm.map(|mm| mm / 1e3),
         "l_mm": [front.value, front.se, rear.value, rear.se],
         "direction_se_deg": found.direction_se_deg,
         "skid_deg": found.skid_deg,
         "is_grouped": found.is_grouped,
         "left_out": found.left_out,
-        "links": found.links.each_ref().map(lines),
+        "links": links,
     });
     write_text(include_str!("text/calibration.txt"), &values)?;
     Ok(Outcome::Well)
 }
 
+/// Formats a marker as a line of TOML, with standard errors and the deviation from the configuration in a comment.
 fn line(marker: &MarkerPosition) -> String {
-    let all = |numbers: [f64; 3]| numbers.map(|x| format!("{x:.2}")).join(", ");
-    let position = marker.position_mm.map(|estimate| estimate.value);
-    let off = match marker.configured_mm {
+    let position_mm = marker.position_mm.map(|estimate| estimate.value);
+    let deviation = match marker.configured_mm {
         Some(configured) => {
-            let off = [0, 1, 2].map(|axis| format!("{:+.2}", position[axis] - configured[axis]));
-            format!("; off by {}", off.join(", "))
+            let deviation =
+                [0, 1, 2].map(|axis| format!("{:+.2}", position_mm[axis] - configured[axis]));
+            format!("; differs from the configuration by {}", deviation.join(", "))
         }
         None => String::new(),
     };
-    let errors = all(marker.position_mm.map(|estimate| estimate.se));
-    format!("{} = [{}]  # +- {errors}{off}", toml_key(&marker.label), all(position))
+    let position = position_mm.map(|x| format!("{x:.2}")).join(", ");
+    let errors = marker.position_mm.map(|estimate| format!("{:.2}", estimate.se)).join(", ");
+    format!("{} = [{position}]  # +- {errors}{deviation}", toml_key(&marker.label))
 }

@@ -14,11 +14,12 @@ use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, hash};
 use super::output::{self, write_json, write_text};
 use super::{Context, Failure, Interrupted, Outcome};
 
-/// Read trial folders or marker files, write nothing, say what is there and what is wrong.
+/// Check trial folders or marker files without writing anything: list the contents of the
+/// files and the problems found.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/check.txt").trim_end())]
 pub(super) struct Check {
-    /// Trial folders or patterns of them, or marker files [default: `paths.raw` of the
+    /// Trial folders, patterns that match trial folders, or marker files [default: `paths.raw` of the
     /// configuration].
     #[arg(value_name = "FOLDER | FILE")]
     paths: Vec<PathBuf>,
@@ -27,7 +28,7 @@ pub(super) struct Check {
     json: bool,
 }
 
-/// What would come of a trial.
+/// Result that `trilink ingest` would give for a trial.
 #[derive(Serialize)]
 struct CheckedTrial {
     trial: String,
@@ -37,7 +38,7 @@ struct CheckedTrial {
     checks: Vec<CheckLine>,
 }
 
-/// A row of `checks.parquet`; numbers that are missing are null.
+/// Finding on a trial, as in `checks.parquet`. In JSON, missing numbers (NaN) are null.
 #[derive(Serialize)]
 struct CheckLine {
     check: String,
@@ -50,54 +51,58 @@ struct CheckLine {
 impl Check {
     pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         context.check_assumed(|_| Ok(()))?;
-        let is_folder = |path: &PathBuf| path.is_dir() || is_pattern(path) && !path.exists();
-        let folders = self.paths.iter().filter(|path| is_folder(path)).count();
+        let folders = self.paths.iter();
+        let folders =
+            folders.filter(|path| path.is_dir() || is_pattern(path) && !path.exists()).count();
         match self.paths.len() {
             0 => {}
             all if all == folders => context.config.paths.raw = self.paths,
             _ if folders == 0 => return check_files(&context, &self.paths, self.json),
             _ => {
-                return Err(
-                    "found folders among files, needed trial folders or marker files".into()
-                );
+                return Err("found both folders and files, needed either trial folders or marker \
+                            files"
+                    .into());
             }
         }
         check_folders(&context, self.json)
     }
 }
 
+/// Checks all trials of the configured folders.
 fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
     let all = TrialFolders::load(&context.config.paths)?;
     all.ignored().iter().for_each(|sentence| context.say(sentence));
     let TrialFolders { folders, trials: listed } = all;
     let stage = context.progress.stage("check", listed.len());
-    let found: Vec<(TrialRow, Vec<CheckRow>)> = listed
+    let found: Vec<Ingested> = listed
         .par_iter()
         .with_max_len(1)
         .map(|ListedTrial { folder, trial, .. }| {
             stage.check("trials")?;
-            let found = trilink_ingest::check_trial(&folders[*folder].path, trial, &context.config);
+            let folder = &folders[*folder];
+            let mut found = trilink_ingest::check_trial(&folder.path, trial, &context.config);
+            // Trials of the same folder share the slope of the floor.
+            found.trials.iter_mut().for_each(|row| row.folder.clone_from(&folder.name));
             stage.step(&trial.id);
             Ok(found)
         })
         .collect::<Result<_, Interrupted>>()?;
     drop(stage);
-    let (trials, checks): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-    let mut rows = Ingested { trials, checks: checks.concat(), ..Ingested::default() };
-    // The file's name might point out of the folder.
-    let content = |ListedTrial { folder, trial, .. }: &ListedTrial| {
+    let mut rows = Ingested::default();
+    found.into_iter().for_each(|of_trial| rows.extend(of_trial));
+    let contents = listed.iter().filter_map(|ListedTrial { folder, trial, .. }| {
+        // The check of the entry comes first, because the file's name might point out of the folder.
         trial.check(&context.config).ok()?;
         let bytes = trilink_mocap::read_file(&folders[*folder].path.join(&trial.file)).ok()?.0;
         Some((trial.id.clone(), hash(&bytes)))
-    };
-    let contents = listed.iter().filter_map(content).collect();
-    FolderInput::new(&context.config, &folders).diagnose(&mut rows, &contents);
-    let of_trial = |row: &TrialRow| CheckedTrial::new(row, &rows.checks);
-    let checked: Vec<CheckedTrial> = rows.trials.iter().map(of_trial).collect();
+    });
+    FolderInput::new(&context.config, &folders).diagnose(&mut rows, &contents.collect());
+    let checked: Vec<CheckedTrial> =
+        rows.trials.iter().map(|row| CheckedTrial::new(row, &rows.checks)).collect();
     if json {
         write_json(&checked)?;
     } else {
-        let together: Vec<_> = rows.together().map(|of| [&of.trial, &of.message]).collect();
+        let together: Vec<_> = rows.together().map(|row| [&row.trial, &row.message]).collect();
         let text = json!({ "trials": checked, "counts": counts(&checked), "together": together });
         write_text(include_str!("text/check-trials.txt"), &text)?;
     }
@@ -108,29 +113,31 @@ impl CheckedTrial {
     fn new(row: &TrialRow, checks: &[CheckRow]) -> Self {
         let TrialRow { trial, status, message, cycles, .. } = row.clone();
         let own = checks.iter().filter(|check| check.trial == trial).cloned();
-        let line = |CheckRow { check, severity, value, limit, message, .. }| CheckLine {
+        let checks = own.map(|CheckRow { check, severity, value, limit, message, .. }| CheckLine {
             check,
             severity,
             value,
             limit,
             message,
-        };
-        Self { checks: own.map(line).collect(), trial, status, message, cycles }
+        });
+        Self { checks: checks.collect(), trial, status, message, cycles }
     }
 }
 
-/// How the trials fared in every check.
+/// Returns, for every check, the number of findings of each severity, such as `2 warning`.
 fn counts(trials: &[CheckedTrial]) -> BTreeMap<&str, Vec<String>> {
     let mut counts: BTreeMap<&str, BTreeMap<Severity, usize>> = BTreeMap::new();
     for line in trials.iter().flat_map(|trial| &trial.checks) {
         *counts.entry(&line.check).or_default().entry(line.severity).or_default() += 1;
     }
-    let in_words = |of: BTreeMap<Severity, usize>| {
-        of.into_iter().map(|(severity, count)| format!("{count} {severity}")).collect()
-    };
-    counts.into_iter().map(|(check, of)| (check, in_words(of))).collect()
+    let in_words = counts.into_iter().map(|(check, counts)| {
+        let counts = counts.into_iter().map(|(severity, count)| format!("{count} {severity}"));
+        (check, counts.collect())
+    });
+    in_words.collect()
 }
 
+/// Checks each marker file on its own; no list of trials (`trials.toml`) is needed.
 fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
     let settings = IngestSettings::new(&context.config);
     let stage = context.progress.stage("check", files.len());

@@ -15,34 +15,34 @@ use super::table::Table;
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{Lock, check_finished, hold, share, sweep};
 use crate::compare::{
-    Acceptance, Compared, Difference, Lone, Snapshot, Verdict, compare, junit, note_acceptances,
-    page, remember, tables_folder, to_json,
+    Acceptance, ComparisonResult, Difference, RowId, Snapshot, Verdict, compare, junit,
+    note_acceptances, page, record_run, tables_folder, to_json,
 };
 
-/// More differences than this are on the page.
-const MOST_ROWS: usize = 40;
+/// Maximum number of differences that are printed; the comparison page lists all of them.
+const MAX_ROWS: usize = 40;
 
-/// Compare the tables with those of an earlier run: what differs by more than noise.
+/// Compare the tables with those of an earlier run and list differences beyond tolerance.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/compare.txt").trim_end())]
 pub(super) struct Compare {
-    /// A file that `--accept` or `--save` wrote, or a folder of tables [default: `paths.baseline` of
-    /// the configuration].
+    /// Baseline: a file that `--accept` or `--save` wrote, or a folder of tables [default:
+    /// `paths.baseline` of the configuration].
     baseline: Option<PathBuf>,
-    /// Tables to compare with it [default: `paths.derived` of the configuration].
+    /// Tables to compare with the baseline [default: `paths.derived` of the configuration].
     #[arg(long, value_name = "FOLDER")]
     against: Option<PathBuf>,
-    /// Another tolerance than the configuration's, such as "trials.d_m = { absolute = 0.001 }";
-    /// may be given again.
+    /// Override a tolerance of the configuration, such as "trials.d_m = { absolute = 0.001 }"; the
+    /// option may be given more than once.
     #[arg(long, value_name = "TABLE.COLUMN = {..}")]
     tolerance: Vec<String>,
-    /// Write what the tables come to into one file, for later comparisons.
+    /// Save a summary of the tables to a file for later comparisons.
     #[arg(long, value_name = "FILE")]
     save: Option<PathBuf>,
-    /// Make the tables the new baseline, or the first one, and keep the reason.
+    /// Make the tables the new (or first) baseline, and record the reason.
     #[arg(long, value_name = "WHY", value_parser = NonEmptyStringValueParser::new())]
     accept: Option<String>,
-    /// Refuse tables that no run has made or found up to date for longer, such as 20h, 90min, 2d.
+    /// Maximum time since a run last made the tables or confirmed that they are up to date, such as 20h, 90min, 2d.
     #[arg(long, value_name = "TIME", value_parser = parse_age, conflicts_with = "against")]
     max_age: Option<Duration>,
     /// Print the comparison as JSON.
@@ -54,25 +54,26 @@ pub(super) struct Compare {
 
 impl Compare {
     pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
-        // Tolerances for once are not those of the history.
+        // The history uses the configured tolerances, not the ones given on the command line.
         let configured = context.config.clone();
         for line in &self.tolerance {
             set_tolerance(&mut context.config, line)?;
         }
-        let (config, paths) = (&context.config, &context.config.paths);
+        let config = &context.config;
+        let paths = &config.paths;
         let watch = context.progress.watch(false);
         let mut outcome = Outcome::Well;
-        // The lock stays until all is written.
+        // The lock is held until everything is written.
         let (lock, candidate) = match &self.against {
             Some(folder) => (None, load(paths, existing_folder(folder)?)?),
             None => {
                 let lock = hold(config, self.exclusive.wait, &watch)?;
                 check_finished(&lock, config, self.max_age)?;
-                if let Some(problem) = remember(&configured)? {
+                if let Some(problem) = record_run(&configured)? {
                     note!("{problem}");
                     outcome = Outcome::NeedsAttention;
                 }
-                (Some(lock), Snapshot::of_run(&paths.derived, &paths.reports)?)
+                (Some(lock), Snapshot::from_run(&paths.derived, &paths.reports)?)
             }
         };
         if let Some(file) = &self.save {
@@ -85,13 +86,14 @@ impl Compare {
             None => &paths.baseline,
         };
         if self.accept.is_some() && tables_folder(path)?.is_some() {
-            let found = "is a folder, needed a file that `--save` wrote";
-            return Err(format!("--accept: {} {found}", path.display()).into());
+            let problem = "is a folder; name a file that `--save` wrote";
+            return Err(format!("--accept: {} {problem}", path.display()).into());
         }
         // The first baseline is compared with itself.
-        let baseline = match self.accept.is_some() && !is_there(path)? {
-            true => candidate.clone(),
-            false => load(paths, path)?,
+        let baseline = if self.accept.is_some() && !is_there(path)? {
+            candidate.clone()
+        } else {
+            load(paths, path)?
         };
         let compared = compare(&config.compare, &baseline, &candidate);
 
@@ -112,14 +114,13 @@ impl Compare {
             accepted.push(Acceptance { time: utc_now(), reason, differences });
             let candidate = Snapshot { accepted: accepted.clone(), ..candidate };
             save(&candidate, path, lock.as_ref())?;
-            context.say(&format!(
-                "{} is the new baseline, and on the page after the next run",
-                path.display()
-            ));
-        } else if !compared.is_well() {
+            let path = path.display();
+            context
+                .say(&format!("baseline saved to {path}; the report shows it after the next run"));
+        } else if !compared.passes() {
             outcome = Outcome::NeedsAttention;
         }
-        // Also those of a comparison that was killed before it came here.
+        // This includes the acceptances of an earlier comparison that was killed before this point.
         if lock.is_some() {
             note_acceptances(&configured, &accepted)?;
         }
@@ -127,17 +128,19 @@ impl Compare {
     }
 }
 
-/// Reads a file that `--save` wrote, or the tables of a folder to which no run writes meanwhile.
+/// Reads a file that `--save` wrote, or the tables of a folder, which is locked while they are read.
 fn load(paths: &Paths, path: &Path) -> Result<Snapshot, Failure> {
-    let same = |path: &Path| std::fs::canonicalize(path).ok();
+    let own = std::fs::canonicalize(&paths.derived).ok();
     let _lock = match tables_folder(path)? {
-        Some(derived) if same(&derived) != same(&paths.derived) => share(&derived)?,
+        // The caller holds the lock of the configured folder.
+        Some(derived) if std::fs::canonicalize(&derived).ok() != own => share(&derived)?,
         _ => None,
     };
     Ok(Snapshot::load(path)?)
 }
 
-/// Writes a snapshot. Who holds the results removes what killed comparisons left beside it.
+/// Writes a snapshot to `file`. If a lock on the results is given, first removes the unfinished files that killed
+/// processes have left in the folder of `file`.
 fn save(snapshot: &Snapshot, file: &Path, lock: Option<&Lock>) -> Result<(), Failure> {
     if let Some((lock, folder)) = lock.zip(std::path::absolute(file)?.parent()) {
         sweep(lock, &[folder.to_owned()])?;
@@ -145,7 +148,7 @@ fn save(snapshot: &Snapshot, file: &Path, lock: Option<&Lock>) -> Result<(), Fai
     Ok(snapshot.save(file)?)
 }
 
-/// Parses `20h`, `90min` and `2d`.
+/// Parses a maximum age such as `20h`, `90min` or `2d`.
 fn parse_age(text: &str) -> Result<Duration, String> {
     let needed = || format!("found `{text}`, needed a time such as 20h, 90min or 2d");
     let (number, unit) =
@@ -161,14 +164,15 @@ fn parse_age(text: &str) -> Result<Duration, String> {
     age.ok_or_else(needed)
 }
 
+/// Checks that a folder of tables exists, and returns its path.
 fn existing_folder(folder: &Path) -> Result<&Path, Failure> {
     match tables_folder(folder)? {
         Some(_) => Ok(folder),
-        None => Err(format!("--against: {} is no folder", folder.display()).into()),
+        None => Err(format!("--against: {} is not a folder", folder.display()).into()),
     }
 }
 
-/// A line of TOML over the configuration's tolerances.
+/// Overrides tolerances of the configuration with those in a line of TOML.
 fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     let option = Path::new("--tolerance");
     let named: BTreeMap<String, Tolerances> = trilink_tables::config::parse_toml(option, line)?;
@@ -176,7 +180,9 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     for (name, tolerances) in named {
         let Some(toml::Value::Table(table)) = all.get_mut(&name) else {
             let known = config.compare.tables().map(|(known, _)| known).join("`, `");
-            return Err(format!("--tolerance: table `{name}`: needed one of `{known}`").into());
+            return Err(
+                format!("--tolerance: found table `{name}`, needed one of `{known}`").into()
+            );
         };
         table.extend(toml::Table::try_from(tolerances)?);
     }
@@ -185,23 +191,25 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print(compared: &Compared, page: &Path) -> Result<(), Failure> {
+/// Prints the differences out of tolerance, a summary of the comparison, and the path of the comparison page.
+fn print(compared: &ComparisonResult, page: &Path) -> Result<(), Failure> {
     let out: Vec<&Difference> = compared.out().collect();
     if !out.is_empty() {
-        Table::of(&out[..out.len().min(MOST_ROWS)])
-            .left("table", |of| of.table.to_owned())
-            .left("row", |of| of.of.clone())
-            .left("out of tolerance", |of| of.sentence())
+        Table::new(&out[..out.len().min(MAX_ROWS)])
+            .left("table", |difference| difference.table.to_owned())
+            .left("row", |difference| difference.row.clone())
+            .left("out of tolerance", |difference| difference.sentence())
             .print();
-        if out.len() > MOST_ROWS {
-            say!("and {} more", out.len() - MOST_ROWS);
+        if out.len() > MAX_ROWS {
+            say!("and {} more", out.len() - MAX_ROWS);
         }
     }
-    let names = |all: &[Lone]| all.iter().map(Lone::name).collect::<Vec<_>>();
+    let [vanished, appeared] = [&compared.vanished, &compared.appeared]
+        .map(|rows| rows.iter().map(RowId::name).collect::<Vec<_>>());
     let text = json!({
-        "vanished": names(&compared.vanished),
-        "appeared": names(&compared.appeared),
-        "most": MOST_ROWS,
+        "vanished": vanished,
+        "appeared": appeared,
+        "most": MAX_ROWS,
         "longer": compared.run_times.iter().filter(|time| time.is_longer).collect::<Vec<_>>(),
         "cells": compared.cells,
         "out": out.len(),

@@ -9,10 +9,10 @@ use trilink_tables::trial::{ListedTrial, TrialFolders};
 use super::output::{say, write_json};
 use super::{Context, Failure, Outcome};
 
-/// Keys and values of at most so many characters stand beside where they come from in one column.
+/// Width, in characters, of the printed column with keys and values; the next column says where a value is set.
 const COLUMN: usize = 60;
 
-/// Look into the configuration: its values and where they come from, and what is wrong.
+/// Show the configuration and where its values are set, or check it.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/config.txt").trim_end())]
 pub(super) struct ConfigCommand {
@@ -22,21 +22,21 @@ pub(super) struct ConfigCommand {
 
 #[derive(clap::Subcommand)]
 enum Command {
-    /// Print the value of every key and where it comes from, as TOML.
+    /// Print the value of every key and where it is set, as TOML.
     Show(Show),
-    /// Say what the configuration amounts to, and what is wrong with it and the lists of trials.
+    /// Summarise the configuration, and check it and the lists of trials.
     Check,
 }
 
 #[derive(clap::Args)]
 struct Show {
-    /// Keys or the tables that they stand in, such as fit or robot.kinematic [default: all].
+    /// Keys or tables, such as fit or robot.kinematic [default: all].
     #[arg(value_name = "KEY")]
     keys: Vec<String>,
-    /// Those alone that the configuration file says.
+    /// Show only the keys that the configuration file sets.
     #[arg(long)]
     own: bool,
-    /// Print one JSON array: an object per key; `line` is null where the default counts.
+    /// Print one JSON array: an object per key; `line` is null for defaults.
     #[arg(long)]
     json: bool,
 }
@@ -50,52 +50,54 @@ impl ConfigCommand {
     }
 }
 
-/// The text of the file, if there is one.
-fn text_of(file: &Path) -> Result<String, Failure> {
-    match file.exists() {
-        true => Ok(trilink_base::files::read_text(file)?),
-        false => Ok(String::new()),
-    }
+/// Reads a file; a missing file counts as empty.
+fn read_if_there(file: &Path) -> Result<String, Failure> {
+    if file.exists() { Ok(trilink_base::files::read_text(file)?) } else { Ok(String::new()) }
+}
+
+/// Whether a key is the given table or lies in it.
+fn is_below(key: &str, table: &str) -> bool {
+    key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 impl Show {
     fn run(self, file: &Path) -> Result<Outcome, Failure> {
-        let settings = Config::settings(&text_of(file)?)?;
-        let is_below = |key: &str, table: &str| {
-            key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        };
-        let unknown = |key: &&String| !settings.iter().any(|of| is_below(&of.key, key));
-        if let Some(key) = self.keys.iter().find(unknown) {
-            let known = settings.iter().map(|of| of.key.as_str());
+        let settings = Config::settings(&read_if_there(file)?)?;
+        let mut keys = self.keys.iter();
+        if let Some(key) = keys.find(|key| !settings.iter().any(|set| is_below(&set.key, key))) {
+            let known = settings.iter().map(|set| set.key.as_str());
             let hint = trilink_tables::config::did_you_mean(key, known);
             return Err(format!("found `{key}`, needed a key of the configuration{hint}").into());
         }
         let mut shown = settings;
-        let is_asked = |of: &str| self.keys.iter().any(|key| is_below(of, key));
-        shown.retain(|of| self.keys.is_empty() || is_asked(&of.key));
-        shown.retain(|of| !self.own || of.line.is_some());
+        shown.retain(|set| {
+            self.keys.is_empty() || self.keys.iter().any(|key| is_below(&set.key, key))
+        });
+        shown.retain(|set| !self.own || set.line.is_some());
         if self.json {
             write_json(&shown)?;
             return Ok(Outcome::Well);
         }
-        for of in &shown {
-            let from = match of.line {
+        for set in &shown {
+            let source = match set.line {
                 Some(line) => format!("{}, line {line}", file.display()),
                 None => "default".to_owned(),
             };
-            say!("{:COLUMN$}  # {from}", format!("{} = {}", of.key, of.value));
+            say!("{:COLUMN$}  # {source}", format!("{} = {}", set.key, set.value));
         }
         Ok(Outcome::Well)
     }
 }
 
+/// Prints a summary of the configuration, and any problems in the lists of trials.
 fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
     let config = &context.config;
-    let settings = Config::settings(&text_of(file)?)?;
-    let own = settings.iter().filter(|of| of.line.is_some()).count();
-    match file.exists() {
-        true => say!("{}: valid, with {own} keys of its own", file.display()),
-        false => say!("no {CONFIG_FILE} here: every key has its default"),
+    let settings = Config::settings(&read_if_there(file)?)?;
+    if file.exists() {
+        let own = settings.iter().filter(|set| set.line.is_some()).count();
+        say!("{}: valid; sets {own} keys", file.display());
+    } else {
+        say!("no {CONFIG_FILE} in the current folder: every key has its default");
     }
     let found = TrialFolders::load(&config.paths);
     let mut by_campaign: BTreeMap<&str, usize> = BTreeMap::new();
@@ -119,14 +121,22 @@ fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
     let mut wrong = 0;
     for ListedTrial { folder, trial, .. } in &trials {
         let path = &folders[*folder].path;
-        let missing = || format!("trial `{}`: {} is not there", trial.id, trial.file);
-        let is_missing = !path.join(&trial.file).exists();
-        let problem = trial.check(config).err().map(|error| error.to_string());
-        if let Some(problem) = problem.or_else(|| is_missing.then(missing)) {
+        let mut problem = trial.check(config).err().map(|error| error.to_string());
+        if problem.is_none() && !path.join(&trial.file).exists() {
+            problem = Some(format!("trial `{}`: {} does not exist", trial.id, trial.file));
+        }
+        if let Some(problem) = problem {
             say!("{}: {problem}", path.display());
             wrong += 1;
         }
     }
-    say!("{} folders, {} trials, {wrong} that cannot be processed", folders.len(), trials.len());
+    let in_folders = match folders.len() {
+        1 => "1 folder".to_owned(),
+        count => format!("{count} folders"),
+    };
+    match wrong {
+        0 => say!("{} trials in {in_folders}, all readable", trials.len()),
+        _ => say!("{} trials in {in_folders}, of which {wrong} cannot be processed", trials.len()),
+    }
     Ok(Outcome::well_if(wrong == 0))
 }

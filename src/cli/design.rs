@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 use trilink_fit::design::{
-    Advice, Aim, Candidate, DesignRow, ExpectedRow, Optimality, Prediction, Untold, advise, tell,
+    Advice, Aim, Candidate, DesignRow, ExpectedRow, Optimality, Prediction, Undetermined, advise,
+    tell,
 };
 use trilink_fit::simulate::{FitSummary, KnownFits};
 use trilink_fit::{FitInformation, FitInput, KnownFit};
@@ -13,7 +14,7 @@ use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Columns, NoInterval};
 
 use super::output::{note, say, write_json};
-use super::parse::{Omegas, parse_numbers, parse_omegas};
+use super::parse::{NumberList, parse_numbers, parse_omegas};
 use super::results::Format;
 use super::setup::preferred;
 use super::table::{Table, short};
@@ -21,44 +22,49 @@ use super::{Context, Failure, Outcome};
 use crate::inspect::{View, json as json_of};
 use crate::interrupt;
 
-/// Frequencies that are tried where none are given.
+/// Default number of candidate frequencies.
 const FREQUENCIES: usize = 24;
-/// Trials of frequencies that differ by less than this factor are of one.
-const NEAR: f64 = 1.05;
-/// Largest half width, as a part of a value, that is called a half width.
-const OPEN: f64 = 10.0;
+/// Maximum ratio of the highest to the lowest frequency of trials that count as having a single frequency.
+const MAX_SAME_RATIO: f64 = 1.05;
+/// Maximum relative half width of a confidence interval that is printed; a wider interval is called open.
+const MAX_RELATIVE_HALF_WIDTH: f64 = 10.0;
 
-/// Advise which trials to make next: for the coefficients, for a prediction, or to tell two models apart.
+/// Recommend the next trials: to identify the coefficients, to improve a prediction, or to discriminate between two
+/// models.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/design.txt").trim_end())]
 pub(super) struct Design {
-    /// Name of a `[campaign.*]` that was fitted.
+    /// Name of a `[campaign.*]` table whose trials were fitted.
     campaign: String,
-    /// Name of the `[model.*]` [default: the one that the comparison of the fits prefers].
+    /// Name of the `[model.*]` table [default: the preferred model of the comparison].
     #[arg(long)]
     model: Option<String>,
-    /// How many trials are to be added.
+    /// Number of trials to add.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=50))]
     add: u32,
-    /// How often one trial may be made.
+    /// Maximum number of repeats of one trial.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=50))]
     repeats: u32,
-    /// Frequencies that could be tried, rad/s: `1,2,3`, or `0.5..6/12` [default: 24 in the range of the trials, of one frequency from half to twice as much].
+    /// Candidate frequencies, rad/s: `1,2,3`, or `0.5..6/12` [default: 24 over the range of the
+    /// trials, or from half to twice their frequency if they have only one].
     #[arg(long, value_name = "RAD_S", value_parser = parse_omegas)]
-    omega: Vec<Omegas>,
-    /// Amplitudes of the commanded joints that could be tried, degrees: `20,30` [default: the gait's].
+    omega: Vec<NumberList>,
+    /// Candidate amplitudes of the commanded joints, degrees: `20,30` [default: those of the gait].
     #[arg(long, value_name = "DEG", value_parser = parse_amplitudes)]
-    amplitude_deg: Vec<Omegas>,
-    /// Campaigns of the same robot whose gaits could be tried [default: the campaign].
+    amplitude_deg: Vec<NumberList>,
+    /// Campaigns of the same robot whose gaits are candidates [default: the campaign to which trials are added].
     #[arg(long, num_args = 1.., value_name = "CAMPAIGN")]
     candidates: Vec<String>,
-    /// What is to be small: `d`, the volume of the coefficients' confidence region, or `a`, the mean variance of their logarithms.
+    /// Design criterion: `d` minimises the volume of the coefficients' confidence region, `a` the mean variance of
+    /// their logarithms.
     #[arg(long, value_name = "WHAT", default_value = "d", value_parser = parse_optimality)]
     optimality: Optimality,
-    /// Make a prediction certain instead of the coefficients: `d at 2.5`, a metric at a frequency.
+    /// Minimise the uncertainty of a metric predicted at a frequency in rad/s, such as `d at 2.5`, instead of that of
+    /// the coefficients.
     #[arg(long = "for", value_name = "PREDICTION", value_parser = Prediction::parse, conflicts_with_all = ["tell", "optimality"])]
     aim: Option<Prediction>,
-    /// Tell the model from this other one instead.
+    /// Choose the trials that best discriminate between the model and this other model, instead of those that best
+    /// identify the coefficients.
     #[arg(long, value_name = "MODEL", conflicts_with = "optimality")]
     tell: Option<String>,
     #[command(flatten)]
@@ -69,38 +75,38 @@ impl Design {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let config = &context.config;
         let fits = KnownFits::read(config, true)?;
-        let fit = |name: &str| -> Result<(KnownFit, FitInput), Failure> {
-            let model = Model::new(name);
-            let known = fits.of(&self.campaign, model)?;
-            let input = FitInput::new(config, &self.campaign, model);
-            Ok((known, input.ok_or("no such campaign or model")?))
-        };
         let model = match &self.model {
             Some(model) => model.clone(),
             None => preferred(config, &fits, &self.campaign)?.name().to_owned(),
         };
-        let (known, input) = fit(&model)?;
+        let (known, input) = self.fit(config, &fits, &model)?;
         let caution = FitSummary::new(&known.row).caution();
         if !caution.is_empty() {
             note!("warning: {} {model}: {caution}", self.campaign);
         }
         let gaits = self.gaits(config)?;
-        let size = [self.add, self.repeats].map(|of| of as usize);
+        let size = [self.add, self.repeats].map(|count| count as usize);
         let of_model = |name: &str, why: NoInterval| format!("{} {name}: {why}", self.campaign);
-        let rival = self.tell.as_deref().map(|name| Ok::<_, Failure>((name, fit(name)?)));
+        let rival = self
+            .tell
+            .as_deref()
+            .map(|name| Ok::<_, Failure>((name, self.fit(config, &fits, name)?)));
         let advice = match rival.transpose()? {
             Some((name, _)) if name == model => {
-                return Err(format!("--tell: found `{name}`, needed another model").into());
+                return Err(format!(
+                    "--tell: found `{name}`, needed a model other than that of `--model`"
+                )
+                .into());
             }
-            Some((name, (other, of_other))) => known
+            Some((name, (other, other_input))) => known
                 .with_information(&input, &fits.data, |one| {
                     let told = match other.row.adequate {
-                        Some(false) => "; the trials so far tell it apart",
+                        Some(false) => "; the present trials already reject this model",
                         _ => "",
                     };
                     let candidates = self.all_candidates(one, &gaits);
                     other
-                        .with_information(&of_other, &fits.data, |other| {
+                        .with_information(&other_input, &fits.data, |other| {
                             tell(one, other, &candidates, size, interrupt::token())
                         })
                         .map_err(|why| of_model(name, why) + told)
@@ -123,15 +129,29 @@ impl Design {
         Ok(Outcome::Well)
     }
 
-    /// Says what of an advice is beyond the trials that were fitted.
+    /// Returns the fit of a model to the campaign, and the input of that fit.
+    fn fit(
+        &self,
+        config: &Config,
+        fits: &KnownFits,
+        model: &str,
+    ) -> Result<(KnownFit, FitInput), Failure> {
+        let model = Model::new(model);
+        let known = fits.get(&self.campaign, model)?;
+        let input = FitInput::new(config, &self.campaign, model);
+        Ok((known, input.ok_or("no such campaign or model")?))
+    }
+
+    /// Warns about recommended trials and predictions outside the range of the fitted trials.
     fn note_extrapolation(&self, model: &str, advice: &Advice) {
-        let of_trials = advice.trials.iter().map(|of| ("a trial", &of.extrapolation));
-        let of_predictions =
-            advice.expected.iter().map(|of| (of.quantity.as_str(), &of.extrapolation));
-        let beyond =
-            of_trials.chain(of_predictions).filter(|(_, of)| of.extrapolated == Some(true));
-        let mut beyond: Vec<String> =
-            beyond.map(|(what, of)| format!("{what}: {}", of.beyond_trials)).collect();
+        let trials = advice.trials.iter().map(|row| ("a trial", &row.extrapolation));
+        let predictions =
+            advice.expected.iter().map(|row| (row.quantity.as_str(), &row.extrapolation));
+        let mut beyond: Vec<String> = trials
+            .chain(predictions)
+            .filter(|(_, extrapolation)| extrapolation.extrapolated == Some(true))
+            .map(|(what, extrapolation)| format!("{what}: {}", extrapolation.beyond_trials))
+            .collect();
         beyond.dedup();
         if !beyond.is_empty() {
             note!(
@@ -142,92 +162,97 @@ impl Design {
         }
     }
 
-    /// The gaits that could be tried, and whose they are.
+    /// Returns the candidate gaits with the names of their campaigns.
     fn gaits(&self, config: &Config) -> Result<Vec<(String, Gait)>, Failure> {
         let own = [self.campaign.clone()];
         let names = if self.candidates.is_empty() { &own[..] } else { &self.candidates };
-        let robot = |name: &String| config.campaign.get(name).map(|of| &of.robot);
+        let robot = |name: &String| config.campaign.get(name).map(|campaign| &campaign.robot);
         let mut gaits = Vec::new();
         for name in names {
             let (Some(_), Some((_, gait))) = (robot(name), config.campaign_setup(name)) else {
                 let hint = did_you_mean(name, config.campaign.keys().map(String::as_str));
                 return Err(format!("--candidates: no campaign `{name}`{hint}").into());
             };
-            let commanded = |of: &Gait| of.joints.map(|joint| joint.is_some());
-            let own = config.campaign_setup(&self.campaign).map(|(_, gait)| commanded(&gait));
-            if robot(name) != robot(&self.campaign) || own != Some(commanded(&gait)) {
+            let own = config.campaign_setup(&self.campaign).map(|(_, gait)| gait);
+            let has_same_joints = own.is_some_and(|own| {
+                [0, 1].iter().all(|&i| own.joints[i].is_some() == gait.joints[i].is_some())
+            });
+            if robot(name) != robot(&self.campaign) || !has_same_joints {
                 return Err(format!(
-                    "--candidates: {name} has another robot, or drives other joints, than {}",
+                    "--candidates: {name} has a different robot from {}, or drives different \
+                     joints",
                     self.campaign
                 )
                 .into());
             }
             let amplitudes = self.amplitude_deg.concat();
-            let scaled = |amplitude_deg: &f64| {
+            if amplitudes.is_empty() {
+                gaits.push((name.clone(), gait));
+            }
+            for amplitude_deg in amplitudes {
                 let mut gait = gait;
                 let joints = gait.joints.iter_mut().flatten();
-                joints.for_each(|of| of.amplitude_rad = amplitude_deg.to_radians());
-                (name.clone(), gait)
-            };
-            match amplitudes.is_empty() {
-                true => gaits.push((name.clone(), gait)),
-                false => gaits.extend(amplitudes.iter().map(scaled)),
+                joints.for_each(|command| command.amplitude_rad = amplitude_deg.to_radians());
+                gaits.push((name.clone(), gait));
             }
         }
         Ok(gaits)
     }
 
+    /// Returns every candidate gait at every candidate frequency.
     fn all_candidates(
         &self,
         information: &FitInformation,
         gaits: &[(String, Gait)],
     ) -> Vec<Candidate> {
         let (low, high) = match information.range_rad_s() {
-            [low, high] if high > NEAR * low => (low, high),
-            // Trials of one frequency.
+            [low, high] if high > MAX_SAME_RATIO * low => (low, high),
+            // The trials have a single frequency.
             [low, high] => (0.5 * low, 2.0 * high),
         };
         let mut omegas_rad_s = self.omega.concat();
         if omegas_rad_s.is_empty() {
-            let at = |i: usize| low + (high - low) * i as f64 / (FREQUENCIES - 1) as f64;
-            // As one would set it.
-            omegas_rad_s.extend((0..FREQUENCIES).map(|i| (100.0 * at(i)).round() / 100.0));
+            omegas_rad_s.extend((0..FREQUENCIES).map(|i| {
+                let omega_rad_s = low + (high - low) * i as f64 / (FREQUENCIES - 1) as f64;
+                // Two decimals, as an operator would set a frequency.
+                (100.0 * omega_rad_s).round() / 100.0
+            }));
             omegas_rad_s.dedup();
         }
-        let of_gait = |(campaign, command): &(String, Gait)| {
-            let at = |omega_rad_s: &f64| Candidate {
+        let mut candidates = Vec::new();
+        for (campaign, command) in gaits {
+            candidates.extend(omegas_rad_s.iter().map(|omega_rad_s| Candidate {
                 campaign: campaign.clone(),
                 command: *command,
                 omega_rad_s: *omega_rad_s,
-            };
-            omegas_rad_s.iter().map(at).collect::<Vec<_>>()
-        };
-        gaits.iter().flat_map(of_gait).collect()
+            }));
+        }
+        candidates
     }
 
     fn to_json(&self, model: &str, advice: &Advice) -> Result<Value, Failure> {
-        let of = |table| serde_json::from_str::<Value>(&json_of(&View::of(table)));
-        let untold = |of: &Untold| {
-            let exchanged = of.exchanged.iter().map(|(other, change)| (other.name(), change));
+        let rows = |table| serde_json::from_str::<Value>(&json_of(&View::from_table(table)));
+        let untold = advice.undetermined.iter().map(|untold| {
+            let exchanged = untold.exchanged.iter().map(|(other, change)| (other.name(), change));
             json!({
-                "parameter": of.parameter.name(),
-                "deviation": of.deviation,
-                "deviation_with": of.deviation_with,
+                "parameter": untold.parameter.name(),
+                "deviation": untold.deviation,
+                "deviation_with": untold.deviation_with,
                 "exchanged": exchanged.collect::<BTreeMap<_, _>>(),
-                "omega_rad_s": of.trial.as_ref().map(|of| of.omega_rad_s),
-                "campaign": of.trial.as_ref().map(|of| &of.campaign),
+                "omega_rad_s": untold.trial.as_ref().map(|trial| trial.omega_rad_s),
+                "campaign": untold.trial.as_ref().map(|trial| &trial.campaign),
             })
-        };
+        });
         Ok(json!({
             "campaign": self.campaign,
             "model": model,
-            "trials": of(DesignRow::to_table(&advice.trials))?,
-            "expected": of(ExpectedRow::to_table(&advice.expected))?,
-            "untold": advice.untold.iter().map(untold).collect::<Vec<_>>(),
+            "trials": rows(DesignRow::to_table(&advice.trials))?,
+            "expected": rows(ExpectedRow::to_table(&advice.expected))?,
+            "untold": untold.collect::<Vec<_>>(),
             "is_best_of_all": advice.is_best_of_all,
             "without_motion": advice.without_motion,
             "tell": self.tell,
-            "standard_errors": Some(advice.standard_errors).filter(|of| of.is_finite()),
+            "standard_errors": Some(advice.standard_errors).filter(|count| count.is_finite()),
         }))
     }
 
@@ -235,91 +260,113 @@ impl Design {
         print_trials(&advice.trials);
         if let Some(other) = &self.tell {
             let standard_errors = short(advice.standard_errors);
-            say!("\nwith them {} and {other} differ by {standard_errors} standard errors", model);
+            say!(
+                "\nwith these trials, the predictions of {model} and {other} differ by \
+                 {standard_errors} standard errors"
+            );
         }
         if !advice.expected.is_empty() {
             say!("\nhalf widths of the 95 % intervals:");
             print_expected(&advice.expected);
         }
-        advice.untold.iter().for_each(print_untold);
+        advice.undetermined.iter().for_each(print_untold);
         if advice.without_motion > 0 {
-            say!("{} candidates have no stable motion and were left out", advice.without_motion);
+            say!(
+                "{} candidate trials were skipped, because no stable periodic motion is predicted for them",
+                advice.without_motion
+            );
         }
     }
 }
 
+/// Prints the recommended trials.
 fn print_trials(trials: &[DesignRow]) {
-    let mut table = Table::of(trials)
-        .left("gait of", |of| of.campaign.clone())
-        .right("omega rad/s", |of| short(of.omega_rad_s));
-    let amplitude_rad = |of: &DesignRow, joint: usize| of.amplitude_rad[joint];
-    for joint in
-        (0..2).filter(|joint| trials.iter().any(|of| amplitude_rad(of, *joint).is_finite()))
-    {
-        table = table.right(&format!("amplitude{} deg", joint + 1), |of| {
-            format!("{:.1}", amplitude_rad(of, joint).to_degrees())
-        });
+    let mut table = Table::new(trials)
+        .left("gait of", |row| row.campaign.clone())
+        .right("omega rad/s", |row| short(row.omega_rad_s));
+    for joint in 0..2 {
+        if trials.iter().any(|row| row.amplitude_rad[joint].is_finite()) {
+            table = table.right(&format!("amplitude{} deg", joint + 1), |row| {
+                format!("{:.1}", row.amplitude_rad[joint].to_degrees())
+            });
+        }
     }
     table = table
-        .right("repeats", |of| of.repeats.to_string())
-        .right("d mm", |of| short(1e3 * of.metrics.d_m))
-        .right("v mm/s", |of| short(1e3 * of.metrics.v_m_s));
-    let is_extrapolated = |of: &DesignRow| of.extrapolation.extrapolated == Some(true);
-    let remark = |of: &DesignRow| if is_extrapolated(of) { "extrapolated" } else { "" };
+        .right("repeats", |row| row.repeats.to_string())
+        .right("d mm", |row| short(1e3 * row.metrics.d_m))
+        .right("v mm/s", |row| short(1e3 * row.metrics.v_m_s));
     if trials.iter().any(is_extrapolated) {
-        table = table.left("remark", |of| remark(of).to_owned());
+        table = table.left("remark", |row| {
+            if is_extrapolated(row) { "extrapolated" } else { "" }.to_owned()
+        });
     }
     table.print();
 }
 
+/// Whether a recommended trial lies outside the range of the fitted trials.
+fn is_extrapolated(row: &DesignRow) -> bool {
+    row.extrapolation.extrapolated == Some(true)
+}
+
+/// Prints the current and the expected half widths of the 95 % confidence intervals.
 fn print_expected(expected: &[ExpectedRow]) {
-    let part = |half_width: f64, of: &ExpectedRow| match half_width / of.value.abs() {
-        part if part < OPEN => format!("{} ({} %)", short(half_width), rounded(100.0 * part)),
-        _ => "open".to_owned(),
-    };
-    Table::of(expected)
-        .left("", |of| of.quantity.clone())
-        .right("value", |of| short(of.value))
-        .right("now", |of| part(of.half_width, of))
-        .right("expected", |of| part(of.expected_half_width, of))
-        .right("spread evenly", |of| part(of.evenly_half_width, of))
+    Table::new(expected)
+        .left("", |row| row.quantity.clone())
+        .right("value", |row| short(row.value))
+        .right("now", |row| relative(row.half_width, row.value))
+        .right("expected", |row| relative(row.expected_half_width, row.value))
+        .right("spread evenly", |row| relative(row.evenly_half_width, row.value))
         .print();
 }
 
-/// To two digits.
+/// Formats the half width of an interval together with its percentage of `value`; "open" if the interval is too wide.
+fn relative(half_width: f64, value: f64) -> String {
+    match half_width / value.abs() {
+        ratio if ratio < MAX_RELATIVE_HALF_WIDTH => {
+            format!("{} ({} %)", short(half_width), rounded(100.0 * ratio))
+        }
+        _ => "open".to_owned(),
+    }
+}
+
+/// Formats a percentage with two significant digits.
 fn rounded(percent: f64) -> String {
     let digits = (1.0 - percent.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0);
     format!("{percent:.*}", digits as usize)
 }
 
-fn print_untold(of: &Untold) {
-    let Untold { parameter, deviation, deviation_with, exchanged, trial } = of;
+/// Explains why a parameter is barely identifiable and which trial would help.
+fn print_untold(untold: &Undetermined) {
+    let Undetermined { parameter, deviation, deviation_with, exchanged, trial } = untold;
     let factor = |deviation: f64| format!("a factor of {}", short(deviation.exp()));
     let others: Vec<String> =
         exchanged.iter().map(|(other, change)| format!("{other} by {change:+.2} %")).collect();
-    let why = match others.is_empty() {
-        true => "the trials hardly answer to it".to_owned(),
-        false => format!("+1 % of it is made up for by {}", others.join(", ")),
+    let why = if others.is_empty() {
+        "it hardly affects the metrics of the trials".to_owned()
+    } else {
+        format!("a change of +1 % is compensated by {}", others.join(", "))
     };
-    let mend = match trial {
+    let remedy = match trial {
         Some(Candidate { campaign, omega_rad_s, .. }) => format!(
-            "a trial of {campaign} at {} rad/s would leave {}",
+            "with a trial of {campaign} at {} rad/s, the standard deviation would be {}",
             short(*omega_rad_s),
             factor(*deviation_with)
         ),
-        None => "no candidate would tell it".to_owned(),
+        None => "no candidate trial would make it identifiable".to_owned(),
     };
     say!(
-        "\n{parameter} is hardly told, its standard deviation is {}: {why}; {mend}",
+        "\n{parameter} is hardly identifiable, because {why}. Its standard deviation is {}; {remedy}",
         factor(*deviation)
     );
 }
 
+/// Parses a design criterion.
 fn parse_optimality(text: &str) -> Result<Optimality, String> {
-    let found = Optimality::ALL.into_iter().find(|of| of.name() == text);
+    let found = Optimality::ALL.into_iter().find(|optimality| optimality.name() == text);
     found.ok_or_else(|| format!("found `{text}`, needed `d` or `a`"))
 }
 
-fn parse_amplitudes(text: &str) -> Result<Omegas, String> {
+/// Parses a list or range of amplitudes, degrees, such as `20,30` or `10..40/4`.
+fn parse_amplitudes(text: &str) -> Result<NumberList, String> {
     parse_numbers(text, "an amplitude")
 }

@@ -6,14 +6,14 @@ use trilink_tables::config::did_you_mean;
 use super::output::{say, write_json};
 use super::{Failure, Outcome};
 
-/// Lines are no longer, so that they can be read in any terminal.
-const MOST_CHARACTERS: usize = 80;
+/// Maximum number of characters per line, so that the text fits any terminal.
+const MAX_CHARACTERS: usize = 80;
 
-/// Say what a check looks at, why that matters and what to do.
+/// Explain a check: what it tests, why that matters and what to do.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/explain.txt").trim_end())]
 pub(super) struct Explain {
-    /// Codes or names of checks, such as W018 or joint-places [default: a list of all].
+    /// Codes or names of checks, such as W018 or joint-places [default: list all].
     #[arg(value_name = "CHECK")]
     checks: Vec<String>,
     /// Print one JSON array: an object per check.
@@ -23,36 +23,42 @@ pub(super) struct Explain {
 
 impl Explain {
     pub(super) fn run(self, (): ()) -> Result<Outcome, Failure> {
-        let mut found: Vec<_> = self.checks.iter().filter_map(|of| Explanation::of(of)).collect();
-        let unknown = self.checks.iter().filter(|name| Explanation::of(name).is_none());
+        let mut found: Vec<_> =
+            self.checks.iter().filter_map(|check| Explanation::find(check)).collect();
+        let unknown = self.checks.iter().filter(|name| Explanation::find(name).is_none());
         let unknown: Vec<&String> = unknown.collect();
         if !unknown.is_empty() {
-            let known: Vec<&str> = Explanation::all().map(|of| of.check).collect();
-            let names = known.iter().flat_map(|check| check.split(' '));
-            let hint = |name: &str| did_you_mean(&name.to_uppercase(), names.clone());
-            let each: Vec<String> =
-                unknown.iter().map(|name| format!("found `{name}`{}", hint(name))).collect();
-            let needed = "needed codes or names of checks, as `trilink explain` lists them";
-            return Err(format!("{}; {needed}", each.join(", ")).into());
+            let known: Vec<&str> =
+                Explanation::all().flat_map(|explanation| explanation.check.split(' ')).collect();
+            let each = unknown.iter().map(|name| {
+                format!(
+                    "found `{name}`{}",
+                    did_you_mean(&name.to_uppercase(), known.iter().copied())
+                )
+            });
+            let each = each.collect::<Vec<_>>().join(", ");
+            let needed = "needed check codes or names, as listed by `trilink explain`";
+            return Err(format!("{each}; {needed}").into());
         }
         if self.checks.is_empty() {
             found = Explanation::all().collect();
         }
         match (self.json, self.checks.is_empty()) {
             (true, _) => write_json(&found)?,
-            (false, true) => found.iter().for_each(|of| say!("{}", of.check)),
+            (false, true) => found.iter().for_each(|explanation| say!("{}", explanation.check)),
             (false, false) => found.iter().for_each(say_one),
         }
         Ok(Outcome::Well)
     }
 }
 
+/// Prints the explanation of a check, wrapped into lines.
 fn say_one(Explanation { check, parts }: &Explanation) {
     say!("{check}");
     for (heading, text) in parts {
         let mut line = format!("  {heading}:");
         for word in text.split(' ') {
-            if line.chars().count() + 1 + word.chars().count() > MOST_CHARACTERS {
+            if line.chars().count() + 1 + word.chars().count() > MAX_CHARACTERS {
                 say!("{line}");
                 line = "   ".to_owned();
             }

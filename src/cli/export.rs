@@ -9,12 +9,12 @@ use super::output::{note, say};
 use super::{Context, Failure, Outcome};
 use crate::export::{ExportFormat, Motion};
 
-/// How a trial is written.
+/// Format of an exported trial.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Format {
-    /// OpenSim's table of markers, mm; the links' axles and the joints are markers, too.
+    /// Marker table for OpenSim, in mm; includes the wheel axles and the joints as markers.
     Trc,
-    /// MCAP with Foxglove's frame transforms and point clouds, m.
+    /// MCAP with frame transforms and point clouds for Foxglove or Rerun, in m.
     Mcap,
     /// One row per frame.
     Csv,
@@ -24,15 +24,15 @@ enum Format {
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/export.txt").trim_end())]
 pub(super) struct Export {
-    /// Its name, or `FOLDER/ID`.
+    /// Name of the trial, or `FOLDER/ID`.
     trial: String,
-    /// For OpenSim, for Foxglove or Rerun, or a table.
+    /// File format.
     #[arg(long, value_enum)]
     format: Format,
-    /// File to write, `-` for standard output [default: TRIAL.FORMAT here].
+    /// File to write, `-` for standard output [default: TRIAL.FORMAT in the current folder].
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Replace files that are there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -48,28 +48,26 @@ impl Export {
         };
         let path = self.output.unwrap_or_else(|| format!("{}.{extension}", motion.name).into());
         if !to_stdout && !self.force && path.symlink_metadata().is_ok() {
-            let needed = "needed a new file, or --force to replace it";
-            return Err(format!("{}: found a file, {needed}", path.display()).into());
+            return Err(
+                format!("{}: file already exists; --force replaces it", path.display()).into()
+            );
         }
         let bytes = motion.write(format);
-        match to_stdout {
-            true => {
-                let mut to = std::io::stdout().lock();
-                match to.write_all(&bytes).and_then(|()| to.flush()) {
-                    // Nobody reads any more.
-                    Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
-                    written => written.map_err(|error| format!("standard output: {error}"))?,
-                }
+        if to_stdout {
+            let mut stdout = std::io::stdout().lock();
+            match stdout.write_all(&bytes).and_then(|()| stdout.flush()) {
+                // The reader has closed the pipe.
+                Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
+                written => written.map_err(|error| format!("standard output: {error}"))?,
             }
-            false => {
-                write_bytes(&path, &bytes)?;
-                say!("{}", path.display());
-            }
+        } else {
+            write_bytes(&path, &bytes)?;
+            say!("{}", path.display());
         }
         Ok(match &motion.without_poses {
             None => Outcome::Well,
             Some(why) => {
-                note!("trial {}: markers without poses, because {why}", motion.name);
+                note!("trial {}: exported markers without poses, because {why}", motion.name);
                 Outcome::NeedsAttention
             }
         })

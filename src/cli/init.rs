@@ -1,7 +1,5 @@
 //! `trilink init`.
 
-use std::path::PathBuf;
-
 use serde_json::json;
 use trilink_tables::config::CONFIG_FILE;
 
@@ -17,18 +15,18 @@ use crate::interrupt;
 pub(super) struct Init {
     #[command(flatten)]
     request: Request,
-    /// Print one JSON object of all that was found.
+    /// Print one JSON object with all findings.
     #[arg(long)]
     json: bool,
 }
 
 impl Init {
-    /// `progress` shows which file is read.
     pub(super) fn run(self, progress: super::Progress) -> Result<Outcome, Failure> {
         let Self { request, json } = self;
-        let listed =
-            |folder: &PathBuf| trilink_mocap::marker_files(folder).map_or(0, |of| of.len());
-        let stage = progress.stage("init", request.folders.iter().map(listed).sum());
+        let files = request.folders.iter();
+        let files =
+            files.map(|folder| trilink_mocap::marker_files(folder).map_or(0, |files| files.len()));
+        let stage = progress.stage("init", files.sum());
         let on_file = |file: &str| {
             stage.step(file);
             interrupt::token().check()
@@ -38,43 +36,58 @@ impl Init {
             found => found?,
         };
         drop(stage);
-        match json {
-            true => write_json(&found)?,
-            false => say_findings(&found, &request)?,
+        if json {
+            write_json(&found)?;
+        } else {
+            print_findings(&found, &request)?;
         }
         Ok(Outcome::well_if(!found.is_lacking()))
     }
 }
 
-fn say_findings(found: &Findings, request: &Request) -> Result<(), Failure> {
-    let or_none = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
-    let joint = |of: &FoundFile, i: usize| {
-        or_none(of.joints.map(|joints| {
-            let JointSwing { offset_deg, amplitude_deg, phase_deg } = joints[i];
-            format!("{offset_deg:.1} +- {amplitude_deg:.1} at {phase_deg:.0}")
-        }))
-    };
-    let subjects = |of: &FoundFile| (!of.subjects.is_empty()).then(|| of.subjects.join(", "));
-    Table::of(&found.files)
-        .left("file", |of| of.folder.join(&of.file).display().to_string())
-        .left("subject", |of| or_none(subjects(of)))
-        .right("labels", |of| of.labels.to_string())
-        .right("rate_hz", |of| or_none(of.rate_hz.map(|rate_hz| rate_hz.to_string())))
-        .right("frames", |of| of.frames.to_string())
-        .left("kind", |of| or_none(of.kind.map(|kind| kind.to_string())))
-        .right("omega_rad_s", |of| or_none(of.omega_rad_s.map(|omega| format!("{omega:.4}"))))
-        .left("joint1_deg", |of| joint(of, 0))
-        .left("joint2_deg", |of| joint(of, 1))
-        .left("campaign", |of| or_none(of.campaign.clone()))
+/// Prints a table of the files and a summary of the findings.
+fn print_findings(found: &Findings, request: &Request) -> Result<(), Failure> {
+    Table::new(&found.files)
+        .left("file", path)
+        .left("subject", |file| {
+            or_dash(Some(file.subjects.join(", ")).filter(|text| !text.is_empty()))
+        })
+        .right("labels", |file| file.labels.to_string())
+        .right("rate_hz", |file| or_dash(file.rate_hz.map(|rate_hz| rate_hz.to_string())))
+        .right("frames", |file| file.frames.to_string())
+        .left("kind", |file| or_dash(file.kind.map(|kind| kind.to_string())))
+        .right("omega_rad_s", |file| or_dash(file.omega_rad_s.map(|omega| format!("{omega:.4}"))))
+        .left("joint1_deg", |file| or_dash(file.joints.map(|joints| swing(joints[0]))))
+        .left("joint2_deg", |file| or_dash(file.joints.map(|joints| swing(joints[1]))))
+        .left("campaign", |file| or_dash(file.campaign.clone()))
         .print();
-    let place = |of: &FoundFile| of.folder.join(&of.file).display().to_string();
-    let problem = |of: &FoundFile| Some(format!("{}: {}", place(of), of.problem.as_ref()?));
+    let problems = found
+        .files
+        .iter()
+        .filter_map(|file| Some(format!("{}: {}", path(file), file.problem.as_ref()?)));
     let empty = found.empty.iter().map(|folder| format!("{}: no trial", folder.display()));
-    let left_out: Vec<String> = found.files.iter().filter_map(problem).chain(empty).collect();
-    let config = match request.out.as_os_str().is_empty() {
-        true => String::new(),
-        false => format!(" -c {}", request.out.join(CONFIG_FILE).display()),
+    let left_out: Vec<String> = problems.chain(empty).collect();
+    let config = if request.out.as_os_str().is_empty() {
+        String::new()
+    } else {
+        format!(" -c {}", request.out.join(CONFIG_FILE).display())
     };
     let text = json!({ "left_out": left_out, "found": found, "config": config });
     write_text(include_str!("text/init.txt"), &text)
+}
+
+/// Returns the path of a file as text.
+fn path(file: &FoundFile) -> String {
+    file.folder.join(&file.file).display().to_string()
+}
+
+/// Formats the motion of a joint: offset, amplitude and phase in degrees.
+fn swing(swing: JointSwing) -> String {
+    let JointSwing { offset_deg, amplitude_deg, phase_deg } = swing;
+    format!("{offset_deg:.1} +- {amplitude_deg:.1} at {phase_deg:.0}")
+}
+
+/// Returns the text, or a dash if there is none.
+fn or_dash(text: Option<String>) -> String {
+    text.unwrap_or_else(|| "-".to_owned())
 }

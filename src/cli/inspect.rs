@@ -13,19 +13,19 @@ use crate::inspect::{
     text, unit,
 };
 
-/// Others write whole schemas into a file's metadata.
-const LONGEST_METADATA: usize = 100;
+/// Maximum number of printed characters of a metadata value; some programs store whole schemas as metadata.
+const MAX_METADATA: usize = 100;
 
-/// Look into a table of `derived`, or into any Parquet file.
+/// Inspect a table of `derived`, or any Parquet file.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/inspect.txt").trim_end())]
 pub(super) struct Inspect {
-    /// A table of `derived`, such as `trials`, `fits`, `poses/TRIAL` or `poses` of all trials, or
-    /// any Parquet file; all of `derived` are listed if none is named.
+    /// Table of `derived`, such as `trials`, `fits`, `poses/TRIAL` or `poses` of all trials, or any
+    /// Parquet file [default: list the tables of `derived`].
     table: Option<String>,
     #[command(flatten)]
     query: Query,
-    /// Columns to sort by; downwards with a minus sign or ` desc`.
+    /// Columns to sort by; a minus sign or ` desc` sorts in descending order.
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "COLUMN,..")]
     sort: Vec<String>,
     /// Show the columns with their types, units and meanings instead of rows.
@@ -60,10 +60,10 @@ impl Inspect {
     }
 }
 
-/// The rows with some digits.
+/// Prints rows with six significant digits, as many columns as fit on the terminal.
 fn show(context: &Context, view: &View) {
     let cells = view.cells(in_short);
-    let mut table = Table::of(&cells);
+    let mut table = Table::new(&cells);
     for (i, column) in view.columns.iter().enumerate() {
         let is_number = column.dtype == Some(DataType::Float64);
         table = table.column(&column.name, is_number, |row| row[i].clone());
@@ -71,13 +71,13 @@ fn show(context: &Context, view: &View) {
     let hidden = table.print_fitting(table::terminal_width());
     if hidden > 0 {
         context.say(&format!(
-            "{hidden} columns do not fit on the terminal; --columns chooses, --csv has them all"
+            "{hidden} columns do not fit on the terminal; choose some with --columns, or print all with --csv"
         ));
     }
     context.say(&format!("{} of {} rows", cells.len(), view.total));
 }
 
-/// Six significant digits, and a dash where nothing is.
+/// Formats a cell: numbers with six significant digits, null as a dash.
 fn in_short(cell: &AnyValue) -> String {
     match float(cell) {
         Some(number) => table::short(number),
@@ -86,7 +86,7 @@ fn in_short(cell: &AnyValue) -> String {
     }
 }
 
-/// A column to sort by, and whether downwards.
+/// Parses a sort key, such as `d_m`, `-d_m` or `d_m desc`; returns the column and whether the order is descending.
 fn sort_key(text: &str) -> Result<(String, bool), String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let (name, descending) = match words[..] {
@@ -102,23 +102,23 @@ fn sort_key(text: &str) -> Result<(String, bool), String> {
     Ok((name.to_owned(), descending))
 }
 
+/// Prints the columns of a table with their types, units and meanings.
 fn show_schema(path: &std::path::Path, as_json: bool) -> Result<Outcome, Failure> {
     let info = describe_all(path)?;
     if as_json {
-        let column = |of: &ColumnInfo| {
-            serde_json::json!({
-                "name": of.name,
-                "type": of.type_name,
-                "unit": unit(&of.name),
-                "meaning": meaning(&of.name),
-            })
-            .to_string()
-        };
-        let columns: Vec<String> = info.columns.iter().map(column).collect();
-        write_data(&format!("[{}]", columns.join(",\n ")));
+        let columns = info.columns.iter().map(|ColumnInfo { name, type_name, .. }| {
+            let column = serde_json::json!({
+                "name": name,
+                "type": type_name,
+                "unit": unit(name),
+                "meaning": meaning(name),
+            });
+            column.to_string()
+        });
+        write_data(&format!("[{}]", columns.collect::<Vec<_>>().join(",\n ")));
         return Ok(Outcome::Well);
     }
-    Table::of(&info.columns)
+    Table::new(&info.columns)
         .left("column", |column| column.name.clone())
         .left("type", |column| column.type_name.clone())
         .left("unit", |column| unit(&column.name).unwrap_or_default().to_owned())
@@ -126,7 +126,7 @@ fn show_schema(path: &std::path::Path, as_json: bool) -> Result<Outcome, Failure
         .print();
     say!("{} rows in {}", info.rows, path.display());
     for (key, value) in &info.metadata {
-        let (start, is_cut) = match value.char_indices().nth(LONGEST_METADATA) {
+        let (start, is_cut) = match value.char_indices().nth(MAX_METADATA) {
             Some((end, _)) => (&value[..end], " .."),
             None => (&**value, ""),
         };
@@ -135,30 +135,31 @@ fn show_schema(path: &std::path::Path, as_json: bool) -> Result<Outcome, Failure
     Ok(Outcome::Well)
 }
 
-/// What there is to look into.
+/// Lists the tables of `derived` with their sizes.
 fn list_tables(context: &Context) -> Result<Outcome, Failure> {
     let derived = &context.config.paths.derived;
     let tables = list(derived);
     if tables.is_empty() {
-        let none = "no tables; `trilink run` makes them";
-        return Err(format!("{}: {none}", derived.display()).into());
+        return Err(format!("{}: no tables; `trilink run` makes them", derived.display()).into());
     }
     let mut problems = BTreeSet::new();
-    let row = |listed: &Listed| match describe(&listed.path) {
-        Ok(info) => {
-            let rows = match listed.tables {
-                Some(tables) => format!("{tables} tables"),
-                None => info.rows.to_string(),
-            };
-            [listed.name.clone(), rows, info.columns.len().to_string()]
-        }
-        Err(problem) => {
-            problems.insert(problem.to_string());
-            [listed.name.clone(), "-".to_owned(), "-".to_owned()]
-        }
-    };
-    let rows: Vec<[String; 3]> = tables.iter().map(row).collect();
-    Table::of(&rows)
+    let mut rows: Vec<[String; 3]> = Vec::new();
+    for Listed { name, path, tables } in tables {
+        rows.push(match describe(&path) {
+            Ok(info) => {
+                let count = match tables {
+                    Some(tables) => format!("{tables} tables"),
+                    None => info.rows.to_string(),
+                };
+                [name, count, info.columns.len().to_string()]
+            }
+            Err(problem) => {
+                problems.insert(problem.to_string());
+                [name, "-".to_owned(), "-".to_owned()]
+            }
+        });
+    }
+    Table::new(&rows)
         .left("table", |row| row[0].clone())
         .right("rows", |row| row[1].clone())
         .right("columns", |row| row[2].clone())

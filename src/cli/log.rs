@@ -1,4 +1,4 @@
-//! What happens, as lines: in a file with `--log`, on standard error with `-v`.
+//! Log: appended to a file with `--log`, printed to standard error with `-v`.
 
 use std::fs::OpenOptions;
 use std::path::Path;
@@ -14,8 +14,8 @@ use tracing_subscriber::util::SubscriberInitExt;
 use super::Failure;
 use super::output::Lines;
 
-/// Begins to write what happens: to the end of a file, and with `-v` or `-vv` to standard error. A process can do
-/// so once.
+/// Starts logging: appends to `file`, if one is given, and writes to standard error if `verbose`, the number of options
+/// `-v`, is not 0. A process can start logging only once.
 pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
     if file.is_none() && verbose == 0 {
         return Ok(());
@@ -38,6 +38,7 @@ pub(super) fn begin(file: Option<&Path>, verbose: u8) -> Result<(), Failure> {
     let lines = || Lines(std::io::stderr());
     let to_terminal = layer().with_ansi(false).with_target(false).with_writer(lines);
     let both = registry().with(to_terminal.with_filter(shown)).with(to_file);
-    both.try_init()
-        .map_err(|_| "--log, --verbose: an earlier command of this process writes already".into())
+    both.try_init().map_err(|_| {
+        "--log, --verbose: an earlier command in this process has already started a log".into()
+    })
 }

@@ -6,17 +6,17 @@ use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Outcome, stages};
 use crate::build::{self, Merged, ShardsStatus};
 
-/// Join the parts of an ingest or bootstrap into the tables that an undivided one leaves.
+/// Merge the shards of an ingest or bootstrap into the tables that an undivided ingest or bootstrap writes.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/merge.txt").trim_end())]
 pub(super) struct Merge {
-    /// Folder with the parts.
+    /// Folder with the shards.
     #[arg(value_name = "FOLDER")]
     shards: PathBuf,
-    /// Join the parts that are there; ends with 1 if one is missing.
+    /// Merge the existing shards even if some are missing; the exit status is then 1.
     #[arg(long)]
     allow_missing: bool,
-    /// Write nothing: say which parts are there, missing or failed, and what to submit again.
+    /// Write nothing; list which shards are complete, missing or failed, and what to submit again.
     #[arg(long, conflicts_with = "allow_missing")]
     status: bool,
     #[command(flatten)]
@@ -39,15 +39,15 @@ impl Merge {
         if status.is_whole() {
             return Ok(outcome);
         }
-        note!("parts are missing, to do again: {}", status.again());
+        note!("shards are missing; make them again with {}", status.again());
         Ok(Outcome::NeedsAttention)
     }
 }
 
-/// Every part, a line each, and what to submit again.
+/// Prints the status of every shard, one per line, and what to submit again.
 fn say_status(status: &ShardsStatus) -> Outcome {
-    for (folder, _, part) in &status.parts {
-        say!("{}: {part}", folder.display());
+    for (folder, _, shard_status) in &status.shards {
+        say!("{}: {shard_status}", folder.display());
     }
     if !status.is_whole() {
         say!("{}", status.again());

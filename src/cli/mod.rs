@@ -1,5 +1,4 @@
-//! The command line, one file per subcommand. Results go to standard output, progress and
-//! messages to standard error.
+//! Command line, with one file per subcommand. Results go to standard output, progress and messages to standard error.
 
 mod branches;
 mod calibrate;
@@ -43,10 +42,10 @@ use trilink_base::cancel::Cancelled;
 use trilink_fit::design::AdviceError;
 use trilink_tables::config::{CONFIG_FILE, Config, Paths};
 
-/// More threads than this take longer to start than they could save.
-const MOST_THREADS: usize = 1024;
+/// Maximum number of threads; more would take longer to start than they would save.
+const MAX_THREADS: usize = 1024;
 
-/// From marker files of a wheeled three-link robot to fitted dissipation models and figures.
+/// Fit dissipation models to motion-capture trials of a wheeled three-link robot, and draw figures.
 #[derive(Parser)]
 #[command(name = "trilink", version, propagate_version = true, max_term_width = 100)]
 #[command(after_help = include_str!("examples/trilink.txt").trim_end())]
@@ -57,28 +56,29 @@ struct Arguments {
     command: Command,
 }
 
-/// What every command takes.
+/// Options that every command accepts.
 #[derive(clap::Args)]
 struct Options {
-    /// Configuration file [default: pipeline.toml here, else the paper's values].
+    /// Configuration file [default: pipeline.toml in the current folder; without it, the paper's values].
     #[arg(short, long, global = true, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Say nothing but results and errors.
+    /// Print only results and errors.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Threads to work with [default: all processors].
+    /// Number of threads [default: all processors].
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
-    /// Add what happens, with the time, to the end of a file.
+    /// Append a log with times to a file.
     #[arg(long, global = true, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Say what happens: stages with their times; -vv also every trial and fit.
+    /// Log stages and their times to standard error; -vv also logs every trial and fit.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 }
 
-/// The program's commands, each an entry with its type, whose documentation and examples are its help. Help, completions
-/// and manual follow; what `run` asks for says what is begun before it.
+/// Declares the commands of the program, each with the type that holds its arguments; the documentation of that type is
+/// the help text of the command. The type of the second argument of `run` selects the setup that precedes it (see
+/// [`Begin`]).
 macro_rules! commands {
     ($($name:ident($command:ty),)*) => {
         #[derive(Subcommand)]
@@ -119,26 +119,27 @@ commands! {
     Man(shell::Man),
 }
 
-/// What to do when another run is busy with the same folder of results.
+/// Behaviour if another run uses the same folder of results.
 #[derive(clap::Args)]
 struct Exclusive {
-    /// Wait for another run on the same folder of results, instead of giving up.
+    /// Wait if another run uses the same folder of results, instead of failing.
     #[arg(long)]
     wait: bool,
 }
 
-/// Trial folders instead of the configured ones.
+/// Trial folders given on the command line.
 #[derive(clap::Args)]
 struct Folders {
-    /// Trial folders, or patterns of them in quotes [default: `paths.raw` of the configuration].
+    /// Trial folders, or quoted patterns that match trial folders [default: `paths.raw` of the configuration].
     #[arg(value_name = "FOLDER")]
     folders: Vec<PathBuf>,
-    /// Remove the trials of all other folders, which otherwise stay.
+    /// Remove the results of trial folders that are not given; without this option, they are retained.
     #[arg(long)]
     only: bool,
 }
 
 impl Folders {
+    /// Replaces the configured trial folders by those given on the command line, if there are any.
     fn configure(self, paths: &mut Paths) {
         if !self.folders.is_empty() {
             paths.raw = self.folders;
@@ -146,12 +147,12 @@ impl Folders {
     }
 }
 
-/// How a command ended, as its exit status.
+/// Outcome of a command, as an exit status.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Outcome {
-    /// All well: 0.
+    /// Success: exit status 0.
     Well,
-    /// Finished, but something needs a person: 1.
+    /// Completed, but something needs attention: exit status 1.
     NeedsAttention,
 }
 
@@ -161,30 +162,29 @@ impl Outcome {
     }
 }
 
-/// Nothing could be done: exit status 2.
+/// Error that ends a command: exit status 2.
 type Failure = Box<dyn std::error::Error>;
 
-/// What a command starts from.
+/// Setup needed by a command before it runs.
 trait Begin: Sized {
     fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure>;
 }
 
-/// What needs neither a configuration nor time.
+/// No setup, for commands that need no configuration and finish at once.
 impl Begin for () {
     fn begin(_: &Options, _: &[OsString]) -> Result<Self, Failure> {
         Ok(())
     }
 }
 
-/// Listens to signals, opens the log and starts the threads.
+/// Setup of signal handlers, log and threads.
 impl Begin for Progress {
     fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
         interrupt::listen()?;
         log::begin(options.log.as_deref(), options.verbose)?;
         if let Some(threads) = options.threads {
-            if !(1..=MOST_THREADS).contains(&threads) {
-                let needed = format!("needed 1 to {MOST_THREADS}");
-                return Err(format!("--threads: found {threads}, {needed}").into());
+            if !(1..=MAX_THREADS).contains(&threads) {
+                return Err(format!("--threads: found {threads}, needed 1 to {MAX_THREADS}").into());
             }
             rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
         }
@@ -200,12 +200,13 @@ impl Begin for Progress {
     }
 }
 
-/// The same with the configuration.
+/// Configuration of a command, and the output for its progress and messages. [`Begin::begin`] creates a value of this
+/// type after setting up signal handlers, the log and the threads.
 struct Context {
     config: Config,
-    /// The file that the command line names, or the one that is looked for.
+    /// Configuration file: the one named on the command line, or `pipeline.toml`.
     file: PathBuf,
-    /// Whether the configuration is a file's. Else nobody has said that the robots are the paper's.
+    /// Whether a configuration file exists; otherwise the paper's robots are assumed.
     is_configured: bool,
     progress: Progress,
 }
@@ -214,15 +215,16 @@ impl Begin for Context {
     fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
         let progress = Progress::begin(options, line)?;
         let file = options.config.as_deref();
-        let (config, is_configured) =
-            (Config::load_or_default(file)?, Config::file(file).is_some());
+        let config = Config::load_or_default(file)?;
+        let is_configured = Config::file(file).is_some();
         let file = file.unwrap_or(Path::new(CONFIG_FILE)).to_owned();
         Ok(Self { config, file, is_configured, progress })
     }
 }
 
 impl Context {
-    /// Without a configuration file: says what is assumed, if `check` finds that it may be so.
+    /// Handles the lack of a configuration file: runs `check` on the default configuration and tells the user what is
+    /// assumed. Does nothing if there is a configuration file.
     fn check_assumed(
         &self,
         check: impl Fn(&Config) -> Result<(), RunError>,
@@ -230,32 +232,34 @@ impl Context {
         if !self.is_configured {
             check(&self.config)?;
             let assumed = "the paper's robots, gaits, campaigns and markers are assumed";
-            self.say(&format!("no {CONFIG_FILE} here: {assumed}"));
+            self.say(&format!("no {CONFIG_FILE} in the current folder: {assumed}"));
         }
         Ok(())
     }
 
-    /// A message beside the results.
+    /// Prints a message to standard error unless `--quiet` is given.
     fn say(&self, message: &str) {
         self.progress.say(message);
     }
 
-    /// What long work gives, with its stages shown meanwhile.
+    /// Runs long work and shows its progress.
     fn watched<T>(&self, work: impl FnOnce(&Watcher) -> T) -> T {
         work(&self.progress.watch(false))
     }
 }
 
-/// Runs the program and gives its exit status.
+/// Runs the program with the command line of this process; returns its exit status.
 pub fn main() -> ExitCode {
     main_with(std::env::args_os().collect()).into()
 }
 
-/// Runs the program with a command line, the first of which is its name, and gives its exit status.
+/// Runs the program with a command line, whose first word is the program's name; returns its exit status.
 pub fn main_with(line: Vec<OsString>) -> u8 {
     if let Some(argument) = line.iter().find(|argument| argument.to_str().is_none()) {
-        let needed = "needed UTF-8, as tables and pages have it";
-        note!("error: argument `{}`: found bytes that are no UTF-8, {needed}", argument.display());
+        note!(
+            "error: argument `{}`: found bytes that are not UTF-8, needed UTF-8",
+            argument.display()
+        );
         return 2;
     }
     let arguments = Arguments::try_parse_from(&line).unwrap_or_else(|error| error.exit());
@@ -264,11 +268,11 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
         Ok(Outcome::Well) => 0,
         Ok(Outcome::NeedsAttention) => 1,
         Err(failure) => {
-            // A cancelled command is no error.
+            // Cancellation is not an error.
             let is_cancelled = is_cancelled(&failure);
             note!("{}{failure}", if is_cancelled { "" } else { "error: " });
             tracing::error!("{failure}");
-            // An interrupted command has the signal's status.
+            // An interrupted command exits with the status of its signal.
             let is_run = matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }));
             interrupt::exit_status().filter(|_| is_run || is_cancelled).unwrap_or(2)
         }
@@ -277,14 +281,15 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
     status
 }
 
-/// A command was cancelled after some of its steps.
+/// Cancellation of a command after some of its steps.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted after {done}")]
 struct Interrupted {
-    /// Such as `12 of 42 trials`.
+    /// Completed steps, such as `12 of 42 trials`.
     done: String,
 }
 
+/// Whether a command failed only because it was cancelled.
 fn is_cancelled(failure: &Failure) -> bool {
     failure.is::<Interrupted>()
         || failure.is::<Cancelled>()

@@ -6,10 +6,11 @@ mod front;
 use std::path::Path;
 
 use trilink_fit::optimise::{
-    Bounds, Certainty, Command, Found, Kept, Optimum, Search, Shown, outside,
+    Bounds, Command, MapOverlay, OptimaTables, Optimum, Search, SearchResult, Uncertainty,
+    exceeded_bounds,
 };
 use trilink_fit::simulate::Setup;
-use trilink_report::{FigureFile, optimum_drawing};
+use trilink_report::optimum_drawing;
 use trilink_robot::metrics::FromRest;
 use trilink_robot::{Gait, JointCommand};
 use trilink_tables::config::{Config, did_you_mean};
@@ -24,59 +25,67 @@ use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::hold;
 use crate::interrupt;
 
-/// Search for the gait with which a model's robot goes farthest, fastest or with least work.
+/// Optimise a gait for distance, speed or work, as predicted by a model.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/optimise.txt").trim_end())]
-#[command(mut_arg("figure", |of| of.help("Draw the objective about the optimum, over the two commands that it answers to most: SVG, PNG or PDF, by the file's ending")))]
+#[command(mut_arg("figure", |arg| arg.help("Draw the objective around the optimum as a function of the two commands to which it is most sensitive; the file extension selects SVG, PNG or PDF")))]
 pub(super) struct Optimise {
-    /// Name of a `[campaign.*]`, whose robot and gait are the present ones.
+    /// Name of a `[campaign.*]` table, whose robot and gait are the starting point.
     campaign: String,
-    /// Name of a `[model.*]`: skid-roll, coulomb or your own [default with --fitted: the one that the comparison prefers].
+    /// Name of a `[model.*]` table: skid-roll, coulomb or your own [default with --fitted: the preferred
+    /// model of the comparison].
     #[arg(long, required_unless_present = "fitted")]
     model: Option<String>,
     #[command(flatten)]
     numbers: Numbers,
-    /// Replicates of the fit with which the searches are done again, for intervals of the optimum; 0 for none [default: all, up to
-    /// 200].
+    /// Number of bootstrap replicates of the fit for which the search is repeated, for confidence
+    /// intervals of the optimum; 0 for none [default: all, up to 200].
     #[arg(long, value_name = "N", requires = "fitted")]
     replicates: Option<usize>,
-    /// What is to be as large as possible: d, v, d-per-work or v-per-power, which have one optimum.
+    /// Objective to maximise: d, v, d-per-work or v-per-power.
     #[arg(long, value_name = "WHAT", value_parser = parse_objective, required_unless_present_any = ["minimise", "pareto"])]
     maximise: Option<Objective>,
-    /// What is to be as small as possible: work-per-metre, which is smallest where d-per-work is largest.
+    /// Objective to minimise: work-per-metre, which is the reciprocal of d-per-work.
     #[arg(long, value_name = "WHAT", value_parser = parse_minimised, conflicts_with = "maximise")]
     minimise: Option<Objective>,
-    /// What can be had of another objective for it, or of two: `--pareto v,work-per-metre`.
+    /// Compute the Pareto front of two objectives: that of --maximise or --minimise and the one named here, or two
+    /// named here, such as `--pareto v,work-per-metre`.
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_any, conflicts_with_all = ["gait_toml", "replicates"])]
     pareto: Vec<Objective>,
-    /// What may vary: omega, amplitude1, offset2, phase2, ..., amplitudes, offsets, second1, seconds (second harmonics); one or several [default: all but second harmonics].
+    /// Commands to vary, one or several: omega, amplitude1, offset2, phase2, ...; amplitudes or offsets (of all
+    /// commanded joints); second1 (second harmonic of joint 1); seconds (all second harmonics) [default: all but the
+    /// second harmonics].
     #[arg(long, num_args = 1.., value_name = "COMMAND")]
     free: Vec<String>,
-    /// Harmonics of the commands that vary: 1, or 2 with the second ones of the joints of which something varies.
+    /// Number of harmonics of the commands: 2 also varies the second harmonics of each joint of which another command
+    /// is varied.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     harmonics: u8,
-    /// Frequencies, rad/s: `0.5..6`, or one where it does not vary [default: optimise.omega_rad_s].
+    /// Bounds of the frequency, rad/s: `0.5..6`, or one number to fix it [default: optimise.omega_rad_s, and with
+    /// --fitted within the range of the trials widened by a fifth].
     #[arg(long, value_name = "RAD_S", value_parser = parse_range)]
     omega: Option<[f64; 2]>,
-    /// Amplitudes of the commanded joints, degrees: `5..60` [default: optimise.amplitude_deg].
+    /// Bounds of the amplitudes of the commanded joints, degrees: `5..60` [default:
+    /// optimise.amplitude_deg, and with --fitted within the range of the trials widened by a fifth].
     #[arg(long, value_name = "DEG", value_parser = parse_range)]
     amplitude_deg: Option<[f64; 2]>,
-    /// Most of |offset| + amplitude, degrees [default: optimise.angle_deg].
+    /// Maximum joint angle (|offset| + amplitude), degrees [default: optimise.angle_deg].
     #[arg(long, value_name = "DEG")]
     angle_deg: Option<f64>,
-    /// Most of amplitude times omega, degrees/s [default: optimise.rate_deg_s].
+    /// Maximum joint rate (amplitude times omega), degrees/s [default: optimise.rate_deg_s].
     #[arg(long, value_name = "DEG_S")]
     rate_deg_s: Option<f64>,
-    /// Most of the actuators' mean power, W [default: optimise.power_w].
+    /// Maximum mean power of the actuators, W [default: optimise.power_w].
     #[arg(long, value_name = "W")]
     power_w: Option<f64>,
-    /// Most of every actuator's torque, N m [default: optimise.torque_nm].
+    /// Maximum torque of each actuator, N m [default: optimise.torque_nm].
     #[arg(long, value_name = "NM")]
     torque_nm: Option<f64>,
-    /// Another objective that must not be worse than a value, in its unit: `v=0.05`, `work-per-metre=2`.
+    /// Constrain another objective to be at least as good as a value, in the unit of that objective: `v=0.05`,
+    /// `work-per-metre=2`.
     #[arg(long, value_name = "WHAT=VALUE", value_parser = parse_least, conflicts_with = "pareto")]
     least: Option<(Objective, f64)>,
-    /// Places where searches begin [default: optimise.starts].
+    /// Number of starts of the search [default: optimise.starts].
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
     /// Print the optimal gait as an entry of pipeline.toml.
@@ -84,8 +93,8 @@ pub(super) struct Optimise {
     gait_toml: bool,
     #[command(flatten)]
     files: Files,
-    /// Keep the optima in `derived/optima.parquet`, and the objective about the best in `optimum_maps.parquet`: the page
-    /// shows them from the next `trilink report` or `trilink run` on.
+    /// Save the optima to `derived/optima.parquet`, and the objective around the best one to
+    /// `optimum_maps.parquet`; the report page shows them after the next `trilink report` or `trilink run`.
     #[arg(long, requires = "fitted", conflicts_with_all = ["set", "pareto"])]
     keep: bool,
     #[command(flatten)]
@@ -100,11 +109,10 @@ impl Optimise {
         self.files.check()?;
         let config = self.configured(context.config.clone())?;
         let settings = &config.optimise;
-        let radians = |[low, high]: [f64; 2]| [low.to_radians(), high.to_radians()];
-        let (omega_rad_s, starts) = (settings.omega_rad_s, settings.starts);
-        let bounds = Bounds {
-            omega_rad_s,
-            amplitude_rad: radians(settings.amplitude_deg),
+        let starts = settings.starts;
+        let mut bounds = Bounds {
+            omega_rad_s: settings.omega_rad_s,
+            amplitude_rad: settings.amplitude_deg.map(f64::to_radians),
             angle_rad: settings.angle_deg.to_radians(),
             rate_rad_s: settings.rate_deg_s.to_radians(),
             power_w: settings.power_w,
@@ -116,72 +124,111 @@ impl Optimise {
         let setup = self.numbers.setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
         note_caution(campaign, &setup);
         note_starting_values(&context.config, campaign, std::slice::from_ref(&setup));
-        let free = match self.free.is_empty() {
-            true => Command::all(&setup.gait),
-            false => Command::parse(&self.free, &setup.gait)?,
+        self.stay_near_trials(&setup, &mut bounds);
+        let free = if self.free.is_empty() {
+            Command::all(&setup.gait)
+        } else {
+            Command::parse(&self.free, &setup.gait)?
         };
         let free = self.varying(free)?;
         let free = match self.harmonics {
-            2 => Command::with_seconds(free, &setup.gait),
+            2 => Command::with_second_harmonics(free, &setup.gait),
             _ => free,
         };
-        for message in outside(&setup.gait, &bounds) {
+        for message in exceeded_bounds(&setup.gait, &bounds) {
             note!(
-                "the present gait is outside the bounds: {message}; the search begins at the nearest within"
+                "the current gait is outside the bounds: {message}; the search starts from the nearest gait within them"
             );
         }
-        let problem =
-            setup.problem(self.fixed_rad_s().unwrap_or(0.5 * omega_rad_s.iter().sum::<f64>()));
+        let problem = setup
+            .problem(self.fixed_rad_s().unwrap_or(0.5 * bounds.omega_rad_s.iter().sum::<f64>()));
         let search = Search { problem, objective, free, bounds, starts };
         if let Some(other) = other {
             return self.print_front(&context, &setup, &search, other);
         }
         let cancel = interrupt::token();
         let found = search.run(cancel)?;
-        // What the present gait comes to at its own best frequency.
-        let mut by_omega = Search { free: search.free.clone(), ..search.clone() };
-        by_omega.free.retain(|of| *of == Command::Omega);
+        // For comparison: the current gait at its best frequency.
+        let mut by_omega = search.clone();
+        by_omega.free.retain(|command| *command == Command::Omega);
         let is_more = search.free.len() > by_omega.free.len();
         let present = if is_more { by_omega.present(cancel)? } else { None };
-        let certainty = certainty::of(&setup, fits.as_ref(), self.replicates, (&search, &found))?;
-        let row = |(nth, of): (usize, &Optimum)| {
-            of.row(nth + 1, campaign, &setup, &search, present.as_ref())
-        };
-        let mut optima: Vec<OptimumRow> = found.optima.iter().enumerate().map(row).collect();
-        note_extrapolation(campaign, &setup, found.optima.iter().map(|of| of.problem.clone()));
+        let certainty =
+            certainty::estimate(&setup, fits.as_ref(), self.replicates, (&search, &found))?;
+        let mut optima: Vec<OptimumRow> = (1..)
+            .zip(&found.optima)
+            .map(|(number, optimum)| {
+                optimum.row(number, campaign, &setup, &search, present.as_ref())
+            })
+            .collect();
+        let problems = found.optima.iter().map(|optimum| optimum.problem.clone());
+        note_extrapolation(campaign, &setup, problems);
         certainty::fill_in(&mut optima, &certainty);
         let best = found.best().filter(|_| self.files.figure.is_some() || self.keep);
         let maps = best.map(|best| {
-            let replicates = certainty.as_ref().map_or(&[][..], |of| &of.places);
+            let replicates =
+                certainty.as_ref().map_or(&[][..], |certainty| &certainty.replicate_commands);
             let range = setup.measured_range().and_then(Result::ok);
-            let shown = Shown { present: present.as_ref(), replicates, range };
+            let shown = MapOverlay { present: present.as_ref(), replicates, range };
             search.map((campaign, setup.model), best, shown, cancel)
         });
         let maps = maps.transpose()?.unwrap_or_default();
         if !maps.is_empty() {
-            let drawn = |file: FigureFile| optimum_drawing(&maps, file);
-            self.files.draw(&context, self.numbers.fitted, drawn)?;
+            self.files.draw(&context, self.numbers.fitted, |file| optimum_drawing(&maps, file))?;
         }
         let outcome = self.print(&setup, &search, &found, present.as_ref(), &certainty, &optima)?;
         if self.keep {
-            let kept = Kept { optima, maps };
+            let kept = OptimaTables { optima, maps };
             let derived = &context.config.paths.derived;
             let _lock =
                 context.watched(|watch| hold(&context.config, self.exclusive.wait, watch))?;
-            if let Some(problem) = kept.keep(derived)? {
-                note!("{problem}; the optima that were there are left out");
+            if let Some(problem) = kept.merge_into(derived)? {
+                note!("{problem}; the earlier optima are dropped");
             }
-            context.say(&format!("kept in {}", derived.join("optima.parquet").display()));
+            context.say(&format!("saved to {}", derived.join("optima.parquet").display()));
         }
         Ok(outcome)
     }
 
-    /// The one frequency where it does not vary.
+    /// Restricts the frequency and the amplitudes to the range of the fitted trials, widened by a fifth, unless their
+    /// bounds are given as options or exclude that range.
+    fn stay_near_trials(&self, setup: &Setup, bounds: &mut Bounds) {
+        let Some(Ok(range)) = setup.measured_range() else { return };
+        let common = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
+            Some([a.max(c), b.min(d)]).filter(|[low, high]| low < high)
+        };
+        if self.omega.is_none()
+            && let Some(omega_rad_s) = common(bounds.omega_rad_s, range.searched_omega_rad_s())
+        {
+            note!(
+                "the search stays within {:.3} to {:.3} rad/s, the range of the trials widened by a fifth; set another \
+                 range with --omega",
+                omega_rad_s[0],
+                omega_rad_s[1]
+            );
+            bounds.omega_rad_s = omega_rad_s;
+        }
+        let amplitude_rad = range.searched_amplitude_rad();
+        if self.amplitude_deg.is_none()
+            && let Some(amplitude_rad) =
+                amplitude_rad.and_then(|range| common(bounds.amplitude_rad, range))
+        {
+            let [low, high] = amplitude_rad.map(f64::to_degrees);
+            note!(
+                "the search stays within amplitudes of {low:.1} to {high:.1} degrees, the range of the trials widened \
+                 by a fifth; set another range with --amplitude-deg"
+            );
+            bounds.amplitude_rad = amplitude_rad;
+        }
+    }
+
+    /// Returns the fixed frequency, rad/s, if `--omega` is a single number, and otherwise `None`.
     fn fixed_rad_s(&self) -> Option<f64> {
         self.omega.filter(|[low, high]| low == high).map(|[omega_rad_s, _]| omega_rad_s)
     }
 
-    /// The configuration with what the options say.
+    /// Returns the configuration, in which options given on the command line replace the settings of the search, except
+    /// that a fixed frequency does not replace the bounds of the frequency.
     fn configured(&self, mut config: Config) -> Result<Config, Failure> {
         let settings = &mut config.optimise;
         if !self.fixed_rad_s().is_some_and(|omega_rad_s| omega_rad_s > 0.0) {
@@ -197,37 +244,47 @@ impl Optimise {
         Ok(config)
     }
 
-    /// The commands that vary where one frequency may be given.
+    /// Returns the commands to vary: all of `free`, or all except the frequency if `--omega` fixes it and `--free` is
+    /// not given. Returns an error if the frequency is both fixed and free, or neither, or if no command is free.
     fn varying(&self, mut free: Vec<Command>) -> Result<Vec<Command>, Failure> {
         let is_fixed = self.fixed_rad_s().is_some();
         if is_fixed && self.free.is_empty() {
-            free.retain(|of| *of != Command::Omega);
+            free.retain(|command| *command != Command::Omega);
         }
         match (free.contains(&Command::Omega), is_fixed) {
-            (true, true) => Err("--omega: found one frequency, needed LOW..HIGH: it varies".into()),
-            (false, false) => {
-                Err("--omega: needed one frequency: `omega` is not among what varies".into())
+            (true, true) => {
+                Err("--omega: found one frequency, needed LOW..HIGH, because `omega` is free"
+                    .into())
             }
-            _ if free.is_empty() => Err("--free: nothing varies".into()),
+            (false, false) => {
+                Err("--omega: found a range, needed one frequency, because `omega` is not \
+                     free"
+                    .into())
+            }
+            _ if free.is_empty() => {
+                Err("--free: found no gait parameter to vary, needed at least one".into())
+            }
             _ => Ok(free),
         }
     }
 
+    /// Prints the results in the requested format, and writes the table if a file for it is given.
     fn print(
         &self,
         setup: &Setup,
         search: &Search,
-        found: &Found,
+        found: &SearchResult,
         present: Option<&Optimum>,
-        certainty: &Result<Certainty, NoInterval>,
+        certainty: &Result<Uncertainty, NoInterval>,
         rows: &[OptimumRow],
     ) -> Result<Outcome, Failure> {
         let objective = search.objective;
-        let Found { optima, failed } = found;
+        let SearchResult { optima, failed } = found;
         let Some(first) = optima.first() else {
-            let motion = match objective.knows_work() {
-                true => "motion within the bounds on which the actuators do work",
-                false => "steady motion within the bounds",
+            let motion = if objective.depends_on_work() {
+                "motion that is within the bounds and in which the actuators do work"
+            } else {
+                "steady motion within the bounds"
             };
             return Err(format!("no search found a {motion}").into());
         };
@@ -247,18 +304,18 @@ impl Optimise {
                 Err(_) => {}
             }
             if *failed > 0 {
-                say!("{failed} searches found no motion within the bounds that is found from rest");
+                say!("{failed} searches ended in motions that the robot does not reach from rest");
             }
         }
         if found.best().is_none() {
-            note!("no optimum counts: {}", why_not(first));
+            note!("no optimum is usable: {}", why_unusable(first));
             return Ok(Outcome::NeedsAttention);
         }
         Ok(Outcome::Well)
     }
 }
 
-/// The optima, and the present gait at its best frequency.
+/// Prints the optima, and the current gait at its best frequency.
 fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present: Option<&Optimum>) {
     let (name, scale) = match objective {
         Objective::Distance => ("d mm".to_owned(), 1e3),
@@ -267,71 +324,77 @@ fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present:
     };
     let Some(first) = optima.first() else { return };
     let numbers = (1..).map(|i: usize| i.to_string()).zip(optima);
-    let lines: Vec<(String, &Optimum)> =
-        numbers.chain(present.map(|of| ("present".to_owned(), of))).collect();
-    let mut table = Table::of(&lines)
+    let present_line = present.map(|present| ("current".to_owned(), present));
+    let lines: Vec<(String, &Optimum)> = numbers.chain(present_line).collect();
+    let mut table = Table::new(&lines)
         .left("", |(name, _)| name.clone())
-        .right(&name, |(_, of)| short(scale * of.value))
-        .right("omega rad/s", |(_, of)| short(of.problem.omega_rad_s));
-    let has_second = optima.iter().any(|of| of.problem.gait.has_second());
+        .right(&name, |(_, optimum)| short(scale * optimum.value))
+        .right("omega rad/s", |(_, optimum)| short(optimum.problem.omega_rad_s));
+    let has_second = optima.iter().any(|optimum| optimum.problem.gait.has_second());
     type Angle = (&'static str, fn(&JointCommand) -> f64);
     let angles: [Angle; 5] = [
-        ("amplitude", |of| of.amplitude_rad),
-        ("offset", |of| of.offset_rad),
-        ("phase", |of| of.phase_rad),
-        ("second amplitude", |of| of.second().amplitude_rad()),
-        ("second phase", |of| of.second().phase_rad()),
+        ("amplitude", |command| command.amplitude_rad),
+        ("offset", |command| command.offset_rad),
+        ("phase", |command| command.phase_rad),
+        ("second amplitude", |command| command.second().amplitude_rad()),
+        ("second phase", |command| command.second().phase_rad()),
     ];
     for joint in (0..2).filter(|joint| first.problem.gait.joints[*joint].is_some()) {
         for (name, angle_rad) in &angles[..if has_second { 5 } else { 3 }] {
-            table = table.right(&format!("{name}{} deg", joint + 1), |(_, of)| {
-                let command = of.problem.gait.joints[joint];
+            table = table.right(&format!("{name}{} deg", joint + 1), |(_, optimum)| {
+                let command = optimum.problem.gait.joints[joint];
                 let angle_rad = command.map_or(f64::NAN, |command| angle_rad(&command));
                 format!("{:.3}", angle_rad.to_degrees() + 0.0)
             });
         }
     }
     table
-        .right("d mm", |(_, of)| short(1e3 * of.motion.metrics.d_m))
-        .right("v mm/s", |(_, of)| short(1e3 * of.motion.metrics.v_m_s))
-        .right("work J/m", |(_, of)| short(of.motion.work_j / of.motion.metrics.d_m))
-        .right("power W", |(_, of)| short(of.power_w()))
-        .right("starts", |(_, of)| of.starts.to_string())
-        .left("remark", |(_, of)| remark(setup, of))
+        .right("d mm", |(_, optimum)| short(1e3 * optimum.motion.metrics.d_m))
+        .right("v mm/s", |(_, optimum)| short(1e3 * optimum.motion.metrics.v_m_s))
+        .right("work J/m", |(_, optimum)| short(optimum.motion.work_j / optimum.motion.metrics.d_m))
+        .right("power W", |(_, optimum)| short(optimum.power_w()))
+        .right("starts", |(_, optimum)| optimum.starts.to_string())
+        .left("remark", |(_, optimum)| remark(setup, optimum))
         .print();
-    if let (Some(best), Some(present)) = (optima.first().filter(|of| of.counts()), present) {
+    if let (Some(best), Some(present)) =
+        (optima.first().filter(|best| best.is_reachable()), present)
+    {
         let percent = 100.0 * (best.value / present.value - 1.0);
-        say!("the best is {percent:+.1} % of the present gait at its best frequency");
+        say!("best gait: {percent:+.1} % compared with the current gait at its best frequency");
     }
 }
 
-/// What keeps it from being better, in what it is beyond the trials of the fit, and why it does not count.
-fn remark(setup: &Setup, of: &Optimum) -> String {
-    let at_bound = match of.at_bound.is_empty() {
-        true => String::new(),
-        false => format!("at its bound: {}", of.at_bound.join(", ")),
+/// Describes an optimum: its active bounds, any extrapolation beyond the fitted trials, and the reason if it is
+/// unusable.
+fn remark(setup: &Setup, optimum: &Optimum) -> String {
+    let at_bound = if optimum.at_bound.is_empty() {
+        String::new()
+    } else {
+        format!("at its bound: {}", optimum.at_bound.join(", "))
     };
-    let extrapolated = match setup.extrapolation(&of.problem) {
+    let extrapolated = match setup.extrapolation(&optimum.problem) {
         Extrapolation { extrapolated: Some(true), beyond_trials } => {
             format!("extrapolated: {beyond_trials}")
         }
         _ => String::new(),
     };
-    let parts = [at_bound, extrapolated, why_not(of)];
+    let parts = [at_bound, extrapolated, why_unusable(optimum)];
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-/// Why an optimum does not count; empty if it does.
-fn why_not(of: &Optimum) -> String {
-    match (of.status.is_stable(), of.from_rest) {
-        (false, _) => format!("the motion is {}", of.status),
-        (_, FromRest::Another) => "from rest the robot gets into another motion".to_owned(),
-        (_, FromRest::Unsettled) => "from rest the robot does not settle".to_owned(),
+/// Explains why an optimum is unusable; empty if it is usable.
+fn why_unusable(optimum: &Optimum) -> String {
+    match (optimum.status.is_stable(), optimum.from_rest) {
+        (false, _) => format!("the motion is {}", optimum.status),
+        (_, FromRest::Another) => {
+            "starting from rest, the robot settles into a different motion".to_owned()
+        }
+        (_, FromRest::Unsettled) => "starting from rest, the robot does not settle".to_owned(),
         _ => String::new(),
     }
 }
 
-/// The gait as an entry of `pipeline.toml`.
+/// Formats a gait as an entry of `pipeline.toml`.
 fn gait_toml(
     campaign: &str,
     objective: Objective,
@@ -366,45 +429,49 @@ fn gait_toml(
     text
 }
 
+/// Parses the name of an objective that can be maximised.
 fn parse_objective(text: &str) -> Result<Objective, String> {
-    of_names(text, |of| !of.is_minimised())
+    parse_among(text, |objective| !objective.is_minimised())
 }
 
+/// Parses the name of an objective that can be minimised.
 fn parse_minimised(text: &str) -> Result<Objective, String> {
-    of_names(text, Objective::is_minimised)
+    parse_among(text, Objective::is_minimised)
 }
 
+/// Parses the name of any objective.
 fn parse_any(text: &str) -> Result<Objective, String> {
-    of_names(text, |_| true)
+    parse_among(text, |_| true)
 }
 
-/// An objective and a value of it.
+/// Parses an objective and its worst permitted value, such as `v=0.05`.
 fn parse_least(text: &str) -> Result<(Objective, f64), String> {
     let needed = || format!("found `{text}`, needed WHAT=VALUE, such as v=0.05");
     let (what, value) = text.split_once('=').ok_or_else(needed)?;
     value.trim().parse::<f64>().map_err(|_| needed())?;
-    let value = positive(value).ok_or_else(|| needed() + ", above 0")?;
+    let value = positive(value).ok_or_else(|| needed() + ", with a value above 0")?;
     Ok((parse_any(what.trim())?, value))
 }
 
-/// The objective with a name, of those for which `is_one` holds.
-fn of_names(text: &str, is_one: impl Fn(Objective) -> bool) -> Result<Objective, String> {
-    let known: Vec<Objective> = Objective::ALL.into_iter().filter(|of| is_one(*of)).collect();
-    let found = known.iter().copied().find(|of| of.name() == text);
+/// Parses the name of an objective for which `is_allowed` returns true.
+fn parse_among(text: &str, is_allowed: impl Fn(Objective) -> bool) -> Result<Objective, String> {
+    let known: Vec<Objective> =
+        Objective::ALL.into_iter().filter(|objective| is_allowed(*objective)).collect();
+    let found = known.iter().copied().find(|objective| objective.name() == text);
     found.ok_or_else(|| {
-        let names: Vec<&str> = known.iter().map(|of| of.name()).collect();
+        let names: Vec<&str> = known.iter().map(|objective| objective.name()).collect();
         let hint = did_you_mean(text, names.iter().copied());
         format!("found `{text}`, needed `{}`{hint}", names.join("`, `"))
     })
 }
 
-/// `LOW..HIGH`, or one number as both.
+/// Parses `LOW..HIGH`, or a single number, which becomes both limits.
 fn parse_range(text: &str) -> Result<[f64; 2], String> {
     let needed = || format!("found `{text}`, needed LOW..HIGH or a number");
     let range = low_high(text).or_else(|| finite(text).map(|value| [value; 2]));
     let range = range.ok_or_else(needed)?;
-    match text.contains("..") && range[0] >= range[1] {
-        true => Err(needed() + ", the lower number first"),
-        false => Ok(range),
+    if text.contains("..") && range[0] >= range[1] {
+        return Err(needed() + ", with the lower number first");
     }
+    Ok(range)
 }

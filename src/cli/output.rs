@@ -1,20 +1,19 @@
-//! Lines on standard output and standard error. The reader may have closed the pipe
-//! (`trilink simulate .. | head`): then the program ends.
+//! Lines on standard output and standard error. If the reader has closed the pipe of standard output
+//! (`trilink simulate .. | head`), the program ends.
 
 use std::collections::BTreeMap;
 use std::io::{ErrorKind, IsTerminal, Write};
 
 use serde::Serialize;
-use trilink_base::text::harmless;
+use trilink_base::text::escape_controls;
 
 use super::Failure;
 use crate::template::fill;
 
-/// Writes text and the end of its line to standard output, and ends the program quietly if nobody
-/// reads any more.
+/// Writes a line to standard output, and ends the program quietly if the reader has closed the pipe.
 pub(super) fn write_line(text: &str) {
-    let mut to = std::io::stdout().lock();
-    match writeln!(to, "{text}").and_then(|()| to.flush()) {
+    let mut stdout = std::io::stdout().lock();
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
         // A result that cannot be written (a full disk, for example) must not look like success.
         Err(error) => {
@@ -25,11 +24,12 @@ pub(super) fn write_line(text: &str) {
     }
 }
 
-/// Writes results for other programs, every character of them unless a terminal shows them.
+/// Writes results for other programs; control characters are escaped only on a terminal.
 pub(super) fn write_data(text: &str) {
-    match std::io::stdout().is_terminal() {
-        true => write_line(&harmless(text)),
-        false => write_line(text),
+    if std::io::stdout().is_terminal() {
+        write_line(&escape_controls(text));
+    } else {
+        write_line(text);
     }
 }
 
@@ -39,19 +39,19 @@ pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a line beside the results, on standard error. That nobody reads it ends nothing.
+/// Writes a line to standard error; a closed pipe is ignored.
 pub(super) fn write_note(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{}", harmless(text));
+    let _ = writeln!(std::io::stderr().lock(), "{}", escape_controls(text));
 }
 
-/// A line of results, on standard output.
+/// Prints a line of results to standard output.
 macro_rules! say {
     ($($part:tt)*) => {
-        $crate::cli::output::write_line(&trilink_base::text::harmless(&format!($($part)*)))
+        $crate::cli::output::write_line(&trilink_base::text::escape_controls(&format!($($part)*)))
     };
 }
 
-/// A line beside the results, on standard error.
+/// Prints a message to standard error.
 macro_rules! note {
     ($($part:tt)*) => {
         $crate::cli::output::write_note(&format!($($part)*))
@@ -60,30 +60,27 @@ macro_rules! note {
 
 pub(super) use {note, say};
 
-/// Prints a value as JSON, or else as a template of text shows it, in which it is `of`.
+/// Prints a value as JSON if `as_json` is set, and otherwise as text: a filled-in template, which refers to the value
+/// as `of`.
 pub(super) fn write(value: &impl Serialize, as_json: bool, template: &str) -> Result<(), Failure> {
-    match as_json {
-        true => write_json(value)?,
-        false => write_text(template, &BTreeMap::from([("of", value)]))?,
-    }
-    Ok(())
+    if as_json { write_json(value) } else { write_text(template, &BTreeMap::from([("of", value)])) }
 }
 
-/// Prints a template of text with these values.
+/// Prints a text template filled in with `values`.
 pub(super) fn write_text(template: &str, values: &impl Serialize) -> Result<(), Failure> {
     say!("{}", fill(template, values)?.trim_end());
     Ok(())
 }
 
-/// A log's lines: a name cannot begin another one.
+/// Writer of a log that keeps each event on one line, so that no name in an event can forge another line.
 pub(super) struct Lines<W>(pub W);
 
 impl<W: Write> Write for Lines<W> {
-    /// Each event comes whole.
+    /// Writes an event, which the logger passes as a whole.
     fn write(&mut self, event: &[u8]) -> std::io::Result<usize> {
         let text = String::from_utf8_lossy(event);
         let one_line =
-            harmless(text.trim_end_matches('\n')).replace('\n', "\\n").replace('\t', "\\t");
+            escape_controls(text.trim_end_matches('\n')).replace('\n', "\\n").replace('\t', "\\t");
         writeln!(self.0, "{one_line}")?;
         Ok(event.len())
     }
@@ -98,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_do_nothing_to_a_terminal_and_begin_no_line_of_a_log() {
+    fn names_cannot_act_on_a_terminal_or_forge_a_line_of_the_log() {
         for (text, shown) in [
             ("d = 0.4 m, +- 2 %\n\tsecond", "d = 0.4 m, +- 2 %\n\tsecond"),
             ("\u{1b}[31mred\u{1b}[0m", "\\u{1b}[31mred\\u{1b}[0m"),
@@ -106,7 +103,7 @@ mod tests {
             ("ok \u{202e}deliaf", "ok \\u{202e}deliaf"),
             ("Gelenk ä \u{3b8}", "Gelenk ä \u{3b8}"),
         ] {
-            assert_eq!(harmless(text), shown);
+            assert_eq!(escape_controls(text), shown);
         }
         let mut lines = Lines(Vec::new());
         lines.write_all(b"INFO trial\n2026 ERROR forged\n").unwrap();

@@ -9,7 +9,7 @@ use trilink_robot::decay::DecayLaw;
 use trilink_robot::{Parameter, Quantity};
 use trilink_statistics::Estimate;
 use trilink_synth::{Recipe, planted_models};
-use trilink_tables::config::Campaign;
+use trilink_tables::config::{Campaign, Config, RobotConfig, toml_key};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE};
 use trilink_tables::{
     Comparison, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
@@ -24,15 +24,15 @@ use crate::build::{
     count, dry_run, run,
 };
 
-/// More trials than this are on the page.
-const MOST_LINES: usize = 20;
-/// Seed of the demo's trials.
+/// Maximum number of trials listed on the terminal; the report page lists all of them.
+const MAX_LINES: usize = 20;
+/// Seed for the synthesis of the demo's trials.
 const DEMO_SEED: u64 = 1;
-/// Seed of their noise: the first with which chance refuses no model that is true, as in one of ten nights, and
-/// flags no more than half of a campaign's trials.
+/// Seed for the noise of the demo's trials: the lowest for which at most half of a campaign's trials are flagged, and
+/// no model with which the trials were generated fails the lack-of-fit test (one in ten seeds has such a failure).
 const DEMO_NOISE_SEED: u64 = 3;
 
-/// Make the demo's trials if they are not there, then run them.
+/// Synthesise the demo's trials if they do not exist, then run all stages on them.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/demo.txt").trim_end())]
 pub(super) struct Demo {
@@ -50,19 +50,19 @@ pub(super) struct Run {
     update: Update,
 }
 
-/// What is done again.
+/// Options of an incremental run.
 #[derive(clap::Args)]
 pub(super) struct Update {
-    /// Redo every trial, fit and figure, not only what changed.
+    /// Recompute every trial, fit and figure, not only what has changed.
     #[arg(long)]
     force: bool,
-    /// Write nothing: list what would be redone.
+    /// Write nothing; list what would be recomputed.
     #[arg(long)]
     dry_run: bool,
-    /// Say why each trial, fit and figure is redone.
+    /// Explain why each trial, fit and figure is recomputed.
     #[arg(long)]
     explain: bool,
-    /// Read every file again, also those whose size and time have not changed.
+    /// Read every file again, even if its size and modification time have not changed.
     #[arg(long)]
     verify: bool,
     #[command(flatten)]
@@ -72,25 +72,27 @@ pub(super) struct Update {
 impl Demo {
     pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
         let [raw] = &context.config.paths.raw[..] else {
-            return Err("key `paths.raw`: found several folders, needed one for the demo".into());
+            return Err(
+                "key `paths.raw`: found several folders, but the demo needs exactly one".into()
+            );
         };
         let list = raw.join(TRIALS_FILE);
         let has_list = is_there(&list)?;
         if has_list && !is_there(&raw.join(TRUTH_FILE))? {
-            let others = "trials that are not the demo's; `trilink run` runs them";
-            return Err(format!("{}: found {others}", list.display()).into());
+            let problem = "found trials that are not the demo's; `trilink run` processes them";
+            return Err(format!("{}: {problem}", list.display()).into());
         }
         if !has_list {
             if self.update.dry_run {
-                say!("everything: {} is not there", list.display());
+                say!("everything would be computed, because {} does not exist", list.display());
                 return Ok(Outcome::Well);
             }
-            context.say(&format!("the demo's trials, synthetic, in {}", raw.display()));
+            context.say(&format!("writing the demo's synthetic trials to {}", raw.display()));
             let recipe = Recipe::demo(&context.config, DEMO_SEED);
             let recipe = Recipe { noise_seed: Some(DEMO_NOISE_SEED), ..recipe };
             write_trials(&context, raw, &recipe)?;
         }
-        // What made the trials competes, whatever the campaigns list.
+        // The true models are fitted, too, even if the campaigns do not list them.
         for (name, model) in planted_models(raw) {
             let is_known = context.config.model.contains_key(&model);
             let campaign = context.config.campaign.get_mut(&name).filter(|_| is_known);
@@ -123,109 +125,126 @@ impl Update {
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
         let Finished { ingested, fitted, reported, history_problem, .. } = &finished;
-        print_fitted(fitted);
+        print_fitted(&context.config, fitted);
         print_parameters(&ingested.parameters);
         say!("{}", in_words(&ingested.trials));
         say!("page: {}", reported.page.display());
         note_together(ingested);
         say_attention(context, &ingested.trials, history_problem.as_deref());
         say_missing(context, reported, finished.was_up_to_date);
-        // A failed trial needs a person. A model that has no motion is a result, not a failure.
+        // A failed trial needs attention. A model without a periodic solution is a result, not a failure.
         let is_whole = history_problem.is_none() && reported.damaged.is_empty();
         Ok(Outcome::well_if(is_whole && !ingested.needs_a_person()))
     }
 
-    /// What a run would do, a line each.
-    fn list(&self, ahead: &DryRun) -> Result<Outcome, Failure> {
-        if let Some(problem) = &ahead.problem {
+    /// Lists what a run would recompute, one target per line.
+    fn list(&self, dry_run: &DryRun) -> Result<Outcome, Failure> {
+        if let Some(problem) = &dry_run.problem {
             note!("{problem}");
         }
-        for (number, plan) in ahead.stages.iter().enumerate() {
-            let perhaps = if number >= ahead.uncertain_from { "perhaps " } else { "" };
-            let why = |why: &str| if self.explain { format!(": {why}") } else { String::new() };
-            for PlannedTarget { target, why: reasons } in &plan.targets {
-                say!("{perhaps}{target}{}", why(&reasons.join("; ")));
+        for (number, plan) in dry_run.stages.iter().enumerate() {
+            let perhaps = if number >= dry_run.uncertain_from { "perhaps " } else { "" };
+            for PlannedTarget { target, why } in &plan.targets {
+                if self.explain {
+                    say!("{perhaps}{target}: {}", why.join("; "));
+                } else {
+                    say!("{perhaps}{target}");
+                }
             }
-            plan.removed.iter().for_each(|target| say!("remove {target}{}", why("is no more")));
+            let reason = if self.explain { ": no longer listed" } else { "" };
+            plan.removed.iter().for_each(|target| say!("remove {target}{reason}"));
             for why in &plan.whole {
                 say!("{perhaps}{}: {why}", ["tables of trials", "tables of fits", "page"][number]);
             }
         }
-        ahead.others.iter().for_each(|other| say!("{other}"));
-        if ahead.stages.iter().all(StagePlan::is_empty) && ahead.others.is_empty() {
+        dry_run.others.iter().for_each(|other| say!("{other}"));
+        if dry_run.stages.iter().all(StagePlan::is_empty) && dry_run.others.is_empty() {
             note!("everything is up to date");
         }
         Ok(Outcome::Well)
     }
 }
 
-/// What is wrong with a campaign or a folder as a whole.
+/// Prints the failures found by the checks that examine the trials of a campaign or folder together.
 pub(super) fn note_together(ingested: &Ingested) {
     ingested.together().for_each(|found| note!("{}: {}", found.trial, found.message));
 }
 
-/// How many trials ended how.
+/// Formats the numbers of trials by status.
 pub(super) fn in_words(trials: &[TrialRow]) -> String {
     let TrialCounts { total, ok, flagged, failed } = count(trials);
     format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
 }
 
-/// In one block what needs a person, and in another one the trials that are used but flagged.
+/// Prints the failed trials and the message `other`, if there is one, and then the flagged trials as a separate block.
 pub(super) fn say_attention(context: &Context, trials: &[TrialRow], other: Option<&str>) {
-    let of = |status| trials.iter().filter(move |trial| trial.status == status);
-    let line = |trial: &TrialRow| format!("{}: {}: {}", trial.status, trial.trial, trial.message);
-    let block = |heading: &str, lines: Vec<String>| {
-        let shown = lines.iter().take(MOST_LINES).map(|line| format!("\n  {line}"));
-        let more = match lines.len().saturating_sub(MOST_LINES) {
-            0 => String::new(),
-            more => format!("\n  and {more} more, on the page and in checks.parquet"),
-        };
-        (!lines.is_empty()).then(|| format!("{heading}:{}{more}", shown.collect::<String>()))
-    };
-    let failed = of(TrialStatus::Failed).map(line).chain(other.map(str::to_owned)).collect();
-    block("needs a person", failed).iter().for_each(|block| note!("{block}"));
-    let flagged = block("used, but look at", of(TrialStatus::Flagged).map(line).collect());
-    flagged.iter().for_each(|block| context.say(block));
+    let mut failed = lines(trials, TrialStatus::Failed);
+    failed.extend(other.map(str::to_owned));
+    if !failed.is_empty() {
+        note!("needs attention:{}", block(&failed));
+    }
+    let flagged = lines(trials, TrialStatus::Flagged);
+    if !flagged.is_empty() {
+        context.say(&format!("used, but flagged:{}", block(&flagged)));
+    }
 }
 
-/// Figures that could not be drawn and tables that could not be read, and why.
+/// Returns a line for each trial with this status.
+fn lines(trials: &[TrialRow], status: TrialStatus) -> Vec<String> {
+    let trials = trials.iter().filter(|trial| trial.status == status);
+    trials.map(|trial| format!("{status}: {}: {}", trial.trial, trial.message)).collect()
+}
+
+/// Indents at most [`MAX_LINES`] lines, and states how many lines were left out.
+fn block(lines: &[String]) -> String {
+    let mut block: String =
+        lines.iter().take(MAX_LINES).map(|line| format!("\n  {line}")).collect();
+    if lines.len() > MAX_LINES {
+        let more = lines.len() - MAX_LINES;
+        block += &format!("\n  and {more} more, on the report page and in checks.parquet");
+    }
+    block
+}
+
+/// Prints which figures could not be drawn, or that everything was up to date, and which tables are damaged or
+/// inconsistent.
 pub(super) fn say_missing(context: &Context, reported: &Reported, was_up_to_date: bool) {
-    match was_up_to_date {
-        true => context.say("everything was up to date"),
-        false => {
-            reported.missing.iter().for_each(|figure| context.say(&format!("not drawn: {figure}")));
-        }
+    if was_up_to_date {
+        context.say("everything was up to date");
+    } else {
+        reported.missing.iter().for_each(|figure| context.say(&format!("not drawn: {figure}")));
     }
     reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
 }
 
-/// Robot parameters measured by releases and coast-downs, beside the configured ones; nothing if
-/// nothing was measured.
+/// Prints any robot parameters measured by joint releases and coast-downs, next to the configured values.
 pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
     if rows.is_empty() {
         return;
     }
     let head = format!("{:<32} {:<15} {:<15}", "trial", "law", "parameter");
-    say!("{head} {:>10} {:>9} {:>10}", "measured", "+-", "configured");
+    say!("{head} {:>10} {:>9} {:>10}  basis", "measured", "+-", "configured");
     for row in rows {
+        if !row.status.is_ok() {
+            say!("{:<32} {}", row.trial, row.status);
+        }
         for RobotQuantity { name, unit, measured, configured } in row.quantities() {
             let Estimate { value, se } = measured;
             let name = format!("{name} {unit}");
-            let configured = match configured.is_nan() {
-                true => "-".to_owned(),
-                false => format!("{configured:.5}"),
-            };
+            let configured =
+                if configured.is_nan() { "-".to_owned() } else { format!("{configured:.5}") };
             let law = row.law.map_or("", DecayLaw::name);
             let head = format!("{:<32} {law:<15} {name:<15}", row.trial);
-            say!("{head} {value:>10.5} {se:>9.5} {configured:>10}");
+            say!("{head} {value:>10.5} {se:>9.5} {configured:>10}  {}", row.basis());
         }
     }
 }
 
-/// The fitted parameters, what the measurements say of each campaign's models, and whether one set of coefficients
+/// Prints the fitted parameters, the comparison of each campaign's models, and whether one set of coefficients
 /// describes all campaigns of each robot.
-pub(super) fn print_fitted(Fitted { fits, comparison, shared, .. }: &Fitted) {
+pub(super) fn print_fitted(config: &Config, Fitted { fits, comparison, shared, .. }: &Fitted) {
     print_fits(fits);
+    print_exact(config, fits);
     for models in comparison.chunk_by(|a, b| a.campaign == b.campaign) {
         if let Some(compared) = Comparison::new(models, fits) {
             say!("{}: {compared}", models[0].campaign);
@@ -233,7 +252,10 @@ pub(super) fn print_fitted(Fitted { fits, comparison, shared, .. }: &Fitted) {
     }
     for row in shared {
         let SharedFitRow { robot, fit, .. } = row;
-        let values = fit.free.iter().map(|of| format!(" {} {}", of.name(), cell(fit, *of)));
+        let values = fit
+            .free
+            .iter()
+            .map(|parameter| format!(" {} {}", parameter.name(), cell(fit, *parameter)));
         say!(
             "{robot} {}: {}{}",
             fit.model,
@@ -243,21 +265,23 @@ pub(super) fn print_fitted(Fitted { fits, comparison, shared, .. }: &Fitted) {
     }
 }
 
-/// A short table of the fitted parameters.
+/// Prints a short table of fitted parameters.
 fn print_fits(fits: &[FitRow]) {
     let [c_s0, c_s1, c_s2] = ["c_S0", "c_S1", "c_S2"].map(|name| format!("{name:>10}"));
-    let marks = "c_S in kg/s; ~ not identifiable, | at its bound, ? of a model that does not fit";
-    let head = format!("{:<24} {:<17} {:>9} {:>14}", "campaign", "model", "J", "over noise's");
+    let marks = "c_S in kg/s; ~: not identifiable, |: at a bound, ?: the model does not fit";
+    let head = format!("{:<24} {:<17} {:>9} {:>14}", "campaign", "model", "J", "misfit ratio");
     say!("{head} {c_s0} {c_s1} {c_s2}   {marks}");
     for fit in fits {
-        let FitRow { campaign, model, status, j, .. } = fit;
+        let FitRow { campaign, model, status, failure, j, .. } = fit;
         if !status.is_ok() {
-            say!("{campaign:<24} {model:<17} {status}");
+            say!("{campaign:<24} {model:<17} {status}: {failure}");
             continue;
         }
-        let (skid, others): (Vec<Parameter>, _) =
-            Parameter::ALL.into_iter().partition(|of| of.quantity() == Quantity::Skid);
-        let skid: String = skid.iter().map(|of| format!(" {:>10}", cell(fit, *of))).collect();
+        let (skid, others): (Vec<Parameter>, _) = Parameter::ALL
+            .into_iter()
+            .partition(|parameter| parameter.quantity() == Quantity::Skid);
+        let skid: String =
+            skid.iter().map(|parameter| format!(" {:>10}", cell(fit, *parameter))).collect();
         let others: String = others
             .iter()
             .filter(|parameter| fit.free.contains(parameter))
@@ -270,24 +294,48 @@ fn print_fits(fits: &[FitRow]) {
         };
         say!("{campaign:<24} {model:<17} {j:>9.5} {fits:>14}{skid}{others}");
     }
+    let of_one_day: BTreeSet<&str> =
+        fits.iter().filter(|fit| fit.single_day).map(|fit| fit.campaign.as_str()).collect();
+    if !of_one_day.is_empty() {
+        let campaigns: Vec<&str> = of_one_day.into_iter().collect();
+        say!("confidence limits hold for the floor of a single day: {}", campaigns.join(", "));
+    }
     let notes = fits.iter().map(|fit| (&fit.campaign, &fit.notes));
     let notes: BTreeSet<_> = notes.filter(|(_, note)| !note.is_empty()).collect();
     notes.iter().for_each(|(campaign, note)| note!("{campaign}: {note}"));
 }
 
+/// Prints which robots have no parameter with a standard deviation, although fits with confidence limits use them.
+fn print_exact(config: &Config, fits: &[FitRow]) {
+    let with_limits = fits.iter().filter(|fit| !fit.free.is_empty() && fit.no_interval.is_none());
+    let robots = with_limits.filter_map(|fit| Some(&config.campaign.get(&fit.campaign)?.robot));
+    let is_exact = |name: &&String| config.robot.get(*name).is_some_and(RobotConfig::is_exact);
+    let exact: BTreeSet<&String> = robots.filter(is_exact).collect();
+    for name in exact {
+        say!(
+            "{name}: limits take the robot's declared parameters as exact; state their uncertainty in \
+             [robot.{}.standard_deviation]",
+            toml_key(name)
+        );
+    }
+}
+
+/// Formats a fitted parameter, with marks if it is at a bound, not identifiable, or from an inadequate fit.
 fn cell(fit: &FitRow, parameter: Parameter) -> String {
     let value = fit.parameters[parameter];
     if value.is_nan() {
         return "-".to_owned();
     }
-    let has = |list: &[Parameter]| list.contains(&parameter);
-    let mark = match has(&fit.practically_not) || has(&fit.structurally_not) {
-        _ if has(&fit.at_bound) => "|",
-        true => "~",
-        false => "",
+    let mark = if fit.at_bound.contains(&parameter) {
+        "|"
+    } else if fit.practically_not.contains(&parameter) || fit.structurally_not.contains(&parameter)
+    {
+        "~"
+    } else {
+        ""
     };
-    // Two decimals for kg/s, more for what is small.
+    // Two decimals suffice for coefficients in kg/s; small values need more.
     let decimals = if value < 1.0 { 5 } else { 2 };
-    let is_doubtful = fit.adequate == Some(false) && has(&fit.free);
+    let is_doubtful = fit.adequate == Some(false) && fit.free.contains(&parameter);
     format!("{mark}{value:.decimals$}{}", if is_doubtful { "?" } else { "" })
 }

@@ -1,4 +1,4 @@
-//! Progress: bars on a terminal, plain lines elsewhere, nothing when asked to be quiet.
+//! Progress display: bars on a terminal, plain lines elsewhere, nothing with `--quiet`.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use trilink_base::cancel::{CancelToken, Cancelled};
 
-use trilink_base::text::harmless;
+use trilink_base::text::escape_controls;
 
 use super::Interrupted;
 use super::output::{note, write_note};
 use crate::build::{Kind, PlannedTarget, StagePlan, Watch};
 use crate::interrupt;
 
-/// How progress is shown.
+/// Form in which progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shown {
     Nothing,
@@ -23,16 +23,17 @@ enum Shown {
     Bars,
 }
 
-/// Shows progress and messages.
+/// Output for progress and messages.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Progress {
     shown: Shown,
-    /// Takes a line.
+    /// Function that prints a line.
     line: fn(&str),
 }
 
 impl Progress {
-    /// There are no bars where lines of the log (`logged`) come between.
+    /// Creates the output for progress and messages, which shows nothing if `quiet` is set. Progress bars are not used
+    /// if a log is printed to the same terminal (`logged`).
     pub(super) fn new(quiet: bool, logged: bool) -> Self {
         let shown = match (quiet, std::io::stderr().is_terminal() && !logged) {
             (true, _) => Shown::Nothing,
@@ -42,14 +43,14 @@ impl Progress {
         Self { shown, line: write_note }
     }
 
-    /// A message beside the results.
+    /// Prints a message to standard error unless `--quiet` is given.
     pub(super) fn say(self, message: &str) {
         if self.shown != Shown::Nothing {
             (self.line)(message);
         }
     }
 
-    /// A stage of `total` steps.
+    /// Starts showing the progress of the stage `name`, which has `total` steps.
     pub(super) fn stage(self, name: &'static str, total: usize) -> Stage {
         let bar = match self.shown {
             Shown::Bars => ProgressBar::new(total as u64),
@@ -59,25 +60,25 @@ impl Progress {
             ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta:>4} left {msg}");
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
-        let (begin, done) = (Instant::now(), AtomicUsize::new(0));
-        Stage { progress: self, name, total, begin, done, bar }
+        let done = AtomicUsize::new(0);
+        Stage { progress: self, name, total, begin: Instant::now(), done, bar }
     }
 
-    /// Shows the stages of a run, one after the other, and the reasons if it is to `explain`.
+    /// Returns an observer that shows the stages of a run and, with `explain`, the reasons to recompute targets.
     pub(super) fn watch(self, explain: bool) -> Watcher {
         let cancel = interrupt::token().clone();
         Watcher { progress: self, explain, cancel, stage: Mutex::new(None) }
     }
 }
 
-/// Shows a run as `trilink run` does: with `bars` on standard error, which must be a terminal then, else by
-/// lines that are given to `line`; `cancel` cancels the run.
+/// Returns an observer that shows a run as `trilink run` does: with `bars`, as progress bars on standard error, which
+/// must be a terminal; otherwise as lines that are passed to `line`. The token `cancel` cancels the run.
 pub fn watch(bars: bool, line: fn(&str), cancel: CancelToken) -> impl Watch {
     let shown = if bars { Shown::Bars } else { Shown::Lines };
     Watcher { progress: Progress { shown, line }, explain: false, cancel, stage: Mutex::new(None) }
 }
 
-/// Shows a whole run, one stage after the other.
+/// Observer that shows a run, one stage after the other.
 pub(super) struct Watcher {
     progress: Progress,
     explain: bool,
@@ -86,6 +87,7 @@ pub(super) struct Watcher {
 }
 
 impl Watcher {
+    /// Calls `show` with the current stage, if there is one.
     fn with_stage(&self, show: impl Fn(&Stage)) {
         if let Ok(stage) = self.stage.lock() {
             stage.iter().for_each(show);
@@ -99,14 +101,17 @@ impl Watch for Watcher {
             for PlannedTarget { target, why } in &plan.targets {
                 note!("{target}: {}", why.join("; "));
             }
-            plan.removed.iter().for_each(|target| note!("{target}: is no more"));
+            plan.removed.iter().for_each(|target| note!("{target}: no longer listed"));
             plan.whole.iter().for_each(|why| note!("{why}"));
         }
         let trials = plan.removed.iter().filter(|target| target.kind == Kind::Trial);
         let trials: Vec<String> = trials.map(|target| target.name.clone()).collect();
         if !trials.is_empty() {
             let trials = trials.join(", ");
-            self.note(&format!("not in the list of trials any more, removed: {trials}"));
+            self.note(&format!(
+                "these trials were removed, because they are no longer in the list of trials: \
+                 {trials}"
+            ));
         }
     }
 
@@ -120,7 +125,7 @@ impl Watch for Watcher {
 
     fn begin(&self, stage: &'static str, total: usize) {
         if let Ok(mut current) = self.stage.lock() {
-            // The old bar goes before the new one comes.
+            // The old progress bar is removed before the new one appears.
             *current = None;
             *current = Some(self.progress.stage(stage, total));
         }
@@ -135,10 +140,10 @@ impl Watch for Watcher {
     }
 }
 
-/// Lines show no remaining time of a stage that has run for less.
-const SHORT: Duration = Duration::from_secs(5);
+/// Minimum duration of a stage before the lines of progress state the remaining time.
+const MIN_ELAPSED: Duration = Duration::from_secs(5);
 
-/// Progress of one stage; its steps may end on any thread.
+/// Progress of one stage, whose steps may end on any thread.
 pub(super) struct Stage {
     progress: Progress,
     name: &'static str,
@@ -149,21 +154,22 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    /// One more step is done.
+    /// Counts a completed step and shows it with a message.
     pub(super) fn step(&self, message: &str) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         if self.progress.shown == Shown::Lines {
             let left = self.time_left(done);
             self.progress.say(&format!("{} {done}/{} {message}{left}", self.name, self.total));
         }
-        self.bar.set_message(harmless(message).into_owned());
+        self.bar.set_message(escape_controls(message).into_owned());
         self.bar.inc(1);
     }
 
-    /// How long the rest will take if it goes on like this.
+    /// Formats the remaining time of the stage, estimated from the mean duration of the `done` steps; empty shortly
+    /// after the start and after the last step.
     fn time_left(&self, done: usize) -> String {
         let elapsed = self.begin.elapsed();
-        if elapsed < SHORT || done >= self.total {
+        if elapsed < MIN_ELAPSED || done >= self.total {
             return String::new();
         }
         let left_s = elapsed.as_secs_f64() * (self.total - done) as f64 / done as f64;
@@ -174,26 +180,28 @@ impl Stage {
         }
     }
 
-    /// Shows on a bar the progress within a step.
+    /// Shows the progress within a step on the progress bar.
     pub(super) fn part(&self, what: &str, done: usize, total: usize) {
-        self.bar.set_message(harmless(&format!("{what} {done}/{total}")).into_owned());
+        self.bar.set_message(escape_controls(&format!("{what} {done}/{total}")).into_owned());
     }
 
-    /// One more step is done that is too small for a line of its own.
+    /// Counts a completed step that is too small to get its own line.
     pub(super) fn tick(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);
         self.bar.inc(1);
     }
 
-    /// Ends the command with `?` once it was cancelled.
+    /// Checks whether the command was cancelled.
     ///
     /// # Errors
-    /// The command was cancelled.
+    /// Returns an error if the command was cancelled. It states the number of completed steps, which it calls `steps`,
+    /// such as "trials".
     pub(super) fn check(&self, steps: &str) -> Result<(), Interrupted> {
         interrupt::token().check().map_err(|Cancelled| self.interrupted(steps))
     }
 
-    /// How many of its `steps`, such as trials, were done when it was cancelled.
+    /// Returns the error for a cancelled command. It states the number of completed steps, which it calls `steps`, such
+    /// as "trials".
     pub(super) fn interrupted(&self, steps: &str) -> Interrupted {
         let done = self.done.load(Ordering::Relaxed);
         Interrupted { done: format!("{done} of {} {steps}", self.total) }

@@ -1,5 +1,5 @@
-//! Rows as results: printed for other programs, and tables and figures written where a command is told to, in the
-//! format that the file's ending names.
+//! Rows of results: printed for other programs, or written as tables and figures in the format that the file extension
+//! indicates.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use super::output::write_data;
 use super::{Context, Failure};
 use crate::inspect::{View, csv, json};
 
-/// How results are printed: for people unless one of them is given.
+/// Machine-readable formats for printed results; by default, a table for human readers is printed.
 #[derive(clap::Args)]
 pub(super) struct Format {
-    /// Print CSV with every digit.
+    /// Print CSV with all digits.
     #[arg(long, conflicts_with = "json")]
     pub csv: bool,
     /// Print JSON.
@@ -23,7 +23,8 @@ pub(super) struct Format {
 }
 
 impl Format {
-    /// Prints a view with every digit; `false` if it is to be shown to people.
+    /// Prints a view (selected rows and columns of a table) with all digits; returns `false`, and prints nothing, if
+    /// neither CSV nor JSON is requested.
     pub(super) fn view(&self, view: &View) -> bool {
         match (self.csv, self.json) {
             (true, _) => write_data(csv(view).trim_end_matches('\n')),
@@ -33,30 +34,31 @@ impl Format {
         true
     }
 
-    /// The same of rows.
+    /// Prints rows with all digits; returns `false`, and prints nothing, if neither CSV nor JSON is requested.
     pub(super) fn rows<T: Columns>(&self, rows: &[T]) -> bool {
-        (self.csv || self.json) && self.view(&View::of(T::to_table(rows)))
+        (self.csv || self.json) && self.view(&View::from_table(T::to_table(rows)))
     }
 }
 
-/// Files of what is found.
+/// Files to which results are written.
 #[derive(clap::Args)]
 pub(super) struct Files {
-    /// Write all rows: Parquet, CSV or JSON, by the file's ending.
+    /// Write all rows to a file; its extension selects Parquet, CSV or JSON.
     #[arg(long, value_name = "FILE")]
     pub table: Option<PathBuf>,
-    /// Draw them: SVG, PNG or PDF, by the file's ending.
+    /// Draw a figure; the file extension selects SVG, PNG or PDF.
     #[arg(long, value_name = "FILE")]
     pub figure: Option<PathBuf>,
 }
 
 impl Files {
-    /// Refuses a table in a format that is not known, before anything is solved.
+    /// Checks the format of the table file before anything is computed.
     pub(super) fn check(&self) -> Result<(), Failure> {
         self.table.as_deref().map_or(Ok(()), |path| check_ending(path, "--table"))
     }
 
-    /// Writes the table if one is asked for. The rows are made of `input`; they are said to be so many of `what`.
+    /// Writes the rows to a file, if one is requested, and prints its path and the number of rows, which are called
+    /// `what`, such as "points". A Parquet file stores a hash of `input` as its provenance.
     pub(super) fn write<T: Columns>(
         &self,
         context: &Context,
@@ -71,40 +73,41 @@ impl Files {
         Ok(())
     }
 
-    /// Writes what `drawn` draws if a figure is asked for; whether it is of coefficients that were fitted.
+    /// Draws a figure with `draw` and writes it to a file, if a figure is requested. The figure is marked as synthetic
+    /// if it shows a fit (`is_fitted`) to synthetic trials.
     pub(super) fn draw(
         &self,
         context: &Context,
         is_fitted: bool,
-        drawn: impl FnOnce(FigureFile<'_>) -> Result<Vec<u8>, ReportError>,
+        draw: impl FnOnce(FigureFile<'_>) -> Result<Vec<u8>, ReportError>,
     ) -> Result<(), Failure> {
         if let Some(path) = &self.figure {
             let is_synthetic = is_fitted && !notice_of_folders(&context.config.paths).is_empty();
             let file = FigureFile { ending: ending(path), is_synthetic };
-            write_if_changed(path, &drawn(file)?)?;
+            write_if_changed(path, &draw(file)?)?;
             context.say(&path.display().to_string());
         }
         Ok(())
     }
 }
 
-/// Refuses a file for rows, named by an option, in a format that is not known.
+/// Checks that the extension of a table file, given with `option`, denotes a known format.
 pub(super) fn check_ending(path: &Path, option: &str) -> Result<(), Failure> {
     match ending(path).to_ascii_lowercase().as_str() {
         "parquet" | "csv" | "json" => Ok(()),
         _ => {
-            let needed = "needed a file that ends in .parquet, .csv or .json";
+            let needed = "needed a file name that ends in .parquet, .csv or .json";
             Err(format!("{option}: found `{}`, {needed}", path.display()).into())
         }
     }
 }
 
-/// Writes rows that are made of `input`.
+/// Writes rows to a file; a Parquet file stores a hash of `input` as its provenance.
 pub(super) fn write_rows<T: Columns>(path: &Path, rows: &[T], input: &str) -> Result<(), Failure> {
     let table = T::to_table(rows);
     let text = match ending(path).to_ascii_lowercase().as_str() {
-        "csv" => csv(&View::of(table)),
-        "json" => json(&View::of(table)) + "\n",
+        "csv" => csv(&View::from_table(table)),
+        "json" => json(&View::from_table(table)) + "\n",
         _ => {
             let input = blake3::hash(input.as_bytes()).to_hex().to_string();
             return Ok(table.write(path, &Provenance { input })?);

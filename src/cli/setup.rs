@@ -1,4 +1,4 @@
-//! The setups that commands solve, and what is said of their fits beside answers.
+//! Setups (robot, gait and model) that commands solve, and warnings about the fits that the setups use.
 
 use trilink_fit::simulate::{KnownFits, Setup, campaign_of, starting_values};
 use trilink_mechanics::Problem;
@@ -8,25 +8,26 @@ use trilink_tables::config::Config;
 use super::Failure;
 use super::output::note;
 
-/// The model that is taken where none is named, without fits.
+/// Default model of commands without `--fitted`.
 const MODEL: &str = "skid-roll";
 
-/// Where the numbers of a setup come from.
+/// Sources of the parameter values in a setup.
 #[derive(clap::Args)]
 pub(super) struct Numbers {
-    /// Take the coefficients that were fitted to the campaign's trials, by `trilink fit`, for those of the configuration; the gait is
-    /// the commanded one.
+    /// Use the coefficients that `trilink fit` fitted to the campaign's trials instead of those in the configuration;
+    /// the gait is the commanded one.
     #[arg(long)]
     pub fitted: bool,
-    /// Numbers of the robot, one or several: `skid_kg_s=104,34,45`, or of one wheel or link, as `simulate --sensitivities` names them,
-    /// `skid_dry0_n=1.8`, `mass0_kg=1.05`; and of the gait, of a commanded joint: `offset1_deg=10`, `amplitude2_deg=25`,
-    /// `phase2_deg=-80`.
+    /// Set parameters of the robot (`skid_kg_s=104,34,45`), of one of its wheels, links or joints (`skid_dry0_n=1.8`,
+    /// `mass0_kg=1.05`, with the names that `simulate --sensitivities` prints), or of the gait of a commanded joint
+    /// (`offset1_deg=10`, `amplitude2_deg=25`, `phase2_deg=-80`).
     #[arg(long, num_args = 1.., value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }
 
 impl Numbers {
-    /// The fits, if they are asked for, with what is known of their coefficients' uncertainty if `is_uncertain`.
+    /// Reads the fits if `--fitted` is given, and otherwise returns `None`. Also reads the tables from which
+    /// uncertainties are computed if `is_uncertain` is set.
     pub(super) fn fits(
         &self,
         config: &Config,
@@ -35,8 +36,8 @@ impl Numbers {
         Ok(self.fitted.then(|| KnownFits::read(config, is_uncertain)).transpose()?)
     }
 
-    /// A model with configured or fitted coefficients; where none is named, the one that the comparison of the fits
-    /// prefers.
+    /// Returns the setup of a model with configured or fitted coefficients. The default model is the preferred model of
+    /// the comparison or, without fits, [`MODEL`].
     pub(super) fn setup(
         &self,
         config: Config,
@@ -49,15 +50,14 @@ impl Numbers {
             (None, Some(fits)) => preferred(&config, fits, campaign)?,
             (None, None) => Model::new(MODEL),
         };
-        let (model, set) = (model.name(), &self.set);
         Ok(match fits {
-            Some(fits) => Setup::fitted(config, campaign, model, set, fits)?,
-            None => Setup::new(config, campaign, model, set)?,
+            Some(fits) => Setup::fitted(config, campaign, model.name(), &self.set, fits)?,
+            None => Setup::new(config, campaign, model.name(), &self.set)?,
         })
     }
 }
 
-/// Says what is to be known of the fit that a setup's coefficients are from.
+/// Prints the warnings about the fit that provided a setup's coefficients.
 pub(super) fn note_caution(campaign: &str, setup: &Setup) {
     let Some(fit) = setup.fit() else { return };
     let caution = fit.caution();
@@ -66,41 +66,42 @@ pub(super) fn note_caution(campaign: &str, setup: &Setup) {
     }
 }
 
-/// Says which of some motions are beyond the trials that a setup's coefficients were fitted to.
+/// Warns if `problems` lie outside the range of the trials to which a setup's coefficients were fitted.
 pub(super) fn note_extrapolation(
     campaign: &str,
     setup: &Setup,
     problems: impl ExactSizeIterator<Item = Problem>,
 ) {
-    let (model, all) = (setup.model, problems.len());
+    let model = setup.model;
+    let all = problems.len();
     match setup.measured_range() {
         Some(Ok(range)) => {
             if let Some((count, beyond)) = range.summary(problems) {
                 note!(
-                    "warning: {campaign} {model}: extrapolated beyond the trials of the fit, {count} of {all} \
-                     motions: {beyond}"
+                    "warning: {campaign} {model}: {count} of {all} motions are extrapolated \
+                     beyond the trials of the fit: {beyond}"
                 );
             }
         }
         Some(Err(why)) => {
             note!(
-                "warning: {campaign} {model}: what the trials of the fit cover is not known: {why}"
+                "warning: {campaign} {model}: the range of the trials of the fit is not known: {why}"
             );
         }
         None => {}
     }
 }
 
-/// Says of which setups there are fits whose coefficients they do not have.
+/// Prints a note for each setup that uses starting values of coefficients although its model has been fitted.
 pub(super) fn note_starting_values(config: &Config, campaign: &str, setups: &[Setup]) {
     if setups.iter().all(|setup| setup.fit().is_none()) {
-        for (model, said) in starting_values(config, campaign, setups) {
-            note!("note: {campaign} {model}: {said}");
+        for (model, sentence) in starting_values(config, campaign, setups) {
+            note!("note: {campaign} {model}: {sentence}");
         }
     }
 }
 
-/// The model that the comparison of a campaign's fits prefers, which is said.
+/// Returns the preferred model from the comparison of a campaign's fits, and tells the user which it is.
 pub(super) fn preferred(
     config: &Config,
     fits: &KnownFits,
@@ -108,6 +109,6 @@ pub(super) fn preferred(
 ) -> Result<Model, Failure> {
     campaign_of(config, campaign)?;
     let model = fits.preferred(campaign)?;
-    note!("{campaign}: {model}, which the comparison of the fits prefers");
+    note!("{campaign}: {model}, the preferred model of the comparison");
     Ok(model)
 }

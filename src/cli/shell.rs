@@ -11,19 +11,19 @@ use trilink_tables::write_bytes;
 use super::output::write_data;
 use super::{Arguments, Failure, Outcome};
 
-/// Print what makes a shell complete commands and options.
+/// Print a script that lets a shell complete commands and options.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/completions.txt").trim_end())]
 pub(super) struct Completions {
-    /// Whose.
+    /// Target shell.
     shell: Shell,
 }
 
-/// Print the manual's page.
+/// Print the manual page.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/man.txt").trim_end())]
 pub(super) struct Man {
-    /// Write a page for every command into this folder instead.
+    /// Write a manual page for every command to this folder instead.
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
 }
@@ -55,7 +55,7 @@ impl Man {
     }
 }
 
-/// A page of the manual. Examples and tables at the end of the help keep their lines.
+/// Renders the manual page of a command; examples and tables at the end of the help keep their line breaks.
 fn page(command: clap::Command) -> std::io::Result<Vec<u8>> {
     let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
     let mut page = Vec::new();
@@ -65,9 +65,9 @@ fn page(command: clap::Command) -> std::io::Result<Vec<u8>> {
             Some((heading, lines)) => (heading, lines),
             None => ("Notes", section),
         };
-        // Backslashes, and points and quotes that begin a line, are roff's own.
-        let line = |line: &str| format!("\\&{}\n", line.replace('\\', "\\e"));
-        let lines: String = lines.lines().map(line).collect();
+        // Escape backslashes, and full stops and quotes at the start of a line, which roff would take for requests.
+        let lines: String =
+            lines.lines().map(|line| format!("\\&{}\n", line.replace('\\', "\\e"))).collect();
         write!(page, ".SH {}\n.nf\n{lines}.fi\n", heading.to_uppercase())?;
     }
     Ok(page)

@@ -13,40 +13,43 @@ use trilink_robot::Model;
 use trilink_tables::config::Config;
 
 use super::output::write_json;
-use super::parse::{Omegas, parse_omegas};
+use super::parse::{NumberList, parse_omegas};
 use super::results::{Format, check_ending};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
 use super::{Context, Failure, Interrupted, Outcome};
 use sensitivities::Sensitivities;
 
-/// Solve for a model's steady motion.
+/// Solve for a model's steady-state motion.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/simulate.txt").trim_end())]
 pub(super) struct Simulate {
-    /// Name of a `[campaign.*]`.
+    /// Name of a `[campaign.*]` table.
     campaign: String,
-    /// Name of a `[model.*]`: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll, coulomb, coulomb-viscous or your own.
-    /// May be a list, and be given again.
+    /// Name of a `[model.*]` table: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll, coulomb, coulomb-viscous or
+    /// your own. May be a list, and the option may be given more than once.
     #[arg(long, required = true)]
     model: Vec<String>,
-    /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. May be given again.
+    /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. The option may be given
+    /// more than once.
     #[arg(long, required = true, allow_hyphen_values = true, value_parser = parse_omegas)]
-    omega: Vec<Omegas>,
+    omega: Vec<NumberList>,
     #[command(flatten)]
     numbers: Numbers,
-    /// Add the 95 % intervals of the metrics by what the fitted coefficients may be off by.
+    /// Add 95 % confidence intervals of the metrics, computed from the uncertainty of the fitted coefficients.
     #[arg(long, requires = "fitted")]
     bands: bool,
-    /// Answer with the motion in which the robot ends that starts from rest.
+    /// Solve for the steady-state motion that the robot reaches from rest.
     #[arg(long)]
     from_rest: bool,
-    /// Write one steady cycle, or with `--from-rest` the way there: Parquet, CSV or JSON, by the file's ending.
+    /// Write one steady-state cycle, and with `--from-rest` also the transient before it, to a file; its extension
+    /// selects Parquet, CSV or JSON.
     #[arg(long, value_name = "FILE")]
     trajectory: Option<PathBuf>,
-    /// Moments of a cycle that `--trajectory` writes.
+    /// Samples per cycle in the file of `--trajectory`.
     #[arg(long, default_value_t = 240, value_parser = clap::value_parser!(u32).range(8..=100_000))]
     samples: u32,
-    /// Write a page that plays the motion from rest, with the forces at the wheels, of one model at one frequency.
+    /// Write a page that animates the motion from rest of one model at one frequency, with the forces
+    /// at the wheels.
     #[arg(long, value_name = "FILE")]
     page: Option<PathBuf>,
     #[command(flatten)]
@@ -57,14 +60,15 @@ pub(super) struct Simulate {
 
 impl Simulate {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
-        let (campaign, config) = (&self.campaign, &context.config);
+        let campaign = &self.campaign;
+        let config = &context.config;
         let models = models(&self.model, config);
         let with_bands = self.bands || self.sensitivities.sensitivities;
         let fits = self.numbers.fits(config, with_bands)?;
-        let setup = |model: &String| {
-            self.numbers.setup(config.clone(), campaign, Some(model), fits.as_ref())
-        };
-        let setups: Vec<Setup> = models.iter().map(setup).collect::<Result<_, _>>()?;
+        let setups: Vec<Setup> = models
+            .iter()
+            .map(|model| self.numbers.setup(config.clone(), campaign, Some(model), fits.as_ref()))
+            .collect::<Result<_, _>>()?;
         let omegas: Vec<f64> = self.omega.concat();
         if self.page.is_some() {
             page::check(models.len(), omegas.len())?;
@@ -78,7 +82,11 @@ impl Simulate {
             .collect();
         for setup in &setups {
             note_caution(campaign, setup);
-            note_extrapolation(campaign, setup, omegas.iter().map(|of| setup.problem(*of)));
+            note_extrapolation(
+                campaign,
+                setup,
+                omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s)),
+            );
         }
         note_starting_values(config, campaign, &setups);
         if self.sensitivities.sensitivities {
@@ -111,7 +119,7 @@ impl Simulate {
             context.say(&page::write(path, campaign, setup, answer)?);
         }
         let answers: Vec<&Answer> = solved.iter().map(|(_, answer)| answer).collect();
-        let rows: Vec<SimulationRow> = answers.iter().map(|of| of.row()).collect();
+        let rows: Vec<SimulationRow> = answers.iter().map(|answer| answer.row()).collect();
         if self.format.json {
             write_json(&answers)?;
         } else if !self.format.rows(&rows) {
@@ -121,7 +129,8 @@ impl Simulate {
     }
 }
 
-/// The models that are named, each once: a name may have commas, too.
+/// Returns the models named on the command line, each once. An argument is either a model's name, which may contain
+/// commas, or a list of names.
 fn models(named: &[String], config: &Config) -> Vec<String> {
     let mut models: Vec<String> = Vec::new();
     for text in named {

@@ -1,4 +1,4 @@
-//! `trilink ingest`, `fit` and `report`: one stage alone.
+//! `trilink ingest`, `fit` and `report`: single stages.
 
 use std::path::{Path, PathBuf};
 
@@ -8,9 +8,9 @@ use trilink_tables::FitRow;
 
 use super::output::{note, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
-use crate::build::{self, Part};
+use crate::build::{self, Shard};
 
-/// Marker files to tables of poses, wheel velocities, cycles and trials.
+/// Process marker files into tables of poses, wheel velocities, cycles and trials.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/ingest.txt").trim_end())]
 pub(super) struct Ingest {
@@ -21,32 +21,33 @@ pub(super) struct Ingest {
     #[arg(
         long,
         value_name = "TRIAL",
-        help = "Write nothing: print the [markers] tables that this trial shows, in which both \
-                joints move"
+        help = "Write nothing; estimate the [markers] tables from this trial, in which both joints must move, \
+                and print them"
     )]
     calibrate: Option<String>,
-    /// Ingest one part of the trials: 3/8 is the third of eight.
-    #[arg(long, value_name = "PART", value_parser = Part::of_trials)]
+    /// Ingest one shard of the trials: 3/8 is the third of eight.
+    #[arg(long, value_name = "SHARD", value_parser = Shard::parse_trials)]
     #[arg(requires = "into", conflicts_with_all = ["calibrate", "only"])]
-    shard: Option<Part>,
-    /// Folder for the tables of a part, 3-of-8 inside of it; `merge` joins them.
+    shard: Option<Shard>,
+    /// Parent folder of the shards: this shard is written to a subfolder such as 3-of-8; `merge` joins the shards.
     #[arg(long, value_name = "FOLDER", requires = "shard")]
     into: Option<PathBuf>,
 }
 
 impl Ingest {
     pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
-        let (only, wait) = (self.folders.only, self.exclusive.wait);
+        let only = self.folders.only;
+        let wait = self.exclusive.wait;
         self.folders.configure(&mut context.config.paths);
         context.check_assumed(build::check_unconfigured)?;
         if let Some(trial) = self.calibrate {
             return calibrate::run(&context, &trial);
         }
-        if let Some((part, shards)) = self.shard.zip(self.into) {
+        if let Some((shard, shards)) = self.shard.zip(self.into) {
             let (ingested, home) = context.watched(|watch| {
-                build::ingest_shard(&context.config, part, &shards, wait, watch)
+                build::ingest_shard(&context.config, shard, &shards, wait, watch)
             })?;
-            say!("{}; {part} in {}", pipeline::in_words(&ingested.trials), home.display());
+            say!("{}; {shard} in {}", pipeline::in_words(&ingested.trials), home.display());
             return Ok(judge(&context, &ingested));
         }
         let ingested =
@@ -56,14 +57,14 @@ impl Ingest {
     }
 }
 
-/// Says what was ingested.
+/// Prints a summary of the ingested trials.
 pub(super) fn say_ingested(context: &Context, ingested: &Ingested) -> Outcome {
     let derived = context.config.paths.derived.display();
     say!("{}; tables in {derived}", pipeline::in_words(&ingested.trials));
     judge(context, ingested)
 }
 
-/// Says which trials need a person, and whether any does.
+/// Prints which trials need attention; returns [`Outcome::NeedsAttention`] if there are any.
 pub(super) fn judge(context: &Context, ingested: &Ingested) -> Outcome {
     pipeline::note_together(ingested);
     pipeline::say_attention(context, &ingested.trials, None);
@@ -76,17 +77,16 @@ pub(super) fn judge(context: &Context, ingested: &Ingested) -> Outcome {
 pub(super) struct Fit {
     #[command(flatten)]
     exclusive: Exclusive,
-    /// Fit only some replicates of the bootstrap: 0..500 are the first 500.
-    #[arg(long, value_name = "FROM..TO", value_parser = Part::of_replicates, requires = "into")]
+    /// Compute only some bootstrap replicates: 0..500 are the first 500.
+    #[arg(long, value_name = "FROM..TO", value_parser = Shard::parse_replicates, requires = "into")]
     #[arg(group = "elsewhere")]
-    replicates: Option<Part>,
-    /// Fit the trials of a table that was made elsewhere, CSV or Parquet, instead of the ingested
-    /// ones: it needs campaign, omega_rad_s and d_m or v_m_s, and may have any other column of
-    /// trials.parquet.
+    replicates: Option<Shard>,
+    /// Fit the trials of a CSV or Parquet table from another program instead of the ingested trials. The table must
+    /// have the columns campaign, omega_rad_s and d_m or v_m_s, and may have any other column of trials.parquet.
     #[arg(long, value_name = "TABLE", requires = "into", group = "elsewhere")]
     trials: Option<PathBuf>,
-    /// Folder for the tables: of a table made elsewhere, any but the one of ingested trials; of
-    /// replicates, replicates-0-500 inside of it, which `merge` joins.
+    /// Folder for the tables: with `--trials`, any folder except that of the ingested trials; with `--replicates`, the
+    /// parent folder of the shards, whose subfolders (such as replicates-0-500) `merge` joins.
     #[arg(long, value_name = "FOLDER", requires = "elsewhere")]
     into: Option<PathBuf>,
 }
@@ -98,13 +98,13 @@ impl Fit {
             let (_, fitted) = context.watched(|watch| {
                 build::fit_own_table(&context.config, &table, home, wait, watch)
             })?;
-            return Ok(say_fitted_own(&fitted, home));
+            return Ok(say_fitted_own(&context, &fitted, home));
         }
         context.check_assumed(build::check_unconfigured_tables)?;
-        if let Some((part, shards)) = self.replicates.zip(self.into) {
+        if let Some((shard, shards)) = self.replicates.zip(self.into) {
             let (count, home) = context
-                .watched(|watch| build::fit_shard(&context.config, part, &shards, wait, watch))?;
-            say!("{count} replicates of all models; {part} in {}", home.display());
+                .watched(|watch| build::fit_shard(&context.config, shard, &shards, wait, watch))?;
+            say!("{count} replicates of all models; {shard} in {}", home.display());
             return Ok(Outcome::Well);
         }
         let fitted = context.watched(|watch| build::fit(&context.config, wait, watch))?;
@@ -112,9 +112,9 @@ impl Fit {
     }
 }
 
-/// Says what was fitted to a table that was made elsewhere, and where there are no intervals.
-fn say_fitted_own(fitted: &Fitted, home: &Path) -> Outcome {
-    pipeline::print_fitted(fitted);
+/// Prints the results of the fits to trials from another program, and why some fits have no confidence limits.
+fn say_fitted_own(context: &Context, fitted: &Fitted, home: &Path) -> Outcome {
+    pipeline::print_fitted(&context.config, fitted);
     for FitRow { campaign, model, no_interval, .. } in &fitted.fits {
         if let Some(why) = no_interval {
             note!("{campaign} {model}: no confidence limits, because {why}");
@@ -124,14 +124,14 @@ fn say_fitted_own(fitted: &Fitted, home: &Path) -> Outcome {
     Outcome::well_if(fitted.fits.iter().all(|fit| fit.status.is_ok()))
 }
 
-/// Says what was fitted.
+/// Prints the results of the fits, and which trials need attention.
 pub(super) fn say_fitted(context: &Context, fitted: &Fitted) -> Result<Outcome, Failure> {
     let ingested = build::ingested(&context.config)?;
-    pipeline::print_fitted(fitted);
+    pipeline::print_fitted(&context.config, fitted);
     Ok(judge(context, &ingested))
 }
 
-/// Draw the figures and write the page.
+/// Draw the figures and write the report page.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/report.txt").trim_end())]
 pub(super) struct Report {
@@ -139,8 +139,8 @@ pub(super) struct Report {
         long,
         value_name = "NAME",
         num_args = 1..,
-        help = "Make the pages of these trials, too, where there are more than `trial_pages` of \
-                the configuration; later runs keep them up to date"
+        help = "Also make pages for these trials if there are more trials than the configuration's `trial_pages`; \
+                later runs keep these pages up to date"
     )]
     trial: Vec<String>,
     #[command(flatten)]

@@ -1,40 +1,43 @@
-//! Aligned columns on standard output.
+//! Tables with aligned columns on standard output.
 
 use console::measure_text_width;
 
 use super::output::say;
 
+/// Space between columns.
 const GAP: &str = "  ";
 
-/// A table of some rows, a column after the other.
+/// Table of rows, built column by column.
 pub(super) struct Table<'r, R> {
     rows: &'r [R],
     columns: Vec<Column>,
 }
 
-/// A column's heading and cells, and whether these end at its right.
+/// Column of a table: heading and cells.
 struct Column {
     cells: Vec<String>,
     width: usize,
+    /// Whether the cells are aligned to the right.
     is_right: bool,
 }
 
 impl<'r, R> Table<'r, R> {
-    pub(super) fn of(rows: &'r [R]) -> Self {
+    /// Creates a table without columns.
+    pub(super) fn new(rows: &'r [R]) -> Self {
         Self { rows, columns: Vec::new() }
     }
 
-    /// Adds a column of text.
+    /// Adds a left-aligned column, for text.
     pub(super) fn left(self, name: &str, cell: impl Fn(&R) -> String) -> Self {
         self.column(name, false, cell)
     }
 
-    /// Adds a column of numbers.
+    /// Adds a right-aligned column, for numbers.
     pub(super) fn right(self, name: &str, cell: impl Fn(&R) -> String) -> Self {
         self.column(name, true, cell)
     }
 
-    /// Adds a column whose cells end at its right or not.
+    /// Adds a column with the given alignment.
     pub(super) fn column(
         mut self,
         name: &str,
@@ -48,12 +51,13 @@ impl<'r, R> Table<'r, R> {
         self
     }
 
-    /// Prints it.
+    /// Prints the table.
     pub(super) fn print(&self) {
         self.print_fitting(None);
     }
 
-    /// Prints it, and gives the number of columns at its end that do not fit into `width`.
+    /// Prints the columns that fit into `width` characters, or all columns if `width` is `None`; returns the number of
+    /// columns left out.
     pub(super) fn print_fitting(&self, width: Option<usize>) -> usize {
         let widths: Vec<usize> = self.columns.iter().map(|column| column.width).collect();
         let fitting = fitting(&widths, width);
@@ -69,34 +73,32 @@ impl<'r, R> Table<'r, R> {
     }
 }
 
-/// How many columns fit, one at least.
+/// Returns how many columns of these widths fit into `width` characters, at least one; all columns if `width` is
+/// `None`.
 fn fitting(widths: &[usize], width: Option<usize>) -> usize {
-    let Some(most) = width else { return widths.len() };
+    let Some(max_width) = width else { return widths.len() };
     let mut end = 0;
-    let fits = |width: &&usize| {
+    let fitting = widths.iter().take_while(|width| {
         end += **width + if end == 0 { 0 } else { GAP.len() };
-        end <= most
-    };
-    widths.iter().take_while(fits).count().max(1)
+        end <= max_width
+    });
+    fitting.count().max(1)
 }
 
-/// Columns of the terminal; `None` where results go elsewhere.
+/// Returns the width of the terminal in characters, or `None` if standard output is not a terminal.
 pub(super) fn terminal_width() -> Option<usize> {
     let terminal = console::Term::stdout();
     terminal.is_term().then(|| usize::from(terminal.size().1))
 }
 
-/// Six significant digits without zeros at the end.
+/// Formats a number with at most six significant digits and no trailing zeros.
 pub(super) fn short(number: f64) -> String {
     if number == 0.0 || !number.is_finite() {
         return number.to_string();
     }
-    // As it is rounded: 999999.7 has a digit more than it seems.
+    // Rounding comes before the choice of the notation, because it may add a digit: 999999.7.
     let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
-    match (1e-4..1e15).contains(&rounded.abs()) {
-        true => rounded.to_string(),
-        false => format!("{rounded:e}"),
-    }
+    if (1e-4..1e15).contains(&rounded.abs()) { rounded.to_string() } else { format!("{rounded:e}") }
 }
 
 #[cfg(test)]
@@ -104,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_in_short_have_six_digits_at_most() {
+    fn short_numbers_have_at_most_six_digits() {
         for (number, expected) in [
             (0.43712345678, "0.437123"),
             (3.9, "3.9"),
@@ -118,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_columns_that_fit_are_shown_and_one_at_least() {
+    fn the_columns_that_fit_are_shown_and_at_least_one() {
         for (width, expected) in [(None, 3), (Some(14), 3), (Some(13), 2), (Some(3), 1)] {
             assert_eq!(fitting(&[4, 4, 2], width), expected);
         }

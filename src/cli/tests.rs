@@ -1,12 +1,14 @@
-//! The examples of the help.
+//! Tests of the examples in the help texts.
 
 use clap::{CommandFactory, Parser};
 
 use super::Arguments;
 
-/// The words of a line as a shell would have them, without redirection and remarks.
+/// Splits a line into words as a shell does, omitting redirections and comments.
 fn words(line: &str) -> Vec<String> {
-    let (mut words, mut word, mut quote) = (Vec::new(), String::new(), None);
+    let mut words = Vec::new();
+    let mut word = String::new();
+    let mut quote = None;
     for c in line.chars() {
         match (quote, c) {
             (None, '\'' | '"') => quote = Some(c),
@@ -15,7 +17,7 @@ fn words(line: &str) -> Vec<String> {
             (None, '>' | '|') => break,
             _ => word.push(c),
         }
-        // Two spaces come before a remark.
+        // Two spaces precede a comment.
         if words.last().is_some_and(String::is_empty) {
             break;
         }

@@ -1,4 +1,4 @@
-//! A comparison as files: a page, JUnit's XML and JSON.
+//! Output of a comparison: HTML page, JUnit XML and JSON.
 
 use std::collections::BTreeMap;
 
@@ -10,20 +10,23 @@ use trilink_tables::{Reader, StoreError};
 
 use super::figures::figures;
 use super::snapshot::{Acceptance, SCORECARD};
-use super::{CompareError, Compared, Difference, Lone, RunTime, Snapshot, Verdict};
+use super::{CompareError, ComparisonResult, Difference, RowId, RunTime, Snapshot, Verdict};
 
-/// `compare.html`. Of `paths` it says whether their trials are synthetic.
+/// Renders the page `compare.html`, with a notice if the trials in `paths` are synthetic.
 ///
 /// # Errors
-/// A figure cannot be drawn or the template not filled in.
+/// Returns an error if a figure cannot be drawn or the template cannot be rendered.
 pub fn page(
-    compared: &Compared,
+    compared: &ComparisonResult,
     baseline: &Snapshot,
     candidate: &Snapshot,
     paths: &Paths,
 ) -> Result<String, CompareError> {
     let synthetic = notice_of_folders(paths);
-    let not_judged = compared.differences.iter().filter(|d| d.judged.verdict == Verdict::NotJudged);
+    let not_judged = compared
+        .differences
+        .iter()
+        .filter(|difference| difference.judgement.verdict == Verdict::NotJudged);
     let mut figures = figures(compared, baseline, candidate);
     figures.iter_mut().for_each(|figure| figure.is_synthetic = !synthetic.is_empty());
     let figures = figures.iter().map(image).collect::<Result<Vec<_>, _>>()?;
@@ -31,14 +34,14 @@ pub fn page(
         "version": env!("CARGO_PKG_VERSION"),
         "synthetic": synthetic,
         "baseline_version": baseline.version,
-        "is_well": compared.is_well(),
+        "passes": compared.passes(),
         "cells": compared.cells,
         "records": compared.records.len(),
         "within": compared.count(Verdict::Within),
         "not_judged": not_judged.map(row).collect::<Vec<_>>(),
         "out": compared.out().map(row).collect::<Vec<_>>(),
-        "vanished": compared.vanished.iter().map(Lone::name).collect::<Vec<_>>(),
-        "appeared": compared.appeared.iter().map(Lone::name).collect::<Vec<_>>(),
+        "vanished": compared.vanished.iter().map(RowId::name).collect::<Vec<_>>(),
+        "appeared": compared.appeared.iter().map(RowId::name).collect::<Vec<_>>(),
         "figures": figures,
         "run_times": compared.run_times.iter().map(run_time).collect::<Vec<_>>(),
         "accepted": baseline.accepted,
@@ -47,33 +50,33 @@ pub fn page(
         .map_err(|error| CompareError::File { file: "compare.html", message: error.to_string() })
 }
 
-impl Lone {
-    /// Its table and what names it there.
+impl RowId {
+    /// Returns the name of the table, followed by the name of the row.
     pub fn name(&self) -> String {
-        format!("{}: {}", self.table, self.of)
+        format!("{}: {}", self.table, self.row)
     }
 }
 
-/// A difference as people read it; its change is relative, its errors are standard errors.
+/// Formats a difference for human readers, with the relative change and the difference in standard errors.
 fn row(difference: &Difference) -> ChangedValue {
-    let Difference { table, of, column, baseline, candidate, judged } = difference;
+    let Difference { table, row, column, baseline, candidate, judgement } = difference;
     let numbers = baseline.as_f64().zip(candidate.as_f64());
     ChangedValue {
         table: (*table).to_owned(),
-        of: of.clone(),
+        of: row.clone(),
         column: column.clone(),
         baseline: text(baseline),
         candidate: text(candidate),
         change: numbers.map(|(then, now)| percent(now, then)).unwrap_or_default(),
-        errors: judged.errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
-        limit: judged.limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
+        errors: judgement.errors.map(|errors| format!("{errors:.1}")).unwrap_or_default(),
+        limit: judgement.limit.map(|limit| significant(limit, 3)).unwrap_or_default(),
     }
 }
 
 fn text(value: &Json) -> String {
     match (value.as_f64(), value.as_str()) {
         (Some(number), _) => significant(number, 6),
-        (_, Some(text)) => super::kind(text).to_owned(),
+        (_, Some(text)) => text.to_owned(),
         _ => "missing".to_owned(),
     }
 }
@@ -84,15 +87,14 @@ fn run_time(time: &RunTime) -> [String; 4] {
     [stage.clone(), format!("{baseline_s:.2}"), format!("{candidate_s:.2}"), remark.to_owned()]
 }
 
-/// Differences that the report's first screen names.
-const NAMED: usize = 3;
+/// Maximum number of differences that the report names on its first screen.
+const MAX_NAMED: usize = 3;
 
-/// What the report says on its first screen of the tables that it is made of against the baseline;
-/// `None` if there is none. What the report makes itself, the scorecard and its run time, is
-/// compared by `trilink compare` alone.
+/// Returns the changes from the baseline for the first screen of the report; `None` if there is no baseline. The
+/// scorecard and the run times are left out, because the report itself produces them; `trilink compare` includes them.
 ///
 /// # Errors
-/// A table cannot be read.
+/// Returns an error if a table cannot be read.
 pub fn changes(
     config: &Compare,
     paths: &Paths,
@@ -110,91 +112,88 @@ pub fn changes(
         }
     };
     baseline.tables.remove(SCORECARD);
-    let candidate = Snapshot::of_tables(&paths.derived, reader)?;
+    let candidate = Snapshot::from_tables(&paths.derived, reader)?;
     let compared = super::compare(config, &baseline, &candidate);
-    // Other tables follow from these.
-    let names = |lone: &[Lone]| -> Vec<String> {
-        let of_table = lone.iter().filter(|lone| ["trials", "fits"].contains(&lone.table));
-        of_table.map(Lone::name).collect()
+    // The rows of other tables follow from those of the trials and fits.
+    let names = |rows: &[RowId]| -> Vec<String> {
+        let named = rows.iter().filter(|row| ["trials", "fits"].contains(&row.table));
+        named.map(RowId::name).collect()
     };
-    let [out, within, not_judged] =
-        [Verdict::Out, Verdict::Within, Verdict::NotJudged].map(|verdict| compared.count(verdict));
-    let accepted = |Acceptance { time, reason, .. }: &Acceptance| AcceptedBaseline {
-        time: time.clone(),
-        reason: reason.clone(),
-    };
+    let out = compared.count(Verdict::Out);
+    let within = compared.count(Verdict::Within);
+    let not_judged = compared.count(Verdict::NotJudged);
+    let accepted = baseline.accepted.last().cloned();
     Ok(Some(Changes::Compared {
-        accepted: baseline.accepted.last().map(accepted),
+        accepted: accepted.map(|Acceptance { time, reason, .. }| AcceptedBaseline { time, reason }),
         out,
         within,
         not_judged,
         same: compared.cells - out - within - not_judged,
-        largest: compared.out().take(NAMED).map(row).collect(),
+        largest: compared.out().take(MAX_NAMED).map(row).collect(),
         vanished: names(&compared.vanished),
         appeared: names(&compared.appeared),
     }))
 }
 
-/// JUnit's XML, by which servers that build software show what failed: a suite for each table, a
-/// case for each of its rows.
+/// Renders JUnit XML for continuous integration servers: a test suite for each table, a test case for each row.
 ///
 /// # Errors
-/// The template cannot be filled in.
-pub fn junit(compared: &Compared) -> Result<String, CompareError> {
+/// Returns an error if the template cannot be rendered.
+pub fn junit(compared: &ComparisonResult) -> Result<String, CompareError> {
     let mut tables: BTreeMap<&str, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
-    let mut add = |table, of, failure: Option<String>| {
-        tables.entry(table).or_default().entry(of).or_default().extend(failure);
+    let mut add = |table, row, failure: Option<String>| {
+        tables.entry(table).or_default().entry(row).or_default().extend(failure);
     };
-    compared.records.iter().for_each(|lone| add(lone.table, &lone.of, None));
+    compared.records.iter().for_each(|id| add(id.table, &id.row, None));
     for difference in compared.out() {
-        add(difference.table, &difference.of, Some(difference.sentence()));
+        add(difference.table, &difference.row, Some(difference.sentence()));
     }
-    for Lone { table, of } in &compared.vanished {
-        add(table, of, Some("vanished".to_owned()));
+    for RowId { table, row } in &compared.vanished {
+        add(table, row, Some("vanished".to_owned()));
     }
     for time in &compared.run_times {
         let RunTime { stage, baseline_s, candidate_s, .. } = time;
-        let sentence = || format!("{candidate_s:.2} s, baseline {baseline_s:.2} s");
-        add("run time", stage, compared.slow().any(|slow| slow == time).then(sentence));
+        let is_slow = compared.slow().any(|slow| slow == time);
+        let failure = is_slow.then(|| format!("{candidate_s:.2} s, baseline {baseline_s:.2} s"));
+        add("run time", stage, failure);
     }
-    let case =
-        |(name, failures): (&&str, &Vec<String>)| json!({ "name": name, "failures": failures });
-    let suite = |(name, cases): (&str, BTreeMap<&str, Vec<String>>)| {
+    let suites = tables.iter().map(|(name, cases)| {
         let failures = cases.values().filter(|failures| !failures.is_empty()).count();
-        let cases: Vec<Json> = cases.iter().map(case).collect();
+        let cases: Vec<Json> = cases
+            .iter()
+            .map(|(name, failures)| json!({ "name": name, "failures": failures }))
+            .collect();
         json!({ "name": name, "cases": cases, "failures": failures })
-    };
-    let suites: Vec<Json> = tables.into_iter().map(suite).collect();
+    });
+    let suites: Vec<Json> = suites.collect();
     fill("junit.xml", include_str!("junit.xml"), &json!({ "suites": suites }))
         .map_err(|error| CompareError::File { file: "compare.xml", message: error.to_string() })
 }
 
 impl Difference {
-    /// The difference in words.
+    /// Describes the difference between the runs in words.
     pub fn sentence(&self) -> String {
-        let row = row(self);
-        let parts = [
-            ("", &row.change, ""),
-            ("", &row.errors, " standard errors"),
-            ("limit ", &row.limit, ""),
-        ];
-        let part = |(before, text, after): (&str, &String, &str)| {
-            (!text.is_empty()).then(|| format!("{before}{text}{after}"))
-        };
-        let parts: Vec<String> = parts.into_iter().filter_map(part).collect();
-        let parts = match parts.is_empty() {
-            true => String::new(),
-            false => format!(" ({})", parts.join(", ")),
-        };
-        let [baseline, candidate] = [&self.baseline, &self.candidate].map(text);
-        format!("{}: {candidate}, baseline {baseline}{parts}", self.column)
+        let ChangedValue { baseline, candidate, change, errors, limit, .. } = row(self);
+        let mut details = Vec::new();
+        if !change.is_empty() {
+            details.push(change);
+        }
+        if !errors.is_empty() {
+            details.push(format!("{errors} standard errors"));
+        }
+        if !limit.is_empty() {
+            details.push(format!("limit {limit}"));
+        }
+        let details =
+            if details.is_empty() { String::new() } else { format!(" ({})", details.join(", ")) };
+        format!("{}: {candidate}, baseline {baseline}{details}", self.column)
     }
 }
 
-/// The comparison for other programs.
-pub fn to_json(compared: &Compared) -> Json {
+/// Converts a comparison to JSON.
+pub fn to_json(compared: &ComparisonResult) -> Json {
     json!({
-        "within_tolerance": compared.is_well(),
+        "within_tolerance": compared.passes(),
         "cells": compared.cells,
         "differences": compared.differences,
         "appeared": compared.appeared,

@@ -1,4 +1,4 @@
-//! Figures of merit of every run, one below the other, so that a slow drift shows.
+//! Table of figures of merit from all runs, which reveals slow drifts.
 
 use std::path::{Path, PathBuf};
 
@@ -8,90 +8,101 @@ use trilink_tables::{Columns as _, Reader, RunStatus, StoreError, UtcTime, rows}
 use super::CompareError;
 
 rows! {
-    /// One figure of merit of one run, or something that happened: `history.parquet`.
+    /// Row of `history.parquet`: a figure of merit of a run, or an event such as the acceptance of a baseline or a
+    /// failed run.
     pub struct HistoryRow {
-        /// When the run ended.
+        /// Time at which the run ended.
         pub time: UtcTime,
-        /// Counts the runs.
+        /// Number of the run, counted from the start of the history.
         pub run: i64,
-        /// How it ended; missing in histories from before this was kept.
+        /// Status of the run; missing in histories from earlier versions.
         pub status: Option<RunStatus>,
         pub version: String,
-        /// What it was made with: hashes of the program's source, of the settings and of the
-        /// trials. Empty where that was not kept.
+        /// Hash of the program's source; empty if unknown.
         pub program: String,
+        /// Hash of the configuration; empty if unknown.
         pub configuration: String,
+        /// Hash of the trials; empty if unknown.
         pub input: String,
-        /// Empty for what is of the whole run, as is the model.
+        /// Campaign; empty for quantities of the whole run.
         pub campaign: String,
+        /// Model; empty for quantities of a campaign or of the whole run.
         pub model: String,
         pub quantity: String,
         pub value: f64,
-        /// The 95 % interval.
+        /// Lower limit of the 95 % confidence interval of the value; NaN if unknown.
         pub lower: f64 as "lo",
+        /// Upper limit of the 95 % confidence interval of the value; NaN if unknown.
         pub upper: f64 as "hi",
-        /// Of the value, from run to run.
+        /// Standard error that describes how the value varies from run to run; NaN if unknown.
         pub value_se: f64,
-        /// Why a run became the new baseline or did not come to its end, or a trial that came or is
-        /// gone; then nothing was measured.
+        /// Text of an event: reason why the run became the new baseline or failed, or name of a trial that was added or
+        /// removed. Empty for a figure of merit.
         pub note: String,
     }
 }
 
-/// Columns that histories from before they were kept do not have.
-const ADDED: [&str; 7] = ["status", "program", "configuration", "input", "lo", "hi", "value_se"];
+/// Columns that are missing from histories of earlier versions.
+const NEW_COLUMNS: [&str; 7] =
+    ["status", "program", "configuration", "input", "lo", "hi", "value_se"];
 
 impl HistoryRow {
-    /// Whether it has a figure of merit.
+    /// Returns whether the row is a figure of merit, not an event.
     pub fn is_measured(&self) -> bool {
         self.note.is_empty()
     }
 }
 
-/// The quantity of a row that tells of a new baseline.
+/// Value of `quantity` for the event that a run became the new baseline.
 pub(super) const ACCEPTED: &str = "accepted";
-/// The same of a trial of the first run that knows its trials, and of one that came or is gone since.
+/// Value of `quantity` for each trial of the first run whose trials the history lists.
 pub(super) const TRIAL: &str = "trial";
-pub(super) const CAME: &str = "trial came";
-pub(super) const GONE: &str = "trial gone";
-/// The quantity of a trial's mean begins with this, and that of how many ended how.
+/// Value of `quantity` in a row that records the addition of a trial.
+pub(super) const TRIAL_ADDED: &str = "trial came";
+/// Value of `quantity` for the event that a trial was removed.
+pub(super) const TRIAL_REMOVED: &str = "trial gone";
+/// Prefix of `quantity` for a mean over a campaign's trials.
 pub(super) const MEAN: &str = "mean ";
+/// Prefix of `quantity` for the number of trials with a given status.
 pub(super) const TRIALS: &str = "trials ";
-
-/// What is not the same when nothing has changed.
+/// Suffix of `quantity` for the run time of a stage, which differs even between identical runs.
 pub(super) const SECONDS: &str = "_s of run";
 
-/// Where the history lies.
+/// Returns the path of the history in the folder of reports.
 pub fn history_path(reports: &Path) -> PathBuf {
     reports.join("history.parquet")
 }
 
-/// The number of the run after those of the rows.
+/// Returns the number of the next run.
 pub(super) fn next_run(rows: &[HistoryRow]) -> i64 {
     rows.iter().map(|row| row.run).max().unwrap_or(0) + 1
 }
 
-/// The last run that came to figures of merit; 0 if there is none.
+/// Returns the number of the last run with figures of merit; 0 if there is none.
 pub(super) fn last_run(rows: &[HistoryRow]) -> i64 {
     rows.iter().rfind(|row| row.is_measured()).map_or(0, |row| row.run)
 }
 
-/// The history as it is found.
+/// History as read from its file.
 pub(super) struct History {
     pub rows: Vec<HistoryRow>,
-    /// That it was damaged.
+    /// Message about a damaged file; `None` if the file was intact.
     pub problem: Option<String>,
 }
 
 impl History {
-    /// Reads the history. One that is damaged is moved aside, and a new one begins.
+    /// Reads the history. A damaged file is moved aside, and a new history is started.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read or moved.
     pub(super) fn load(reports: &Path) -> Result<Self, CompareError> {
         let path = history_path(reports);
         let rows = Reader::default().table(&path).and_then(|mut table| {
-            let sound = HistoryRow::to_table(&[]).frame;
-            for column in sound.columns() {
-                let (name, rows) = (column.name(), table.frame.height());
-                if ADDED.contains(&name.as_str()) && table.frame.column(name).is_err() {
+            let expected = HistoryRow::to_table(&[]).frame;
+            for column in expected.columns() {
+                let name = column.name();
+                if NEW_COLUMNS.contains(&name.as_str()) && table.frame.column(name).is_err() {
+                    let rows = table.frame.height();
                     let missing = Column::full_null(name.clone(), rows, column.dtype());
                     table.frame.with_column(missing).map_err(|error| StoreError::Table {
                         path: path.clone(),
@@ -116,7 +127,10 @@ impl History {
             .unwrap_or_else(|| path.clone());
         std::fs::rename(&path, &aside)
             .map_err(|source| StoreError::Write { path: aside.clone(), source })?;
-        let problem = format!("{damage}; it is now {}, and a new one begins", aside.display());
+        let problem = format!(
+            "{damage}; the file was renamed to {}, and a new history begins",
+            aside.display()
+        );
         Ok(Self { rows: Vec::new(), problem: Some(problem) })
     }
 }

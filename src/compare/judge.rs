@@ -1,101 +1,112 @@
-//! Whether a difference is more than noise.
+//! Judgement of whether a difference exceeds noise.
 
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::Tolerance;
 
 use super::snapshot::{Record, number};
 
-/// The outcome of a comparison of two values.
+/// Verdict on the difference between two values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     Same,
     Within,
-    /// Different, without a tolerance or a standard error to judge it by, or of a model that fits
-    /// in neither run.
+    /// Different, but not judged, because there is no tolerance or standard error, or because the model is inadequate
+    /// in both runs.
     NotJudged,
     Out,
 }
 
-/// A judged difference of two values.
+/// Judgement of the difference between two values.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Judged {
+pub struct Judgement {
     pub verdict: Verdict,
-    /// Largest difference that is within; `None` where there is none.
+    /// Largest difference within tolerance; `None` if the tolerance depends on an unknown standard error.
     pub limit: Option<f64>,
-    /// The difference in standard errors of both runs, of as many cycles as it would take.
+    /// Difference expressed as an equivalent normal deviate: in combined standard errors of both runs, corrected for
+    /// the few degrees of freedom of these standard errors. `None` if the standard error is unknown or zero.
     #[serde(rename = "standard_errors")]
     pub errors: Option<f64>,
 }
 
-/// Judges a number that differs.
+impl From<Verdict> for Judgement {
+    fn from(verdict: Verdict) -> Self {
+        Self { verdict, limit: None, errors: None }
+    }
+}
+
+/// Judges the difference between two numbers; `error` is the standard error of the difference, if known.
 pub(super) fn judge(
     tolerance: Tolerance,
     [baseline, candidate]: [f64; 2],
     error: Option<StandardError>,
-) -> Judged {
+) -> Judgement {
     let difference = tolerance.distance([baseline, candidate]);
-    let errors = error.and_then(|error| error.normal(difference));
-    let fixed = [tolerance.absolute, tolerance.relative.map(|part| part * baseline.abs())];
+    let errors = error.and_then(|error| error.equivalent_normal(difference));
+    let fixed = [tolerance.absolute, tolerance.relative.map(|ratio| ratio * baseline.abs())];
     let fixed = fixed.into_iter().flatten().fold(f64::NAN, f64::max);
     let by_errors = tolerance.standard_errors.zip(errors);
     let limit = [Some(fixed), by_errors.map(|(most, errors)| most * difference / errors)];
     let limit = limit.into_iter().flatten().fold(f64::NAN, f64::max);
     let is_within = difference <= fixed || by_errors.is_some_and(|(most, errors)| errors <= most);
     let is_judged = tolerance.judges() && (tolerance.standard_errors.is_none() || errors.is_some());
-    let verdict = match (baseline == candidate, is_within, is_judged) {
-        (true, _, _) => Verdict::Same,
-        (_, true, _) => Verdict::Within,
-        (_, _, true) => Verdict::Out,
-        (_, _, false) => Verdict::NotJudged,
+    let verdict = if baseline == candidate {
+        Verdict::Same
+    } else if is_within {
+        Verdict::Within
+    } else if is_judged {
+        Verdict::Out
+    } else {
+        Verdict::NotJudged
     };
-    Judged { verdict, limit: Some(limit).filter(|limit| limit.is_finite()), errors }
+    Judgement { verdict, limit: Some(limit).filter(|limit| limit.is_finite()), errors }
 }
 
-/// The largest difference from a baseline that is within a tolerance, where the difference has this
-/// standard error; `None` if it takes an error that is not known.
+/// Returns the largest difference from a baseline value that is within tolerance, given the standard error of the
+/// difference; `None` if the tolerance depends on a standard error that is unknown (NaN).
 pub(super) fn limit(tolerance: Tolerance, baseline: f64, error: f64) -> Option<f64> {
     let by_errors = tolerance.standard_errors.map(|most| most * error);
     if by_errors.is_some_and(f64::is_nan) {
         return None;
     }
-    let relative = tolerance.relative.map(|part| part * baseline.abs());
+    let relative = tolerance.relative.map(|ratio| ratio * baseline.abs());
     [tolerance.absolute, relative, by_errors].into_iter().flatten().reduce(f64::max)
 }
 
-/// The standard error of a difference.
+/// Standard error with its degrees of freedom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct StandardError {
     pub error: f64,
-    /// Degrees of freedom; infinite where the error is known well.
+    /// Degrees of freedom; infinite if the standard error is known exactly.
     pub freedom: f64,
 }
 
 impl StandardError {
-    /// Of the difference of two runs' values of a column, by their `*_se`, the scatter's part of
-    /// their 95 % intervals or the limits of these. `None` if one of them has none.
+    /// Returns the standard error of the difference in a column between two runs; `None` if it is unknown in either
+    /// run.
     pub(super) fn of_difference(column: &str, [one, other]: [&Record; 2]) -> Option<Self> {
-        Some(Self::of(column, one)?.with(Self::of(column, other)?))
+        Some(Self::from_record(column, one)?.combine(Self::from_record(column, other)?))
     }
 
-    /// Of a record's value.
-    pub(super) fn of(column: &str, record: &Record) -> Option<Self> {
-        let of = |end: &str| number(record, &format!("{column}_{end}"));
-        if let Some(error) = of("se") {
+    /// Returns the standard error of a record's value, from its `*_se`, its `*_scatter` (random part of the half width
+    /// of the 95 % interval), or else the limits of its 95 % interval.
+    pub(super) fn from_record(column: &str, record: &Record) -> Option<Self> {
+        let value = |suffix: &str| number(record, &format!("{column}_{suffix}"));
+        if let Some(error) = value("se") {
             let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
             return Some(Self { error, freedom: (cycles - 1.0).max(1.0) });
         }
-        let half_width = match of("scatter") {
+        let half_width = match value("scatter") {
             Some(half_width) => half_width,
-            None => (of("hi")? - of("lo")?) / 2.0,
+            None => (value("hi")? - value("lo")?) / 2.0,
         };
         let error = half_width / HALF_WIDTH_95;
         Some(Self { error, freedom: f64::INFINITY })
     }
 
-    /// Of a sum or difference of independent values (Welch 1947 and Satterthwaite 1946 for the
-    /// degrees of freedom).
-    pub(super) fn with(self, other: Self) -> Self {
+    /// Returns the standard error of the sum or difference of two independent values, with degrees of freedom by the
+    /// Welch-Satterthwaite equation (Satterthwaite 1946, Welch 1947).
+    pub(super) fn combine(self, other: Self) -> Self {
         let squares = [self, other].map(|of| of.error * of.error);
         let spread = squares[0].powi(2) / self.freedom + squares[1].powi(2) / other.freedom;
         let sum = squares[0] + squares[1];
@@ -103,10 +114,10 @@ impl StandardError {
         Self { error: sum.sqrt(), freedom }
     }
 
-    /// A difference in standard errors, as far out as it would be if the error were known: few
-    /// cycles give large multiples by chance (Wallace, Annals of Mathematical Statistics 30,
-    /// 1959).
-    pub(super) fn normal(self, difference: f64) -> Option<f64> {
+    /// Returns the normal deviate that is as improbable as the difference is under Student's t distribution, because
+    /// with few degrees of freedom large multiples of the standard error occur by chance (Wallace, Annals of
+    /// Mathematical Statistics 30, 1959); `None` if the standard error is unknown or zero.
+    pub(super) fn equivalent_normal(self, difference: f64) -> Option<f64> {
         let multiple = difference / self.error;
         if !(self.error > 0.0 && multiple.is_finite()) {
             return None;
@@ -124,21 +135,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn multiples_of_an_error_from_few_cycles_count_less() {
+    fn few_degrees_of_freedom_reduce_the_equivalent_normal_deviate() {
         let error = |freedom| StandardError { error: 0.5, freedom };
-        // Two-sided probabilities of Student's t: 2.776 of 4 and 2.228 of 10 degrees of freedom
-        // have the 5 % that 1.96 has.
+        // Two-sided 5 % points of Student's t: 2.776 for 4 and 2.228 for 10 degrees of freedom, 1.96 for infinitely
+        // many.
         for (freedom, multiple, expected) in
             [(4.0, 2.776, 1.96), (10.0, 2.228, 1.96), (4.0, 8.61, 3.29), (f64::INFINITY, 3.0, 3.0)]
         {
-            let found = error(freedom).normal(multiple * 0.5).unwrap();
+            let found = error(freedom).equivalent_normal(multiple * 0.5).unwrap();
             assert!((found - expected).abs() < 0.05, "{found} {expected}");
         }
-        assert_eq!(StandardError { error: 0.0, freedom: 3.0 }.normal(1.0), None);
+        assert_eq!(StandardError { error: 0.0, freedom: 3.0 }.equivalent_normal(1.0), None);
     }
 
     #[test]
-    fn a_difference_is_within_if_one_of_the_limits_says_so() {
+    fn a_difference_is_within_tolerance_if_it_is_within_one_of_the_limits() {
         let error = Some(StandardError { error: 0.1, freedom: f64::INFINITY });
         let none = Tolerance::default();
         let absolute = Tolerance { absolute: Some(0.5), ..none };

@@ -1,4 +1,4 @@
-//! Means over the trials of a campaign, in which a small shift of all of them shows.
+//! Means over the trials of a campaign, which reveal a small shift that all trials share.
 
 use std::collections::BTreeSet;
 
@@ -7,19 +7,21 @@ use trilink_robot::metrics::Metric;
 use super::judge::StandardError;
 use super::snapshot::{Record, Records, number, text};
 
-/// Each campaign's means over the trials that both runs have, with their standard errors.
-pub(super) fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
+/// Returns each campaign's means over the trials that both runs have, with their standard errors.
+pub(super) fn campaign_means(runs: [&Records; 2]) -> [Records; 2] {
     let mut means = [Records::new(), Records::new()];
     for campaign in campaigns(runs[0]) {
-        let of_campaign = runs[0].iter().filter(|(_, trial)| text(trial, "campaign") == campaign);
+        let trials = runs[0].iter().filter(|(_, trial)| text(trial, "campaign") == campaign);
         let pairs: Vec<[&Record; 2]> =
-            of_campaign.filter_map(|(name, trial)| Some([trial, runs[1].get(name)?])).collect();
+            trials.filter_map(|(name, trial)| Some([trial, runs[1].get(name)?])).collect();
         let mut records = [Record::new(), Record::new()];
         let columns = ["omega_rad_s"].into_iter().chain(Metric::ALL.map(Metric::column));
         let debiased = Metric::ALL.into_iter().filter_map(|metric| metric.definition().debiased);
         for column in columns.chain(debiased) {
-            let value = |of: &Record| Some((number(of, column)?, StandardError::of(column, of)?));
-            // A trial counts if it has the value in both runs.
+            let value = |trial: &Record| {
+                Some((number(trial, column)?, StandardError::from_record(column, trial)?))
+            };
+            // Only trials that have the value in both runs are used.
             let values: Vec<_> =
                 pairs.iter().filter_map(|[then, now]| Some([value(then)?, value(now)?])).collect();
             for (run, record) in records.iter_mut().enumerate() {
@@ -28,7 +30,7 @@ pub(super) fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
                 };
                 record.insert(column.to_owned(), mean.into());
                 record.insert(format!("{column}_se"), error.error.into());
-                // Where standard errors are looked for, degrees of freedom are cycles less 1.
+                // `StandardError::from_record` takes cycles - 1 as the degrees of freedom.
                 record.entry("cycles".to_owned()).or_insert((error.freedom + 1.0).into());
             }
         }
@@ -39,17 +41,17 @@ pub(super) fn of_campaigns(runs: [&Records; 2]) -> [Records; 2] {
     means
 }
 
-/// Names of the campaigns that have trials, in order.
+/// Returns the sorted names of the campaigns that have trials.
 pub(super) fn campaigns(trials: &Records) -> BTreeSet<&str> {
     trials.values().map(|trial| text(trial, "campaign")).filter(|name| !name.is_empty()).collect()
 }
 
-/// A mean and its standard error.
+/// Returns the mean of independent values and its standard error; `None` without values.
 pub(super) fn mean(
     values: impl ExactSizeIterator<Item = (f64, StandardError)>,
 ) -> Option<(f64, StandardError)> {
     let count = values.len() as f64;
     let (sum, error) =
-        values.reduce(|(sum, error), (value, of_value)| (sum + value, error.with(of_value)))?;
+        values.reduce(|(sum, error), (value, own)| (sum + value, error.combine(own)))?;
     Some((sum / count, StandardError { error: error.error / count, ..error }))
 }

@@ -1,15 +1,15 @@
-//! A candidate against the baseline: what differs by more than noise.
+//! Comparison of a candidate run with the baseline run: differences that exceed noise.
 //!
-//! Two runs of the same laboratory differ in every digit that noise reaches. Each column has a
-//! tolerance, mostly in standard errors of both runs together; what is systematic and small shows
-//! in the means over a campaign's trials before it shows in one of them.
+//! Two runs of the same laboratory differ by noise in almost every value. Each column has a tolerance, mostly in
+//! combined standard errors of both runs. A small systematic shift shows in the mean over a campaign's trials before it
+//! shows in a single trial.
 
 mod figures;
 mod files;
 mod history;
 mod judge;
 mod means;
-mod remember;
+mod record;
 mod runs;
 mod snapshot;
 mod steps;
@@ -20,8 +20,8 @@ use std::path::PathBuf;
 
 pub use files::{changes, junit, page, to_json};
 pub use history::{HistoryRow, history_path};
-pub use judge::{Judged, Verdict};
-pub use remember::{is_drawn, note_acceptances, remember, remember_failure};
+pub use judge::{Judgement, Verdict};
+pub use record::{is_history_up_to_date, note_acceptances, record_failure, record_run};
 pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};
 
 use serde::Serialize;
@@ -33,7 +33,7 @@ use trilink_tables::{StoreError, TrialStatus};
 
 use judge::{StandardError, judge};
 
-/// Why runs cannot be compared.
+/// Reason why two runs cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum CompareError {
     #[error(transparent)]
@@ -48,92 +48,98 @@ pub enum CompareError {
     File { file: &'static str, message: String },
 }
 
-/// One cell that differs.
+/// Table cell that differs between the runs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Difference {
     pub table: &'static str,
-    /// The trial, or campaign and model.
-    pub of: String,
+    /// Name of the row: the trial, or the campaign and the model.
+    #[serde(rename = "of")]
+    pub row: String,
     pub column: String,
     pub baseline: Json,
     #[serde(rename = "tonight")]
     pub candidate: Json,
     #[serde(flatten)]
-    pub judged: Judged,
+    pub judgement: Judgement,
 }
 
 impl Difference {
-    /// How many times the largest difference within it is; infinite where there is no such thing.
+    /// Returns the ratio of the difference to the largest difference within tolerance; infinite if no such limit
+    /// exists.
     pub fn severity(&self) -> f64 {
         let numbers = self.candidate.as_f64().zip(self.baseline.as_f64());
-        let times = |((candidate, baseline), limit): ((f64, f64), f64)| {
+        numbers.zip(self.judgement.limit).map_or(f64::INFINITY, |((candidate, baseline), limit)| {
             (candidate - baseline).abs() / limit
-        };
-        numbers.zip(self.judged.limit).map_or(f64::INFINITY, times)
+        })
     }
 }
 
-/// A record that only one of the runs has.
+/// Identifier of a table row.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Lone {
+pub struct RowId {
     pub table: &'static str,
-    pub of: String,
+    /// Name of the row: the trial, or the campaign and the model.
+    #[serde(rename = "of")]
+    pub row: String,
 }
 
-/// How long a stage took.
+/// Run times of a stage.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunTime {
     pub stage: String,
     pub baseline_s: f64,
     #[serde(rename = "tonight_s")]
     pub candidate_s: f64,
-    /// Whether it took longer by more than the configuration takes for nothing.
+    /// Whether the candidate took longer by more than the tolerance of the configuration.
     #[serde(rename = "longer")]
     pub is_longer: bool,
 }
 
-/// The outcome of a comparison.
+/// Result of a comparison.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Compared {
-    /// All that is not the same; what is out of tolerance first, the worst at the front.
+pub struct ComparisonResult {
+    /// All differences: first those out of tolerance, then the others, each group in order of decreasing severity.
     pub differences: Vec<Difference>,
-    pub appeared: Vec<Lone>,
-    pub vanished: Vec<Lone>,
+    /// Rows that only the candidate has.
+    pub appeared: Vec<RowId>,
+    /// Rows that only the baseline has.
+    pub vanished: Vec<RowId>,
     pub run_times: Vec<RunTime>,
-    /// Cells that were compared.
+    /// Number of table cells that were compared.
     pub cells: usize,
-    /// Records that were compared, by table.
-    pub records: Vec<Lone>,
+    /// Rows that were compared, grouped by table.
+    pub records: Vec<RowId>,
     run_time_fails: bool,
 }
 
-impl Compared {
-    /// Differences out of tolerance.
+impl ComparisonResult {
+    /// Returns the differences that are out of tolerance.
     pub fn out(&self) -> impl Iterator<Item = &Difference> {
-        self.differences.iter().filter(|difference| difference.judged.verdict == Verdict::Out)
+        self.differences.iter().filter(|difference| difference.judgement.verdict == Verdict::Out)
     }
 
-    /// How many differences have a verdict.
+    /// Returns the number of differences with the given verdict.
     pub fn count(&self, verdict: Verdict) -> usize {
-        self.differences.iter().filter(|difference| difference.judged.verdict == verdict).count()
+        self.differences.iter().filter(|difference| difference.judgement.verdict == verdict).count()
     }
 
-    /// Stages that are out of tolerance.
+    /// Returns the stages whose run times are out of tolerance.
     pub fn slow(&self) -> impl Iterator<Item = &RunTime> {
         self.run_times.iter().filter(|time| time.is_longer && self.run_time_fails)
     }
 
-    /// Whether nothing is out of tolerance and nothing has vanished.
-    pub fn is_well(&self) -> bool {
+    /// Returns whether all values and run times are within tolerance and no row has vanished.
+    pub fn passes(&self) -> bool {
         self.out().next().is_none() && self.vanished.is_empty() && self.slow().next().is_none()
     }
 }
 
-/// Ends of columns by which others are judged.
-const OF_ERRORS: [&str; 5] = ["_se", "_lo", "_hi", "_scatter", "_systematic"];
+/// Suffixes of columns that hold the uncertainty of other columns and are not compared themselves.
+const ERROR_SUFFIXES: [&str; 9] =
+    ["_se", "_lo", "_hi", "_scatter", "_systematic", "_u_a", "_u_b", "_dof", "_coverage_factor"];
 
-/// Columns of text, and whether another text is out of tolerance or only named.
-const TEXTS: [(&str, bool); 9] = [
+/// Text columns that are compared. The flag is true if a change is out of tolerance, and false if it is only listed.
+const TEXT_COLUMNS: [(&str, bool); 9] = [
     ("status", true),
     ("free", true),
     ("verdict", true),
@@ -145,42 +151,44 @@ const TEXTS: [(&str, bool); 9] = [
     ("sharing", false),
 ];
 
-/// Compares two runs.
-pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> Compared {
-    let mut compared = Compared {
+/// Compares a candidate run with the baseline run.
+pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> ComparisonResult {
+    let mut compared = ComparisonResult {
         run_times: run_times(config, baseline, candidate),
         run_time_fails: config.run_time_fails,
-        ..Compared::default()
+        ..ComparisonResult::default()
     };
     let trials = [baseline, candidate].map(|run| run.records("trials"));
-    let [then, now] = &means::of_campaigns(trials);
+    let [then, now] = &means::campaign_means(trials);
     for (table, tolerances) in config.tables() {
-        let runs = match table {
-            "campaigns" => [then, now],
-            _ => [baseline.records(table), candidate.records(table)],
+        let runs = if table == "campaigns" {
+            [then, now]
+        } else {
+            [baseline.records(table), candidate.records(table)]
         };
-        compared.table(table, tolerances, runs);
+        compared.compare_table(table, tolerances, runs);
     }
-    let inadequate = models_that_fit_in_neither([baseline, candidate]);
+    let inadequate = inadequate_in_both([baseline, candidate]);
     for difference in &mut compared.differences {
-        let Difference { table, of, judged, .. } = difference;
-        let record = candidate.records(table).get(of.as_str());
-        if judged.verdict == Verdict::Out
+        let Difference { table, row, judgement, .. } = difference;
+        let record = candidate.records(table).get(row.as_str());
+        if judgement.verdict == Verdict::Out
             && record.is_some_and(|record| inadequate.contains(&campaign_and_model(record)))
         {
-            judged.verdict = Verdict::NotJudged;
+            judgement.verdict = Verdict::NotJudged;
         }
     }
     compared.differences.sort_by(|one, other| {
-        let rank = |difference: &Difference| difference.judged.verdict != Verdict::Out;
-        rank(one).cmp(&rank(other)).then(other.severity().total_cmp(&one.severity()))
+        let [is_one_out, is_other_out] =
+            [one, other].map(|difference| difference.judgement.verdict == Verdict::Out);
+        is_other_out.cmp(&is_one_out).then(other.severity().total_cmp(&one.severity()))
     });
     compared
 }
 
-/// Campaign and model of the fits that are inadequate in both runs: their coefficients describe
-/// neither, and go from one optimum to another by chance.
-fn models_that_fit_in_neither(runs: [&Snapshot; 2]) -> BTreeSet<[&str; 2]> {
+/// Returns the campaign and model of each fit that is inadequate in both runs. Coefficients of such fits are not
+/// judged, because those of an inadequate model switch between local optima by chance.
+fn inadequate_in_both(runs: [&Snapshot; 2]) -> BTreeSet<[&str; 2]> {
     let [baseline, candidate] = runs.map(|run| {
         let fits = run.records("fits").values();
         let inadequate = fits.filter(|fit| snapshot::text(fit, "adequate") == "false");
@@ -189,62 +197,73 @@ fn models_that_fit_in_neither(runs: [&Snapshot; 2]) -> BTreeSet<[&str; 2]> {
     baseline.intersection(&candidate).copied().collect()
 }
 
-/// What a fit or a prediction is of.
+/// Returns the campaign and the model that a fit or prediction belongs to.
 fn campaign_and_model(record: &Record) -> [&str; 2] {
     ["campaign", "model"].map(|column| snapshot::text(record, column))
 }
 
-impl Compared {
-    fn table(&mut self, table: &'static str, tolerances: &Tolerances, [then, now]: [&Records; 2]) {
-        let lone = |of: &String| Lone { table, of: of.clone() };
-        // A table that one of the runs lacks is one line, not a line for each row.
-        let all = |records: &Records| Lone { table, of: format!("all {} rows", records.len()) };
+impl ComparisonResult {
+    /// Adds the comparison of a table to the result.
+    fn compare_table(
+        &mut self,
+        table: &'static str,
+        tolerances: &Tolerances,
+        [then, now]: [&Records; 2],
+    ) {
+        let row_id = |row: &String| RowId { table, row: row.clone() };
+        // A table that one of the runs lacks is one entry, not one for each row.
+        let all_rows = |rows: &Records| RowId { table, row: format!("all {} rows", rows.len()) };
         match (then.is_empty(), now.is_empty()) {
-            (true, false) => return self.appeared.push(all(now)),
-            (false, true) => return self.vanished.push(all(then)),
+            (true, false) => return self.appeared.push(all_rows(now)),
+            (false, true) => return self.vanished.push(all_rows(then)),
             _ => {}
         }
-        self.vanished.extend(then.keys().filter(|of| !now.contains_key(*of)).map(lone));
-        self.appeared.extend(now.keys().filter(|of| !then.contains_key(*of)).map(lone));
-        for (of, baseline) in then {
-            let Some(candidate) = now.get(of) else { continue };
-            self.records.push(lone(of));
-            let judged_by = |column: &str| OF_ERRORS.iter().any(|end| column.ends_with(end));
-            for (column, cell) in baseline.iter().filter(|(column, _)| !judged_by(column)) {
+        self.vanished.extend(then.keys().filter(|row| !now.contains_key(*row)).map(row_id));
+        self.appeared.extend(now.keys().filter(|row| !then.contains_key(*row)).map(row_id));
+        for (row, baseline) in then {
+            let Some(candidate) = now.get(row) else { continue };
+            self.records.push(row_id(row));
+            for (column, cell) in baseline {
                 let Some(other) = candidate.get(column) else { continue };
+                if ERROR_SUFFIXES.iter().any(|suffix| column.ends_with(suffix)) {
+                    continue;
+                }
                 self.cells += 1;
-                let judged = judge_values(tolerances, column, [baseline, candidate], [cell, other]);
-                self.differences.extend(judged.filter(|of| of.verdict != Verdict::Same).map(
-                    |judged| Difference {
-                        table,
-                        of: of.clone(),
-                        column: column.clone(),
-                        baseline: cell.clone(),
-                        candidate: other.clone(),
-                        judged,
-                    },
-                ));
+                let judgement =
+                    judge_values(tolerances, column, [baseline, candidate], [cell, other]);
+                let Some(judgement) = judgement.filter(|of| of.verdict != Verdict::Same) else {
+                    continue;
+                };
+                self.differences.push(Difference {
+                    table,
+                    row: row.clone(),
+                    column: column.clone(),
+                    baseline: cell.clone(),
+                    candidate: other.clone(),
+                    judgement,
+                });
             }
         }
     }
 }
 
-/// `None` if the column is not compared.
+/// Judges two values of a column; returns `None` if the column is not compared.
 fn judge_values(
     tolerances: &Tolerances,
     column: &str,
     records: [&Record; 2],
     values: [&Json; 2],
-) -> Option<Judged> {
-    let plain = |verdict| Some(Judged { verdict, limit: None, errors: None });
+) -> Option<Judgement> {
     if let [Json::String(then), Json::String(now)] = values {
-        let (_, fails) = TEXTS.iter().find(|(name, _)| *name == column)?;
-        let [then, now] = [then, now].map(|text| kind(text));
-        return plain(match (then == now, *fails && !is_still_used(then, now)) {
-            (true, _) => Verdict::Same,
-            (_, true) => Verdict::Out,
-            (_, false) => Verdict::NotJudged,
-        });
+        let (_, fails) = TEXT_COLUMNS.iter().find(|(name, _)| *name == column)?;
+        let verdict = if then == now {
+            Verdict::Same
+        } else if *fails && !is_still_used(then, now) {
+            Verdict::Out
+        } else {
+            Verdict::NotJudged
+        };
+        return Some(verdict.into());
     }
     let tolerance = tolerance(tolerances, column).filter(|tolerance| tolerance.judges())?;
     match values.map(Json::as_f64) {
@@ -252,31 +271,28 @@ fn judge_values(
             let error = StandardError::of_difference(column, records);
             Some(judge(tolerance, [then, now], error))
         }
-        [None, None] => plain(Verdict::Same),
-        _ if tolerance.may_be_missing => plain(Verdict::NotJudged),
-        _ => plain(Verdict::Out),
+        [None, None] => Some(Verdict::Same.into()),
+        _ if tolerance.may_be_missing => Some(Verdict::NotJudged.into()),
+        _ => Some(Verdict::Out.into()),
     }
 }
 
-/// A status without the words that explain it.
-fn kind(text: &str) -> &str {
-    text.split_once(':').map_or(text, |(kind, _)| kind)
-}
-
-/// A trial that is flagged gives results as one that is ok does.
+/// Returns whether a trial is used (ok or flagged) both with its status in the baseline run, `then`, and with its
+/// status in the candidate run, `now`.
 fn is_still_used(then: &str, now: &str) -> bool {
     let used = [TrialStatus::Ok, TrialStatus::Flagged].map(TrialStatus::name);
     used.contains(&then) && used.contains(&now)
 }
 
+/// Compares the run times of the stages that both runs have.
 fn run_times(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> Vec<RunTime> {
-    let stage = |(stage, baseline_s): (&String, &f64)| {
-        let (baseline_s, candidate_s) = (*baseline_s, *candidate.stages.get(stage)?);
+    let times = baseline.stages.iter().filter_map(|(stage, &baseline_s)| {
+        let candidate_s = *candidate.stages.get(stage)?;
         let is_longer = candidate_s > config.run_time_ratio * baseline_s
             && candidate_s - baseline_s > config.run_time_s;
         Some(RunTime { stage: stage.clone(), baseline_s, candidate_s, is_longer })
-    };
-    baseline.stages.iter().filter_map(stage).collect()
+    });
+    times.collect()
 }
 
 #[cfg(test)]

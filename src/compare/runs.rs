@@ -1,4 +1,4 @@
-//! The runs of a history: when, how they ended, and what changed from one to the next.
+//! Runs in a history: times, statuses and changes from one run to the next.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,28 +6,28 @@ use chrono::{DateTime, Datelike as _, Utc};
 use serde_json::{Value as Json, json};
 use trilink_tables::{RunStatus, TrialStatus};
 
-use super::history::{ACCEPTED, CAME, GONE, HistoryRow, SECONDS, TRIALS};
+use super::history::{ACCEPTED, HistoryRow, SECONDS, TRIAL_ADDED, TRIAL_REMOVED, TRIALS};
 
-/// So many trials are named.
-const NAMED: usize = 3;
-/// Of a hash, on the page.
-const DIGITS: usize = 8;
+/// Maximum number of trials that a message names.
+const MAX_NAMED: usize = 3;
+/// Number of digits of a hash that are shown on the history page.
+const HASH_DIGITS: usize = 8;
 
-/// All runs.
+/// All runs in a history.
 pub(super) struct Runs<'r> {
     runs: BTreeMap<i64, Run<'r>>,
-    /// Those that became the baseline.
+    /// Numbers of the runs that became the baseline.
     pub accepted: BTreeSet<i64>,
-    /// What an axis calls them.
+    /// Axis labels for the runs, by run number.
     labels: Vec<(f64, String)>,
 }
 
-/// One of them.
+/// Run in a history.
 struct Run<'r> {
     first: &'r HistoryRow,
-    came: Vec<&'r str>,
-    gone: Vec<&'r str>,
-    /// How many trials ended how.
+    added: Vec<&'r str>,
+    removed: Vec<&'r str>,
+    /// Numbers of trials by status, such as `12 ok`.
     trials: Vec<String>,
     seconds: f64,
 }
@@ -37,17 +37,16 @@ impl<'r> Runs<'r> {
         let mut runs: BTreeMap<i64, Run> = BTreeMap::new();
         let accepted = rows.iter().filter(|row| row.quantity == ACCEPTED).map(|row| row.run);
         for row in rows.iter().filter(|row| row.quantity != ACCEPTED) {
-            let new = || Run {
+            let run = runs.entry(row.run).or_insert_with(|| Run {
                 first: row,
-                came: Vec::new(),
-                gone: Vec::new(),
+                added: Vec::new(),
+                removed: Vec::new(),
                 trials: Vec::new(),
                 seconds: 0.0,
-            };
-            let run = runs.entry(row.run).or_insert_with(new);
+            });
             match row.quantity.as_str() {
-                CAME => run.came.push(&row.note),
-                GONE => run.gone.push(&row.note),
+                TRIAL_ADDED => run.added.push(&row.note),
+                TRIAL_REMOVED => run.removed.push(&row.note),
                 quantity if quantity.ends_with(SECONDS) => run.seconds += row.value,
                 quantity => {
                     let status = quantity.strip_prefix(TRIALS).filter(|_| row.campaign.is_empty());
@@ -70,7 +69,7 @@ impl<'r> Runs<'r> {
         &self.labels
     }
 
-    /// Its number and time, as links name it.
+    /// Returns the name of a run in figures and tables: its number and time, such as `run 3, 2026-11-12 02:15`.
     pub(super) fn name(&self, run: i64) -> String {
         let time = self.runs.get(&run).map_or("", |run| &run.first.time);
         format!("run {run}, {}", to_the_minute(time))
@@ -81,44 +80,48 @@ impl<'r> Runs<'r> {
         time.get(..10).unwrap_or(time)
     }
 
-    /// What else changed from the run before that came to figures of merit.
-    pub(super) fn changed(&self, run: i64) -> String {
-        let Some(now) = self.runs.get(&run) else { return String::new() };
-        let mut earlier = self.runs.range(..run).rev().map(|(_, run)| run);
-        let Some(then) = earlier.find(|run| run.first.is_measured()) else { return String::new() };
-        let (then, first) = (then.first, now.first);
-        let mut said = Vec::new();
+    /// Describes the changes to the program, configuration and trials since the previous run with figures of merit.
+    pub(super) fn changes(&self, run: i64) -> String {
+        let Some(run_now) = self.runs.get(&run) else { return String::new() };
+        let now = run_now.first;
+        let mut earlier = self.runs.range(..run).rev().map(|(_, run)| run.first);
+        let Some(then) = earlier.find(|first| first.is_measured()) else { return String::new() };
+        let mut changes = Vec::new();
         let differs = |a: &str, b: &str| !a.is_empty() && !b.is_empty() && a != b;
-        if then.version != first.version {
-            said.push(format!("trilink {} in place of {}", first.version, then.version));
-        } else if differs(&then.program, &first.program) {
-            said.push("the program changed".to_owned());
+        if then.version != now.version {
+            changes.push(format!("trilink {} replaced trilink {}", now.version, then.version));
+        } else if differs(&then.program, &now.program) {
+            changes.push("the program changed".to_owned());
         }
-        if differs(&then.configuration, &first.configuration) {
-            said.push("the configuration changed".to_owned());
+        if differs(&then.configuration, &now.configuration) {
+            changes.push("the configuration changed".to_owned());
         }
-        for (trials, what) in [(&now.came, "came"), (&now.gone, "went")] {
-            let named = trials.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
-            let more = if trials.len() > NAMED { ", ..." } else { "" };
+        for (trials, verb) in [(&run_now.added, "added"), (&run_now.removed, "removed")] {
+            let named = trials.iter().take(MAX_NAMED).copied().collect::<Vec<_>>().join(", ");
+            let more = if trials.len() > MAX_NAMED { ", ..." } else { "" };
             let noun = if trials.len() == 1 { "trial" } else { "trials" };
             if !trials.is_empty() {
-                said.push(format!("{} {noun} {what}: {named}{more}", trials.len()));
+                changes.push(format!("{} {noun} {verb}: {named}{more}", trials.len()));
             }
         }
-        if said.is_empty() && differs(&then.input, &first.input) {
-            said.push("files of the trials changed".to_owned());
+        if changes.is_empty() && differs(&then.input, &now.input) {
+            changes.push("the marker files of the trials changed".to_owned());
         }
-        if said.is_empty() {
-            let is_known = !then.program.is_empty() && !first.program.is_empty();
-            let nothing = "neither the program, the configuration nor the trials changed";
-            said.push(if is_known { nothing } else { "what changed was not kept" }.to_owned());
+        if changes.is_empty() {
+            let is_known = !then.program.is_empty() && !now.program.is_empty();
+            let text = if is_known {
+                "neither the program, the configuration nor the trials changed"
+            } else {
+                "the cause is unknown, because the history has no hash of the program"
+            };
+            changes.push(text.to_owned());
         }
-        said.join("; ")
+        changes.join("; ")
     }
 
-    /// A row of the page's table for each, the last one first.
+    /// Returns the rows for the table of runs on the history page, last run first.
     pub(super) fn rows(&self) -> Vec<Json> {
-        let row = |(number, run): (&i64, &Run)| {
+        let rows = self.runs.iter().rev().map(|(number, run)| {
             let Run { first, trials, seconds, .. } = run;
             let failure = Some(&first.note).filter(|_| first.quantity.is_empty());
             json!({
@@ -129,13 +132,13 @@ impl<'r> Runs<'r> {
                 "trials": trials.join(", "),
                 "seconds": format!("{seconds:.1}"),
                 "version": first.version,
-                "program": first.program.get(..DIGITS).unwrap_or_default(),
-                "configuration": first.configuration.get(..DIGITS).unwrap_or_default(),
-                "changed": failure.map_or_else(|| self.changed(*number), Clone::clone),
+                "program": first.program.get(..HASH_DIGITS).unwrap_or_default(),
+                "configuration": first.configuration.get(..HASH_DIGITS).unwrap_or_default(),
+                "changed": failure.map_or_else(|| self.changes(*number), Clone::clone),
                 "accepted": self.accepted.contains(number),
             })
-        };
-        self.runs.iter().rev().map(row).collect()
+        });
+        rows.collect()
     }
 }
 
@@ -143,25 +146,23 @@ fn to_the_minute(time: &str) -> String {
     time.get(..16).unwrap_or(time).replace('T', " ")
 }
 
-/// What an axis calls runs: by the time of a day, by the day, or by the month of several years.
+/// Returns the axis labels for runs: the time if all runs are from the same day, the day if all are from the same year,
+/// and otherwise the month.
 fn labels<'r>(runs: impl Iterator<Item = &'r HistoryRow> + Clone) -> Vec<(f64, String)> {
     let time = |row: &HistoryRow| {
         DateTime::parse_from_rfc3339(&row.time).ok().map(|time| time.with_timezone(&Utc))
     };
     let times = runs.clone().filter_map(time);
-    let (first, last) = (times.clone().min(), times.max());
-    let span = first.zip(last).map(|(first, last)| {
-        (first.year() == last.year(), first < last && first.date_naive() == last.date_naive())
-    });
-    let format = match span {
-        Some((_, true)) => "%H:%M",
-        Some((true, _)) => "%-d %b",
+    let first = times.clone().min();
+    let format = match first.zip(times.max()) {
+        Some((first, last)) if first < last && first.date_naive() == last.date_naive() => "%H:%M",
+        Some((first, last)) if first.year() == last.year() => "%-d %b",
         _ => "%b %Y",
     };
-    let label = |row: &HistoryRow| {
+    let labels = runs.map(|row| {
         let label =
             time(row).map_or_else(|| row.run.to_string(), |at| at.format(format).to_string());
         (row.run as f64, label)
-    };
-    runs.map(label).collect()
+    });
+    labels.collect()
 }

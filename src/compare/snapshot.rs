@@ -1,4 +1,4 @@
-//! The results of a run, as far as they are compared: one file that can be kept.
+//! Snapshot of the compared results of a run, which can be saved to a file as a baseline.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind::{NotADirectory, NotFound};
@@ -14,138 +14,145 @@ use trilink_tables::{
 
 use super::CompareError;
 
-/// Tables whose rows are compared by their names.
+/// Names of the tables in which the rows of two runs are matched by name.
 const TABLES: [&str; 3] = ["trials", "fits", "robot_parameters"];
-/// A trial's frequency is the commanded one to this part of it.
-const NEAR: f64 = 0.05;
+/// Maximum relative difference between the frequency of a prediction and the commanded frequency by which it is named.
+const FREQUENCY_TOLERANCE: f64 = 0.05;
 const FORMAT: u32 = 1;
-/// A table that the report makes.
+/// Name of the scorecard, a table that the report makes.
 pub(super) const SCORECARD: &str = "scorecard";
 
-/// Values by column: numbers, texts, and null for what is missing.
+/// Values of a table row, indexed by column: numbers, strings, or null for a missing value.
 pub type Record = BTreeMap<String, Json>;
-/// Records by what names them, such as a trial.
+/// Records, indexed by the name of the row, such as a trial.
 pub type Records = BTreeMap<String, Record>;
 
-/// A record's number; `None` if it has none or it is missing.
+/// Returns the number in a column of a record; `None` if it is missing.
 pub(super) fn number(record: &Record, column: &str) -> Option<f64> {
     record.get(column)?.as_f64()
 }
 
-/// A record's text; empty if it has none.
+/// Returns the text in a column of a record; empty if it is missing.
 pub(super) fn text<'r>(record: &'r Record, column: &str) -> &'r str {
     record.get(column).and_then(Json::as_str).unwrap_or_default()
 }
 
-/// That somebody took a run for the new baseline.
+/// Acceptance of a run as the new baseline.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Acceptance {
-    /// UTC.
+    /// Time of the acceptance (UTC).
     pub time: String,
     pub reason: String,
-    /// Differences out of tolerance that were accepted.
+    /// Number of differences out of tolerance that were accepted.
     pub differences: usize,
 }
 
-/// When a run ended and what it was made with: hashes of the program's source, of the settings and
-/// of the trials. What is not known is empty.
+/// Time and inputs of a run; unknown fields are empty.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct MadeOf {
+pub struct RunInputs {
+    /// Time at which the run ended.
     pub ended: String,
+    /// Hash of the program's source.
     pub program: String,
+    /// Hash of the configuration.
     pub configuration: String,
+    /// Hash of the trials.
     pub input: String,
 }
 
-/// The results of a run.
+/// Results of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     pub format: u32,
     pub version: String,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<Acceptance>,
-    /// Seconds by stage.
+    /// Run times by stage, s.
     #[serde(default)]
     pub stages: BTreeMap<String, f64>,
-    /// How the run ended, if that is known.
+    /// Status of the run, if known.
     #[serde(skip)]
     pub status: Option<RunStatus>,
     #[serde(skip)]
-    pub made_of: MadeOf,
+    pub inputs: RunInputs,
     pub tables: BTreeMap<String, Records>,
 }
 
 impl Snapshot {
-    /// Reads a baseline: a file that was saved, or a folder of tables.
+    /// Reads a baseline from a saved file or a folder of tables.
     ///
     /// # Errors
-    /// There is none, or it cannot be read.
+    /// Returns an error if the baseline is missing or cannot be read.
     pub fn load(path: &Path) -> Result<Self, CompareError> {
         if let Some(derived) = tables_folder(path)? {
             let reports = derived.parent().unwrap_or(Path::new("")).join("reports");
-            return Self::of_run(&derived, &reports);
+            return Self::from_run(&derived, &reports);
         }
         let error = |message: String| CompareError::Baseline { path: path.to_owned(), message };
         match trilink_base::files::read_text(path) {
             Err(source) if source.kind() == NotFound => {
-                Err(error("is not there; `trilink compare --accept WHY` makes it".to_owned()))
+                Err(error("does not exist; `trilink compare --accept WHY` creates it".to_owned()))
             }
             Err(source) => Err(error(format!("cannot be read: {source}"))),
             Ok(text) => Self::parse(text.as_bytes()).map_err(error),
         }
     }
 
-    /// A baseline from the bytes of its file.
+    /// Parses the contents of a baseline file.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// Returns a message if the contents are not a baseline of the supported format.
     pub fn parse(json: &[u8]) -> Result<Self, String> {
         match serde_json::from_slice::<Self>(json) {
-            Ok(found) if found.format == FORMAT => Ok(found),
-            Ok(other) => Err(format!("has format {}, needed {FORMAT}", other.format)),
-            Err(problem) => Err(format!("is no baseline: {problem}")),
+            Ok(baseline) if baseline.format == FORMAT => Ok(baseline),
+            Ok(other) => Err(format!(
+                "has format {}, but this version of trilink reads only format {FORMAT}",
+                other.format
+            )),
+            Err(problem) => Err(format!("is not a baseline: {problem}")),
         }
     }
 
-    /// Reads the tables of a run, and its run time and scorecard from its reports.
+    /// Reads the tables of a run, and its run times and scorecard from the reports.
     ///
     /// # Errors
-    /// `trials.parquet` is not there, or a table cannot be read.
-    pub fn of_run(derived: &Path, reports: &Path) -> Result<Self, CompareError> {
-        let mut run = Self::of_tables(derived, &Reader::default())?;
+    /// Returns an error if `trials.parquet` is missing or a file cannot be read.
+    pub fn from_run(derived: &Path, reports: &Path) -> Result<Self, CompareError> {
+        let mut run = Self::from_tables(derived, &Reader::default())?;
         if let Some(scorecard) = read_json(&reports.join("scorecard.json"))? {
-            run.tables.insert(SCORECARD.to_owned(), score(&scorecard));
+            run.tables.insert(SCORECARD.to_owned(), scorecard_records(&scorecard));
         }
         let record: Json = read_json(&reports.join("run.json"))?.unwrap_or_default();
         run.status = record["status"].as_str().and_then(RunStatus::of_name);
         run.stages = stages(&record);
         let text = |key: &str| record[key].as_str().unwrap_or_default().to_owned();
-        run.made_of.ended = text("ended");
-        run.made_of.program = text("source");
-        run.made_of.configuration = text("configuration");
+        run.inputs.ended = text("ended");
+        run.inputs.program = text("source");
+        run.inputs.configuration = text("configuration");
         Ok(run)
     }
 
-    /// Reads the tables of a run alone.
+    /// Reads the tables of a run without its reports.
     ///
     /// # Errors
-    /// As [`Snapshot::of_run`].
-    pub fn of_tables(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
-        let (mut tables, mut input) = (BTreeMap::new(), String::new());
+    /// Returns an error if `trials.parquet` is missing or a table cannot be read.
+    pub fn from_tables(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
+        let mut tables = BTreeMap::new();
+        let mut input = String::new();
         for table in TABLES {
             let path = derived.join(format!("{table}.parquet"));
             let names = row_names(&path);
-            let (rows, of_table) = match rows(&path, names, reader) {
+            let (rows, table_input) = match rows(&path, names, reader) {
                 Err(error) if error.is_not_there() && table != "trials" => continue,
                 rows => rows?,
             };
-            let name = |row: &Record| {
-                names.iter().map(|column| text(row, column)).collect::<Vec<_>>().join(" ")
-            };
-            let named = rows.into_iter().map(|row| (name(&row), row));
+            let named = rows.into_iter().map(|row| {
+                let name: Vec<&str> = names.iter().map(|column| text(&row, column)).collect();
+                (name.join(" "), row)
+            });
             tables.insert(table.to_owned(), named.collect());
             if table == "trials" {
-                input = of_table;
+                input = table_input;
             }
         }
         tables.get_mut("fits").into_iter().flat_map(Records::values_mut).for_each(add_widths);
@@ -157,24 +164,30 @@ impl Snapshot {
                 tables.insert("predictions".to_owned(), rows);
             }
         }
-        let version = env!("CARGO_PKG_VERSION").to_owned();
-        let (accepted, stages) = (Vec::new(), BTreeMap::new());
-        let made_of = MadeOf { input, ..MadeOf::default() };
-        Ok(Self { format: FORMAT, version, accepted, stages, status: None, made_of, tables })
+        Ok(Self {
+            format: FORMAT,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            accepted: Vec::new(),
+            stages: BTreeMap::new(),
+            status: None,
+            inputs: RunInputs { input, ..RunInputs::default() },
+            tables,
+        })
     }
 
-    /// Writes it whole or not at all; a record a line, so that versions of it can be compared.
+    /// Writes the snapshot atomically, with one record per line, so that versions can be compared line by line.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), CompareError> {
-        let record =
-            |(name, record): (&String, &Record)| format!("\n{}:{}", line(name), line(record));
-        let table = |(name, records): (&String, &Records)| {
-            let records: Vec<String> = records.iter().map(record).collect();
+        let tables = self.tables.iter().map(|(name, records)| {
+            let records: Vec<String> = records
+                .iter()
+                .map(|(name, record)| format!("\n{}:{}", line(name), line(record)))
+                .collect();
             format!("\n{}:{{{}}}", line(name), records.join(","))
-        };
-        let tables: Vec<String> = self.tables.iter().map(table).collect();
+        });
+        let tables: Vec<String> = tables.collect();
         let text = format!(
             "{{\"format\":{},\n\"version\":{},\n\"accepted\":{},\n\"stages\":{},\n\"tables\":{{{}}}}}\n",
             self.format,
@@ -187,17 +200,17 @@ impl Snapshot {
         Ok(())
     }
 
-    /// Records of a table; none if it is not there.
+    /// Returns the records of a table; empty if there is no such table.
     pub fn records(&self, table: &str) -> &Records {
-        static NONE: Records = Records::new();
-        self.tables.get(table).unwrap_or(&NONE)
+        static EMPTY: Records = Records::new();
+        self.tables.get(table).unwrap_or(&EMPTY)
     }
 }
 
-/// The folder of tables that a path means: that in it or itself; none if it is no folder.
+/// Returns the folder of tables at a path: the subfolder `derived` or the path itself; `None` if it is not a folder.
 ///
 /// # Errors
-/// It cannot be looked at.
+/// Returns an error if the path cannot be accessed.
 pub fn tables_folder(path: &Path) -> Result<Option<PathBuf>, StoreError> {
     for folder in [path.join("derived"), path.to_owned()] {
         match std::fs::metadata(&folder) {
@@ -211,22 +224,25 @@ pub fn tables_folder(path: &Path) -> Result<Option<PathBuf>, StoreError> {
     Ok(None)
 }
 
-/// Plain data as a line of JSON.
+/// Serializes plain data to one line of JSON.
 fn line(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// The rows of a table that has some columns, and the fingerprint of what it was made of.
+/// Reads the rows of a table, which must have the columns `needed`, and the hash of the table's inputs.
 fn rows(
     path: &Path,
     needed: &[&str],
     reader: &Reader,
 ) -> Result<(Vec<Record>, String), StoreError> {
-    let Table { frame, input, .. } = reader.bearable_table(path)?;
+    let Table { frame, input, .. } = reader.bounded_table(path)?;
     if let Some(missing) = needed.iter().find(|name| frame.column(name).is_err()) {
-        let (path, column) = (path.to_owned(), (*missing).to_owned());
-        let found = "no such column".to_owned();
-        return Err(StoreError::Column { path, column, found, needed: "text" });
+        return Err(StoreError::Column {
+            path: path.to_owned(),
+            column: (*missing).to_owned(),
+            found: "no such column".to_owned(),
+            needed: "text",
+        });
     }
     let mut rows = vec![Record::new(); frame.height()];
     for column in frame.columns() {
@@ -243,55 +259,61 @@ fn rows(
     Ok((rows, input.unwrap_or_default()))
 }
 
-/// Adds the widths of a record's 95 % intervals.
+/// Adds to a record the widths of its 95 % confidence intervals.
 fn add_widths(record: &mut Record) {
-    let lower = record.keys().filter_map(|column| column.strip_suffix("_lo"));
-    let width = |of: &str| {
-        let [low, high] = ["lo", "hi"].map(|end| number(record, &format!("{of}_{end}")));
-        Some((format!("interval_{of}"), (high? - low?).into()))
-    };
-    let widths: Vec<(String, Json)> = lower.filter_map(width).collect();
+    let widths = record.keys().filter_map(|column| {
+        let quantity = column.strip_suffix("_lo")?;
+        let low = number(record, column)?;
+        let high = number(record, &format!("{quantity}_hi"))?;
+        Some((format!("interval_{quantity}"), (high - low).into()))
+    });
+    let widths: Vec<(String, Json)> = widths.collect();
     record.extend(widths);
 }
 
-/// Predictions at the trials' frequencies, named by the commanded ones: measured ones differ from
-/// run to run. Of their limits the widths are kept, and not why there are none: the fits have it.
+/// Returns the predictions at the trials' frequencies. Rows are named by the commanded frequencies, because measured
+/// frequencies differ from run to run. Confidence limits are replaced by the widths of their intervals; the reasons for
+/// missing limits are dropped, because the fits have them, too.
 fn predictions(rows: Vec<Record>, trials: &Records) -> Records {
     let mut commanded: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for trial in trials.values() {
-        let of_campaign = commanded.entry(text(trial, "campaign")).or_default();
-        of_campaign.extend(number(trial, "omega_commanded_rad_s"));
+        let frequencies = commanded.entry(text(trial, "campaign")).or_default();
+        frequencies.extend(number(trial, "omega_commanded_rad_s"));
     }
-    for of_campaign in commanded.values_mut() {
-        of_campaign.sort_by(f64::total_cmp);
-        of_campaign.dedup();
+    for frequencies in commanded.values_mut() {
+        frequencies.sort_by(f64::total_cmp);
+        frequencies.dedup();
     }
-    let (mut found, mut counts) = (Records::new(), BTreeMap::<String, usize>::new());
-    let is_of_limits = |column: &str| {
-        column.ends_with("_lo") || column.ends_with("_hi") || column == "no_interval"
-    };
-    let at_trials = |row: &Record| text(row, "source") == PredictionSource::Trial.name();
-    for mut row in rows.into_iter().filter(at_trials) {
+    let mut predictions = Records::new();
+    let mut counts = BTreeMap::<String, usize>::new();
+    for mut row in rows {
+        if text(&row, "source") != PredictionSource::Trial.name() {
+            continue;
+        }
         add_widths(&mut row);
-        row.retain(|column, _| !is_of_limits(column) && column != "trial");
-        let (campaign, model) = (text(&row, "campaign"), text(&row, "model"));
+        row.retain(|column, _| {
+            let is_limit = column.ends_with("_lo") || column.ends_with("_hi");
+            !is_limit && column != "no_interval" && column != "trial"
+        });
+        let campaign = text(&row, "campaign");
+        let model = text(&row, "model");
         let omega = number(&row, "omega_rad_s").unwrap_or(f64::NAN);
         let nearest = commanded
             .get(campaign)
             .into_iter()
             .flatten()
             .min_by(|a, b| (*a - omega).abs().total_cmp(&(*b - omega).abs()))
-            .filter(|near| (*near - omega).abs() <= NEAR * omega);
+            .filter(|near| (*near - omega).abs() <= FREQUENCY_TOLERANCE * omega);
         let name = format!("{campaign} {model} {:.2} rad/s", nearest.unwrap_or(&omega));
         // Repeated trials may have a row each.
         let count = counts.entry(name.clone()).or_default();
         *count += 1;
-        found.insert(if *count > 1 { format!("{name} ({count})") } else { name }, row);
+        predictions.insert(if *count > 1 { format!("{name} ({count})") } else { name }, row);
     }
-    found
+    predictions
 }
 
-/// Reads a file of JSON; `None` if there is none.
+/// Reads a JSON file; returns `None` if it is missing.
 fn read_json(path: &Path) -> Result<Option<Json>, CompareError> {
     let error = |message| CompareError::Baseline { path: path.to_owned(), message };
     match trilink_base::files::read_text(path) {
@@ -299,15 +321,15 @@ fn read_json(path: &Path) -> Result<Option<Json>, CompareError> {
         Err(source) => Err(error(format!("cannot be read: {source}"))),
         Ok(text) => serde_json::from_str(&text)
             .map(Some)
-            .map_err(|problem| error(format!("is no JSON: {problem}"))),
+            .map_err(|problem| error(format!("is not JSON: {problem}"))),
     }
 }
 
-/// What a scorecard computes from the paper, and the verdicts on that. What it measures is of the
-/// trials and fits, which are compared themselves.
-fn score(scorecard: &Json) -> Records {
+/// Returns the computed values in a scorecard, with their verdicts. Measured values are left out, because they are
+/// derived from the trials and fits, which are compared themselves.
+fn scorecard_records(scorecard: &Json) -> Records {
     let entries = scorecard.as_array().into_iter().flatten();
-    let entry = |entry: &Json| {
+    let records = entries.filter_map(|entry| {
         let fields = entry.as_object()?;
         let is_judged = fields.get("judged_by").is_some_and(|by| by == "computed");
         let values = fields.iter().filter(|(name, value)| {
@@ -316,16 +338,17 @@ fn score(scorecard: &Json) -> Records {
         });
         let values = values.map(|(name, value)| (name.clone(), value.clone()));
         Some((fields.get("id")?.as_str()?.to_owned(), values.collect()))
-    };
-    entries.filter_map(entry).collect()
+    });
+    records.collect()
 }
 
+/// Returns the run times by stage from the content of `run.json`, s.
 fn stages(run: &Json) -> BTreeMap<String, f64> {
     let stages = run.get("stages").and_then(Json::as_array).into_iter().flatten();
-    let stage = |stage: &Json| {
+    let times = stages.filter_map(|stage| {
         Some((stage.get("stage")?.as_str()?.to_owned(), stage.get("seconds")?.as_f64()?))
-    };
-    stages.filter_map(stage).collect()
+    });
+    times.collect()
 }
 
 #[cfg(test)]
@@ -333,7 +356,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_the_limits_of_predictions_their_widths_are_compared() {
+    fn widths_replace_the_limits_of_predictions() {
         let row = |d_m_hi: Json| -> Record {
             let texts = [("campaign", "ours"), ("model", "skid"), ("source", "trial")];
             let numbers = [("omega_rad_s", 2.0), ("d_m", 0.4), ("d_m_lo", 0.39)];

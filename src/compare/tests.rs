@@ -1,4 +1,4 @@
-//! Comparisons of made-up runs.
+//! Tests of comparisons between synthetic runs.
 
 mod history;
 
@@ -6,7 +6,8 @@ use trilink_tables::config::Config;
 
 use super::*;
 
-/// A run of some trials with one fit: `d_m` of the trials and `skid0_kg_s` of the fit.
+/// Returns a synthetic run whose trials have the displacements `d_m` and whose only fit has the coefficient
+/// `skid0_kg_s`.
 fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
     let number = |(name, value): (&str, f64)| (name.to_owned(), Json::from(value));
     let text = |name: &str, value: &str| (name.to_owned(), Json::from(value));
@@ -37,7 +38,7 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
         accepted: Vec::new(),
         stages: [("fit".to_owned(), 10.0)].into(),
         status: None,
-        made_of: Default::default(),
+        inputs: Default::default(),
         tables: [
             ("trials".to_owned(), trials),
             ("fits".to_owned(), [("symmetric skid-roll".to_owned(), fit)].into()),
@@ -46,24 +47,24 @@ fn run(d_m: &[f64], skid0_kg_s: f64) -> Snapshot {
     }
 }
 
-fn compared(baseline: &Snapshot, candidate: &Snapshot) -> Compared {
+fn compared(baseline: &Snapshot, candidate: &Snapshot) -> ComparisonResult {
     compare(&Config::default().compare, baseline, candidate)
 }
 
-fn out(compared: &Compared) -> Vec<String> {
-    compared.out().map(|d| format!("{} {} {}", d.table, d.of, d.column)).collect()
+fn out(compared: &ComparisonResult) -> Vec<String> {
+    compared.out().map(|d| format!("{} {} {}", d.table, d.row, d.column)).collect()
 }
 
 #[test]
 fn the_same_run_does_not_differ() {
     let run = run(&[0.4, 0.41], 100.0);
     let compared = compared(&run, &run.clone());
-    assert!(compared.is_well() && compared.differences.is_empty());
+    assert!(compared.passes() && compared.differences.is_empty());
     assert!(compared.cells > 10);
 }
 
 #[test]
-fn a_fit_that_is_better_is_no_difference() {
+fn a_smaller_objective_is_within_tolerance() {
     let run_with_j = |j: f64| {
         let mut run = run(&[0.4, 0.41], 100.0);
         let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
@@ -71,19 +72,19 @@ fn a_fit_that_is_better_is_no_difference() {
         run
     };
     let [baseline, better, worse] = [1.0, 0.6, 1.3].map(run_with_j);
-    assert!(compared(&baseline, &better).is_well());
+    assert!(compared(&baseline, &better).passes());
     assert_eq!(out(&compared(&baseline, &worse)), ["fits symmetric skid-roll j"]);
 }
 
 #[test]
-fn a_model_that_fits_in_neither_run_is_listed_and_not_judged() {
+fn a_model_that_is_inadequate_in_both_runs_is_listed_and_not_judged() {
     let run_with = |skid0_kg_s: f64, d_m: f64, adequate: &str| {
         let mut run = run(&[0.4, 0.41], skid0_kg_s);
         let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
         fit.insert("adequate".to_owned(), adequate.into());
-        let of = [("campaign", "symmetric"), ("model", "skid-roll")];
-        let of = of.map(|(column, name)| (column.to_owned(), Json::from(name)));
-        let prediction = of.into_iter().chain([("d_m".to_owned(), d_m.into())]).collect();
+        let names = [("campaign", "symmetric"), ("model", "skid-roll")];
+        let names = names.map(|(column, name)| (column.to_owned(), Json::from(name)));
+        let prediction = names.into_iter().chain([("d_m".to_owned(), d_m.into())]).collect();
         let predictions = [("symmetric skid-roll 2.00 rad/s".to_owned(), prediction)].into();
         run.tables.insert("predictions".to_owned(), predictions);
         run
@@ -91,7 +92,7 @@ fn a_model_that_fits_in_neither_run_is_listed_and_not_judged() {
     let compared =
         |then: &str, now: &str| compared(&run_with(100.0, 0.4, then), &run_with(200.0, 0.5, now));
     let neither = compared("false", "false");
-    assert!(neither.is_well(), "{:?}", out(&neither));
+    assert!(neither.passes(), "{:?}", out(&neither));
     assert_eq!(neither.count(Verdict::NotJudged), 2);
     for [then, now] in [["true", "false"], ["false", "true"], ["true", "true"]] {
         assert_eq!(out(&compared(then, now)).len(), 2, "{then} {now}");
@@ -99,22 +100,22 @@ fn a_model_that_fits_in_neither_run_is_listed_and_not_judged() {
 }
 
 #[test]
-fn noise_is_within_and_a_change_is_named() {
+fn noise_is_within_tolerance_and_a_change_is_listed() {
     let baseline = run(&[0.4, 0.41], 100.0);
     let noisy = compared(&baseline, &run(&[0.402, 0.409], 101.0));
-    assert!(noisy.is_well(), "{:?}", out(&noisy));
+    assert!(noisy.passes(), "{:?}", out(&noisy));
     assert_eq!(noisy.count(Verdict::Within), 4);
     let changed = compared(&baseline, &run(&[0.4, 0.41], 110.0));
     assert_eq!(out(&changed), ["fits symmetric skid-roll skid0_kg_s"]);
     let one = changed.out().next().unwrap();
-    assert!((one.judged.errors.unwrap() - 10.0 / 2.0_f64.sqrt()).abs() < 1e-9);
+    assert!((one.judgement.errors.unwrap() - 10.0 / 2.0_f64.sqrt()).abs() < 1e-9);
     let sentence =
         "skid0_kg_s: 110.000, baseline 100.000 (+10.00 %, 7.1 standard errors, limit 8.49)";
     assert_eq!(one.sentence(), sentence);
 }
 
 #[test]
-fn a_shift_of_all_trials_shows_in_their_mean_before_it_shows_in_one() {
+fn a_small_shift_of_all_trials_shows_in_their_mean() {
     let before: Vec<f64> = (0..30).map(|i| 0.4 + 0.001 * f64::from(i)).collect();
     let after: Vec<f64> = before.iter().map(|d_m| d_m + 0.003).collect();
     let shifted = compared(&run(&before, 100.0), &run(&after, 100.0));
@@ -122,29 +123,30 @@ fn a_shift_of_all_trials_shows_in_their_mean_before_it_shows_in_one() {
 }
 
 #[test]
-fn rows_that_appear_are_named_and_those_that_vanish_are_out_of_tolerance() {
-    let (few, many) = (run(&[0.4], 100.0), run(&[0.4, 0.41], 100.0));
+fn rows_that_appear_are_listed_and_those_that_vanish_fail() {
+    let few = run(&[0.4], 100.0);
+    let many = run(&[0.4, 0.41], 100.0);
     let grown = compared(&few, &many);
-    assert!(grown.is_well());
+    assert!(grown.passes());
     assert_eq!(grown.appeared[0].name(), "trials: trial-1");
     let shrunk = compared(&many, &few);
-    assert!(!shrunk.is_well());
+    assert!(!shrunk.passes());
     assert_eq!(shrunk.vanished[0].name(), "trials: trial-1");
 }
 
 #[test]
-fn a_table_that_only_one_run_has_is_told_in_one_line() {
+fn a_table_that_only_one_run_has_is_one_entry() {
     let with = run(&[0.4, 0.41], 100.0);
     let mut without = with.clone();
     without.tables.remove("fits");
     assert_eq!(compared(&without, &with).appeared[0].name(), "fits: all 1 rows");
     let vanished = compared(&with, &without);
     assert_eq!(vanished.vanished[0].name(), "fits: all 1 rows");
-    assert!(!vanished.is_well());
+    assert!(!vanished.passes());
 }
 
 #[test]
-fn what_is_missing_or_another_text_is_out_unless_the_trial_is_still_used() {
+fn missing_values_and_other_statuses_fail_unless_the_trial_is_still_used() {
     let baseline = run(&[0.4, 0.41], 100.0);
     let change = |column: &str, cell: Json| {
         let mut candidate = baseline.clone();
@@ -158,20 +160,20 @@ fn what_is_missing_or_another_text_is_out_unless_the_trial_is_still_used() {
 }
 
 #[test]
-fn a_longer_run_is_named_and_fails_only_if_it_is_to() {
+fn a_longer_run_time_fails_only_if_configured() {
     let baseline = run(&[0.4], 100.0);
     let mut candidate = baseline.clone();
     candidate.stages.insert("fit".to_owned(), 30.0);
     let named = compared(&baseline, &candidate);
-    assert!(named.is_well() && named.run_times[0].is_longer);
+    assert!(named.passes() && named.run_times[0].is_longer);
     let strict = Compare { run_time_fails: true, ..Config::default().compare };
-    assert!(!compare(&strict, &baseline, &candidate).is_well());
+    assert!(!compare(&strict, &baseline, &candidate).passes());
     candidate.stages.insert("fit".to_owned(), 14.0);
-    assert!(compare(&strict, &baseline, &candidate).is_well());
+    assert!(compare(&strict, &baseline, &candidate).passes());
 }
 
 #[test]
-fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
+fn a_saved_snapshot_is_read_back_exactly() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("deep/baseline.json");
     let mut saved = run(&[0.1 + 0.2, 1e-300, 0.46560407069451604], 1.0 / 3.0);
@@ -186,13 +188,16 @@ fn a_snapshot_comes_back_from_its_file_to_the_last_digit() {
     assert_eq!(Snapshot::load(&path).unwrap(), saved);
     std::fs::write(&path, "{\"format\":9,\"version\":\"\",\"tables\":{}}").unwrap();
     let message = Snapshot::load(&path).unwrap_err().to_string();
-    assert!(message.ends_with("has format 9, needed 1"), "{message}");
+    assert!(
+        message.ends_with("has format 9, but this version of trilink reads only format 1"),
+        "{message}"
+    );
     let message = Snapshot::load(std::path::Path::new("nowhere.json")).unwrap_err().to_string();
-    assert!(message.contains("is not there; `trilink compare --accept WHY` makes it"));
+    assert!(message.contains("does not exist; `trilink compare --accept WHY` creates it"));
 }
 
 #[test]
-fn the_files_name_what_is_out_and_escape_what_they_hold() {
+fn output_files_list_differences_and_escape_names() {
     let baseline = run(&[0.4, 0.41], 100.0);
     let mut candidate = run(&[0.5, 0.41], 110.0);
     let odd: Record = [("status".to_owned(), Json::from("a<b & \"c\""))].into();

@@ -1,4 +1,4 @@
-//! `history.html`: figures of merit by run, against the tolerance around the accepted baseline.
+//! The page `history.html`: trends of the figures of merit with the tolerance around the accepted baseline.
 
 use std::collections::BTreeMap;
 
@@ -13,34 +13,34 @@ use super::CompareError;
 use super::history::{ACCEPTED, HistoryRow, MEAN};
 use super::judge::limit;
 use super::runs::Runs;
-use super::steps::{Step, steps};
+use super::steps::{Step, find_steps};
 
-/// The page beside the history.
+/// File name of the history page.
 pub(super) const PAGE: &str = "history.html";
-/// Of so many runs each has a marker and an error bar.
-const MOST_MARKERS: usize = 40;
+/// Maximum number of runs that are drawn with markers and error bars.
+const MAX_MARKERS: usize = 40;
 
-/// A figure of merit by run.
+/// Time series of a figure of merit.
 struct Series<'r> {
     rows: Vec<&'r HistoryRow>,
-    /// What is no change of it.
+    /// Tolerance for changes from run to run, if one is configured.
     tolerance: Option<Tolerance>,
     steps: Vec<Step>,
 }
 
-/// Writes the page beside the history.
+/// Writes the history page.
 ///
 /// # Errors
-/// A figure cannot be drawn or the page not written.
+/// Returns an error if a figure cannot be drawn or the page cannot be written.
 pub(super) fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
     let runs = Runs::new(rows);
-    // What is of whole runs comes last.
+    // The key sorts figures of merit of whole runs, which have no campaign, last.
     let mut groups: BTreeMap<(bool, &str), Vec<Series>> = BTreeMap::new();
     let mut known: BTreeMap<[&str; 3], usize> = BTreeMap::new();
     for row in rows.iter().filter(|row| row.is_measured()) {
         let group = groups.entry((row.campaign.is_empty(), &row.campaign)).or_default();
-        let of = [&row.campaign, &row.model, &row.quantity].map(String::as_str);
-        let index = *known.entry(of).or_insert(group.len());
+        let names = [&row.campaign, &row.model, &row.quantity].map(String::as_str);
+        let index = *known.entry(names).or_insert(group.len());
         if index == group.len() {
             let tolerance = tolerance_of(&config.compare, row);
             group.push(Series { rows: Vec::new(), tolerance, steps: Vec::new() });
@@ -48,18 +48,14 @@ pub(super) fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareE
         group[index].rows.push(row);
     }
     groups.values_mut().flatten().for_each(Series::find_steps);
-    // The last run first.
-    let mut found: Vec<(&Series, &Step)> = groups
-        .values()
-        .flatten()
-        .flat_map(|series| series.steps.iter().map(move |step| (series, step)))
-        .collect();
-    found.sort_by_key(|(series, step)| -series.rows[step.index].run);
-    let run_of = |(series, step): &(&Series, &Step)| series.rows[step.index].run;
-    let found = found.chunk_by(|a, b| run_of(a) == run_of(b)).map(|of_run| {
-        let run = run_of(&of_run[0]);
-        let steps: Vec<Json> = of_run.iter().map(|(series, step)| series.sentence(step)).collect();
-        json!({ "run": run, "date": runs.date(run), "why": runs.changed(run), "steps": steps })
+    let mut steps: BTreeMap<i64, Vec<Json>> = BTreeMap::new();
+    for series in groups.values().flatten() {
+        for step in &series.steps {
+            steps.entry(series.rows[step.index].run).or_default().push(series.sentence(step));
+        }
+    }
+    let steps = steps.iter().rev().map(|(run, steps)| {
+        json!({ "run": run, "date": runs.date(*run), "why": runs.changes(*run), "steps": steps })
     });
     let synthetic = notice_of_folders(&config.paths);
     let is_synthetic = !synthetic.is_empty();
@@ -73,7 +69,7 @@ pub(super) fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareE
         "version": env!("CARGO_PKG_VERSION"),
         "synthetic": synthetic,
         "groups": groups.collect::<Result<Vec<_>, _>>()?,
-        "steps": found.collect::<Vec<_>>(),
+        "steps": steps.collect::<Vec<_>>(),
         "accepted": accepted.collect::<Vec<_>>(),
         "runs": runs.rows(),
     });
@@ -83,17 +79,15 @@ pub(super) fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareE
     Ok(())
 }
 
-/// The tolerance of a figure of merit, as comparisons have it.
+/// Returns the configured tolerance for comparisons of a figure of merit.
 fn tolerance_of(config: &Compare, row: &HistoryRow) -> Option<Tolerance> {
-    let of_mean = || {
+    let tolerance = if row.model.is_empty() {
         let column = row.quantity.strip_prefix(MEAN)?;
         tolerance(&config.campaigns, column).or_else(|| tolerance(&config.trials, column))
+    } else {
+        tolerance(&config.fits, &row.quantity)
     };
-    let found = match row.model.is_empty() {
-        true => of_mean(),
-        false => tolerance(&config.fits, &row.quantity),
-    };
-    found.filter(Tolerance::judges)
+    tolerance.filter(Tolerance::judges)
 }
 
 impl<'r> Series<'r> {
@@ -104,14 +98,13 @@ impl<'r> Series<'r> {
 
     fn find_steps(&mut self) {
         let values: Vec<f64> = self.rows.iter().map(|row| row.value).collect();
-        let limit = |at: usize, before| {
-            let error = self.rows[at].value_se.hypot(self.rows[at - 1].value_se);
+        self.steps = find_steps(&values, |index, before| {
+            let error = self.rows[index].value_se.hypot(self.rows[index - 1].value_se);
             limit(self.tolerance?, before, error)
-        };
-        self.steps = steps(&values, limit);
+        });
     }
 
-    /// A step in words.
+    /// Returns the values from which the history page forms the sentence about a step in this figure of merit.
     fn sentence(&self, step: &Step) -> Json {
         let Step { index, before, after } = *step;
         let row = self.rows[index];
@@ -125,7 +118,7 @@ impl<'r> Series<'r> {
         })
     }
 
-    /// Values of the baselines that were accepted, each with its row and the rows from there on.
+    /// Returns the accepted baselines, each with the rows from its acceptance up to the next acceptance.
     fn baselines(&self, runs: &Runs) -> Vec<(&'r HistoryRow, &[&'r HistoryRow])> {
         let accepted: Vec<usize> =
             (0..self.rows.len()).filter(|i| runs.accepted.contains(&self.rows[*i].run)).collect();
@@ -137,23 +130,26 @@ impl<'r> Series<'r> {
             .collect()
     }
 
-    /// What a value may differ by from its baseline's.
+    /// Returns the largest difference between `row` and `baseline` that is within tolerance; `None` if there is no
+    /// tolerance or if it depends on an unknown standard error.
     fn limit(&self, baseline: &HistoryRow, row: &HistoryRow) -> Option<f64> {
         limit(self.tolerance?, baseline.value, baseline.value_se.hypot(row.value_se))
     }
 
-    /// Since which run values are out of the last baseline's tolerance, and the change.
+    /// Returns the relative change since the last baseline, and the run since which all runs have been out of
+    /// tolerance, if there is one; `None` without a baseline.
     fn since_baseline(&self, runs: &Runs) -> Option<Json> {
         let (baseline, rows) = *self.baselines(runs).last()?;
-        let is_out = |row: &&&HistoryRow| {
-            let distance = self.tolerance.map(|of| of.distance([baseline.value, row.value]));
-            distance
-                .zip(self.limit(baseline, row))
-                .is_some_and(|(distance, limit)| distance > limit)
-        };
-        let out = rows.iter().rev().take_while(is_out).last();
+        let out = rows.iter().rev().take_while(|row| self.is_out(baseline, row)).last();
         let change = percent(rows.last()?.value, baseline.value);
         Some(json!({ "change": change, "out": out.map(|row| row.run) }))
+    }
+
+    /// Returns whether the value in `row` differs from the baseline by more than the tolerance.
+    fn is_out(&self, baseline: &HistoryRow, row: &HistoryRow) -> bool {
+        let distance = self.tolerance.map(|of| of.distance([baseline.value, row.value]));
+        let limit = self.limit(baseline, row);
+        distance.zip(limit).is_some_and(|(distance, limit)| distance > limit)
     }
 
     fn panel(&self, runs: &Runs) -> Panel {
@@ -161,11 +157,12 @@ impl<'r> Series<'r> {
         let points = || self.rows.iter().map(|row| (x(row), row.value));
         let trials: Vec<String> = self.rows.iter().map(|row| runs.name(row.run)).collect();
         let mut layers = Vec::new();
-        let (mut levels, mut band) = (Vec::new(), Vec::new());
+        let mut levels = Vec::new();
+        let mut band = Vec::new();
         let baselines = self.baselines(runs);
-        for (nth, (baseline, rows)) in baselines.iter().enumerate() {
-            // The last one goes on a little.
-            let is_last = nth + 1 == baselines.len();
+        for (index, (baseline, rows)) in baselines.iter().enumerate() {
+            // The line of the last baseline extends a little beyond the last run.
+            let is_last = index + 1 == baselines.len();
             let beyond = rows.last().filter(|_| is_last).map(|row| (x(row) + 0.4, *row));
             for (x, row) in rows.iter().map(|row| (x(row), *row)).chain(beyond) {
                 let limit = self.limit(baseline, row).unwrap_or(f64::NAN);
@@ -179,7 +176,7 @@ impl<'r> Series<'r> {
             let levels = levels.into_iter().map(|[x, y]| (x, y));
             layers.push(Layer { band, ..Layer::new(BASELINE, levels, trends::BASELINE) });
         }
-        let is_many = runs.count() > MOST_MARKERS;
+        let is_many = runs.count() > MAX_MARKERS;
         let dots = Look::Dots { colour: colours::TREND, joined: !is_many };
         if is_many {
             if self.rows.iter().any(|row| row.upper > row.lower) {
@@ -189,8 +186,8 @@ impl<'r> Series<'r> {
             layers.push(Layer { trials, ..Layer::new(RUN, points(), dots) });
         } else {
             layers.push(Layer::new("", points(), dots));
-            let half = |row: &HistoryRow| 0.5 * (row.upper - row.lower);
-            let with_bars = self.rows.iter().map(|row| (x(row), row.value, half(row)));
+            let with_bars =
+                self.rows.iter().map(|row| (x(row), row.value, 0.5 * (row.upper - row.lower)));
             let look = trends::RUN;
             layers.push(Layer { trials, ..Layer::with_errors(RUN, with_bars, look) });
         }
@@ -204,41 +201,44 @@ impl<'r> Series<'r> {
     }
 }
 
-/// What the legend calls the layers.
+/// Legend label of the baseline.
 const BASELINE: &str = "accepted baseline and tolerance";
+/// Legend label of the confidence intervals.
 const INTERVAL: &str = "95 % interval";
+/// Legend label of the values.
 const RUN: &str = "run";
 
-/// The figure and the table of a campaign, or of what is of whole runs.
+/// Returns the figure and the table for a campaign, or for the figures of merit of whole runs.
 fn group(
     campaign: &str,
     series: &[Series],
     runs: &Runs,
     is_synthetic: bool,
 ) -> Result<Json, CompareError> {
-    let name = match campaign.is_empty() {
-        true => "Whole runs".to_owned(),
-        false => format!("Campaign {campaign}"),
-    };
+    let name =
+        if campaign.is_empty() { "Whole runs".to_owned() } else { format!("Campaign {campaign}") };
     let panels = series.iter().map(|series| series.panel(runs)).collect();
     let texts = [format!("{name}, run by run"), String::new()];
-    let layout = if runs.count() > MOST_MARKERS { Layout::Pairs } else { Layout::Grid };
+    let layout = if runs.count() > MAX_MARKERS { Layout::Pairs } else { Layout::Grid };
     let figure = Figure { is_synthetic, ..Figure::new("", texts, &[campaign], layout, panels) };
-    let row = |series: &Series| {
-        let mut last = series.rows.iter().rev();
-        let (now, then) = (last.next()?, last.next());
-        let change = |then: Option<&&HistoryRow>| match then {
-            Some(then) if then.run < now.run => percent(now.value, then.value),
-            _ => String::new(),
-        };
+    let rows = series.iter().filter_map(|series| {
+        let (now, earlier) = series.rows.split_last()?;
         Some(json!({
             "name": series.name(),
             "last": significant(now.value, 5),
-            "since_last": change(then),
-            "since_first": change(series.rows.first()),
+            "since_last": change(earlier.last().copied(), now),
+            "since_first": change(series.rows.first().copied(), now),
             "since_baseline": series.since_baseline(runs),
         }))
-    };
-    let rows: Vec<Json> = series.iter().filter_map(row).collect();
+    });
+    let rows: Vec<Json> = rows.collect();
     Ok(json!({ "name": name, "figure": image(&figure)?, "rows": rows }))
+}
+
+/// Formats the relative change since an earlier run; empty if there is no earlier run.
+fn change(then: Option<&HistoryRow>, now: &HistoryRow) -> String {
+    match then {
+        Some(then) if then.run < now.run => percent(now.value, then.value),
+        _ => String::new(),
+    }
 }

@@ -1,5 +1,5 @@
-//! A trial for other viewers: markers as the cameras saw them and the links' poses, as files that
-//! OpenSim, Foxglove, Rerun and spreadsheets open.
+//! Export of a trial: measured marker positions and poses of the links, in formats for OpenSim, Foxglove, Rerun and
+//! spreadsheets.
 
 mod foxglove;
 mod mcap;
@@ -17,64 +17,67 @@ use trilink_tables::{
     Coordinates, Frames as _, Reader, StoreError, TrialRow, TrialStatus, poses_path,
 };
 
-/// How a trial is written.
+/// Format of an exported trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExportFormat {
-    /// OpenSim's table of markers, mm; the links' axles and the joints are markers, too.
+    /// Marker table for OpenSim, mm; includes the wheel axles and the joints as markers.
     Trc,
-    /// MCAP with Foxglove's frame transforms and point clouds, m.
+    /// MCAP with frame transforms and point clouds for Foxglove, m.
     Mcap,
-    /// One row per frame.
+    /// Table with one row per frame.
     Csv,
 }
 
-/// Why a trial cannot be exported.
+/// Error of an export.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     #[error(transparent)]
     Config(#[from] ConfigError),
-    #[error("trial `{name}`: found no such trial, needed one of {known} trials{near}")]
+    #[error("trial `{name}` is not among the {known} trials{near}")]
     Unknown { name: String, known: usize, near: String },
-    #[error("trial `{name}`: found in several folders, needed one of `{}`", names.join("`, `"))]
+    #[error("trial `{name}` exists in several folders; specify one of `{}`", names.join("`, `"))]
     Ambiguous { name: String, names: Vec<String> },
     #[error(transparent)]
     Markers(#[from] ReadError),
-    #[error("{}: found no frame rate, needed one of the file or `vicon.rate_hz`", path.display())]
+    #[error(
+        "{}: the file states no frame rate; set `vicon.rate_hz` and `vicon.rate_from_file = false`",
+        path.display()
+    )]
     NoRate { path: PathBuf },
     #[error(transparent)]
     Store(#[from] StoreError),
 }
 
-/// Poses of links 0, 1, 2 in a frame.
+/// Poses of links 0, 1 and 2 in a frame.
 type LinkPoses = [Pose; 3];
 
-/// What was recorded of a trial.
+/// Recorded motion of a trial.
 #[derive(Debug)]
 pub struct Motion {
-    /// Its name, with its folder's in front where others have the same.
+    /// Name of the trial, preceded by its folder if the id occurs in several folders.
     pub name: String,
     markers: Recording,
     rate_hz: f64,
-    /// By row of the marker file; none where a link was missing.
+    /// Poses for each row of the marker file; `None` in frames in which a link is missing.
     poses: Vec<Option<LinkPoses>>,
     robot: Option<Robot>,
-    /// Why there are no poses.
+    /// Reason why there are no poses; `None` if there are any.
     pub without_poses: Option<String>,
 }
 
 impl Motion {
-    /// Reads a trial that is called by its name, or by its folder and its id: `FOLDER/ID`.
+    /// Reads a trial, given by its name or by `FOLDER/ID`.
     ///
     /// # Errors
-    /// There is no such trial (the nearest is named), several have the name, or its markers cannot
-    /// be read. That it has no poses is no error.
+    /// Returns an error if there is no such trial (the most similar name is suggested), several trials have the name,
+    /// or the markers cannot be read. Missing poses are not an error.
     pub fn read(config: &Config, name: &str) -> Result<Self, ExportError> {
         let folders = TrialFolders::load(&config.paths)?;
         let ListedTrial { folder, trial, .. } = find(&folders, name)?;
         let path = folders.folders[*folder].path.join(&trial.file);
         let markers = read_markers(&path, config.vicon.unit)?.without(&config.vicon.ignore);
-        let of_settings = (!config.vicon.rate_from_file).then_some(config.vicon.rate_hz);
-        let rate_hz = markers.rate_hz.or(of_settings).filter(|rate_hz| *rate_hz > 0.0);
+        let configured_hz = (!config.vicon.rate_from_file).then_some(config.vicon.rate_hz);
+        let rate_hz = markers.rate_hz.or(configured_hz).filter(|rate_hz| *rate_hz > 0.0);
         let rate_hz = rate_hz.ok_or(ExportError::NoRate { path })?;
         let robot = match &trial.campaign {
             Some(campaign) => config.campaign_setup(campaign).map(|(robot, _)| robot),
@@ -82,22 +85,24 @@ impl Motion {
                 .robot
                 .as_ref()
                 .and_then(|robot| config.robot.get(robot))
-                .map(|of| of.to_robot()),
+                .map(|robot| robot.to_robot()),
         };
         let (poses, without_poses) = match &robot {
             Some(robot) => match poses(config, &trial.id, robot, &markers.frames) {
                 Ok(poses) => (poses, None),
                 Err(error) if error.is_not_there() => {
-                    (Vec::new(), Some(why_none(config, &trial.id)?))
+                    (Vec::new(), Some(why_without_poses(config, &trial.id)?))
                 }
                 Err(error) => return Err(error.into()),
             },
-            None => (Vec::new(), Some("its robot is not in the configuration".to_owned())),
+            None => {
+                (Vec::new(), Some("the robot of the trial is not in the configuration".to_owned()))
+            }
         };
         Ok(Self { name: trial.id.clone(), markers, rate_hz, poses, robot, without_poses })
     }
 
-    /// The bytes of a file in a format.
+    /// Returns the content of an export file in the given format.
     pub fn write(&self, format: ExportFormat) -> Vec<u8> {
         match format {
             ExportFormat::Trc => trc::write(self).into_bytes(),
@@ -106,59 +111,61 @@ impl Motion {
         }
     }
 
+    /// Returns the number of frames (rows).
     fn rows(&self) -> usize {
         self.markers.frames.len()
     }
 
-    /// Since the first frame.
+    /// Returns the time since the first frame, s.
     fn time_s(&self, row: usize) -> f64 {
         let frames = &self.markers.frames;
         (frames[row] - frames[0]) as f64 / self.rate_hz
     }
 
+    /// Returns the poses of the links in a frame; `None` if a link is missing.
     fn pose(&self, row: usize) -> Option<&LinkPoses> {
         self.poses.get(row)?.as_ref()
     }
 
-    /// Markers' labels without characters that would end a cell or a line, no two the same.
+    /// Returns unique labels for the markers, without characters that would end a cell or a line.
     fn labels(&self) -> Vec<String> {
         let mut taken = std::collections::BTreeSet::new();
-        let label = |label: &String| {
-            let plain = |c: char| if c.is_whitespace() || c.is_control() { '_' } else { c };
-            let plain: String = label.chars().map(plain).collect();
-            let others = (2..).map(|nth| format!("{plain}_{nth}"));
+        let labels = self.markers.labels.iter().map(|label| {
+            let plain = label.replace(|c: char| c.is_whitespace() || c.is_control(), "_");
+            let others = (2..).map(|number| format!("{plain}_{number}"));
             let mut names = [plain.clone()].into_iter().chain(others);
             names.find(|name| taken.insert(name.clone())).unwrap_or(plain)
-        };
-        self.markers.labels.iter().map(label).collect()
+        });
+        labels.collect()
     }
 }
 
-/// The trial of a name, of a folder and an id, or of an id that one folder has.
+/// Finds a trial by its name, by `FOLDER/ID`, or by an id that occurs in only one folder.
 fn find<'t>(folders: &'t TrialFolders, name: &str) -> Result<&'t ListedTrial, ExportError> {
     let trials = &folders.trials;
-    let qualified =
-        |trial: &ListedTrial| format!("{}/{}", folders.folders[trial.folder].name, trial.id);
-    let exact = trials.iter().find(|of| of.trial.id == name || qualified(of) == name);
+    let exact = trials.iter().find(|listed| {
+        let folder = &folders.folders[listed.folder].name;
+        listed.trial.id == name || format!("{folder}/{}", listed.id) == name
+    });
     if let Some(trial) = exact {
         return Ok(trial);
     }
-    let same: Vec<&ListedTrial> = trials.iter().filter(|of| of.id == name).collect();
+    let same: Vec<&ListedTrial> = trials.iter().filter(|listed| listed.id == name).collect();
     match same.as_slice() {
         [trial] => Ok(trial),
         [] => {
-            let near = nearest(name, trials.iter().map(|of| of.trial.id.as_str()));
+            let near = nearest(name, trials.iter().map(|listed| listed.trial.id.as_str()));
             let near = near.map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
             Err(ExportError::Unknown { name: name.to_owned(), known: trials.len(), near })
         }
         several => {
-            let names = several.iter().map(|of| of.trial.id.clone()).collect();
+            let names = several.iter().map(|listed| listed.trial.id.clone()).collect();
             Err(ExportError::Ambiguous { name: name.to_owned(), names })
         }
     }
 }
 
-/// Poses of all links in these frames.
+/// Reads the poses of all links in the given frames from the table of poses.
 fn poses(
     config: &Config,
     trial: &str,
@@ -168,23 +175,26 @@ fn poses(
     let table = Reader::default().table(&poses_path(&config.paths.derived, trial))?;
     let known = table.values::<i64>("frame")?;
     let Coordinates { x_m, y_m, theta_rad, phi_rad } = Coordinates::from_table(&table)?;
-    let pose = |frame: &i64| {
+    let poses = frames.iter().map(|frame| {
         let row = known.binary_search(frame).ok()?;
         let middle = Pose { x_m: x_m[row], y_m: y_m[row], theta_rad: theta_rad[row] };
         let poses = robot.link_poses(middle, [phi_rad[0][row], phi_rad[1][row]]);
-        let is_known = |pose: &Pose| (pose.x_m + pose.y_m + pose.theta_rad).is_finite();
-        poses.iter().all(is_known).then_some(poses)
-    };
-    Ok(frames.iter().map(pose).collect())
+        let are_finite =
+            poses.iter().all(|pose| (pose.x_m + pose.y_m + pose.theta_rad).is_finite());
+        are_finite.then_some(poses)
+    });
+    Ok(poses.collect())
 }
 
-/// What became of a trial that has no table of poses.
-fn why_none(config: &Config, trial: &str) -> Result<String, StoreError> {
+/// Explains why a trial has no table of poses.
+fn why_without_poses(config: &Config, trial: &str) -> Result<String, StoreError> {
     let path = config.paths.derived.join("trials.parquet");
     let rows: Option<Vec<TrialRow>> = Reader::default().rows_if_there(&path)?;
     let row = rows.into_iter().flatten().find(|row| row.trial == trial);
     Ok(match row {
-        Some(row) if row.status == TrialStatus::Failed => format!("it failed: {}", row.message),
-        _ => "it is not ingested; `trilink ingest` makes them".to_owned(),
+        Some(row) if row.status == TrialStatus::Failed => {
+            format!("the trial failed: {}", row.message)
+        }
+        _ => "the trial has not been ingested; run `trilink ingest`".to_owned(),
     })
 }

@@ -1,31 +1,40 @@
-//! One row per frame: the links' poses, then the markers.
+//! Export as CSV: one row per frame with the poses of the links, then the markers.
 
 use trilink_base::csv;
 
 use super::Motion;
 
+/// Returns the content of a CSV file with the poses of the links and the marker positions, one row per frame.
 pub(super) fn write(motion: &Motion) -> String {
     let mut columns: Vec<String> = vec!["frame".to_owned(), "time_s".to_owned()];
     if motion.without_poses.is_none() {
-        let of_link = |link| ["x_m", "y_m", "theta_rad"].map(|name| format!("link{link}_{name}"));
-        columns.extend((0..3).flat_map(of_link));
+        for link in 0..3 {
+            columns.extend(["x_m", "y_m", "theta_rad"].map(|name| format!("link{link}_{name}")));
+        }
     }
-    let of_marker = |label: String| ["x", "y", "z"].map(|axis| format!("{label}_{axis}_mm"));
-    columns.extend(motion.labels().into_iter().flat_map(of_marker));
+    for label in motion.labels() {
+        columns.extend(["x", "y", "z"].map(|axis| format!("{label}_{axis}_mm")));
+    }
     let mut text = csv::line(&columns);
-    let number = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
     for row in 0..motion.rows() {
         let mut cells = vec![motion.markers.frames[row].to_string(), number(motion.time_s(row))];
         if motion.without_poses.is_none() {
-            let poses = motion.pose(row);
-            let of_link = |link: usize| match poses.map(|poses| poses[link]) {
-                Some(pose) => [pose.x_m, pose.y_m, pose.theta_rad].map(number),
-                None => Default::default(),
-            };
-            cells.extend((0..3).flat_map(of_link));
+            match motion.pose(row) {
+                Some(poses) => {
+                    let numbers =
+                        poses.iter().flat_map(|pose| [pose.x_m, pose.y_m, pose.theta_rad]);
+                    cells.extend(numbers.map(number));
+                }
+                None => cells.extend(std::iter::repeat_n(String::new(), 9)),
+            }
         }
         cells.extend(motion.markers.row_mm(row).iter().flatten().map(|value| number(*value)));
         text.push_str(&csv::line(&cells));
     }
     text
+}
+
+/// Formats a number; NaN becomes an empty cell.
+fn number(value: f64) -> String {
+    if value.is_finite() { value.to_string() } else { String::new() }
 }

@@ -1,19 +1,23 @@
-//! TRC, the table of markers that OpenSim reads: tabs, one row per frame, three cells per marker,
-//! empty where it was not seen. The links' axles and the joints, on the floor, are markers, too:
+//! Export as TRC, OpenSim's marker table: tab-separated, one row per frame and three cells per marker, which are empty
+//! if the marker is occluded. The wheel axles and the joints, projected onto the floor, are included as markers:
 //! `link0` to `link2`, `joint1` and `joint2`.
 
 use std::fmt::Write as _;
 
 use super::Motion;
 
+/// Labels of the wheel axles and joints.
 const AXLES_AND_JOINTS: [&str; 5] = ["link0", "link1", "link2", "joint1", "joint2"];
 
+/// Returns the content of a TRC file (the marker table of OpenSim).
 pub(super) fn write(motion: &Motion) -> String {
     let mut labels = motion.labels();
     if motion.without_poses.is_none() {
         labels.extend(AXLES_AND_JOINTS.map(str::to_owned));
     }
-    let (rows, markers, rate_hz) = (motion.rows(), labels.len(), motion.rate_hz);
+    let rows = motion.rows();
+    let markers = labels.len();
+    let rate_hz = motion.rate_hz;
     let first = motion.markers.frames.first().copied().unwrap_or(1);
     let mut text = format!(
         "PathFileType\t4\t(X/Y/Z)\t{}.trc\n\
@@ -21,7 +25,7 @@ pub(super) fn write(motion: &Motion) -> String {
          {rate_hz}\t{rate_hz}\t{rows}\t{markers}\tmm\t{rate_hz}\t{first}\t{rows}\nFrame#\tTime\t",
         motion.name
     );
-    // Every line ends with a tab: OpenSim takes the last cell for missing only before one.
+    // Every line ends with a tab: OpenSim recognises a missing last cell only if a tab follows it.
     labels.iter().for_each(|label| text.extend([label, "\t\t\t"]));
     text.push_str("\n\t\t");
     for nth in 1..=markers {
@@ -39,6 +43,7 @@ pub(super) fn write(motion: &Motion) -> String {
     text
 }
 
+/// Appends the coordinates of a marker, each followed by a tab; unknown coordinates become empty cells.
 fn add(text: &mut String, position_mm: [f64; 3]) {
     for value in position_mm {
         if value.is_finite() {
@@ -48,11 +53,12 @@ fn add(text: &mut String, position_mm: [f64; 3]) {
     }
 }
 
+/// Returns the positions of the wheel axles and joints on the floor, mm; NaN where there are no poses.
 fn axles_and_joints_mm(motion: &Motion, row: usize) -> [[f64; 3]; 5] {
     let (Some(robot), Some(links)) = (&motion.robot, motion.pose(row)) else {
         return [[f64::NAN; 3]; 5];
     };
     let [middle, front, rear] = *links;
-    let joints = [middle.ahead(robot.h_m), middle.ahead(-robot.h_m)];
-    [middle, front, rear, joints[0], joints[1]].map(|at| [1e3 * at.x_m, 1e3 * at.y_m, 0.0])
+    let [joint1, joint2] = robot.joints(middle);
+    [middle, front, rear, joint1, joint2].map(|at| [1e3 * at.x_m, 1e3 * at.y_m, 0.0])
 }

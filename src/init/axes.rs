@@ -1,58 +1,64 @@
-//! Files in which another axis than z points up.
+//! Detection of files in which an axis other than z points up.
 
-use trilink_ingest::other_axis_up;
+use trilink_ingest::axis_up_message;
 use trilink_mocap::Recording;
 use trilink_statistics::{mean, median, quantiles_low};
 
 use super::clusters;
 
-/// Along the axis that points up markers stay this level, mm.
-const LEVEL_MM: f64 = 15.0;
-/// More than markers of a robot on the floor rise and fall, mm.
-const RISE_MM: f64 = 50.0;
+/// Maximum range of the markers' motion along an axis that may be vertical, mm.
+const MAX_VERTICAL_RANGE_MM: f64 = 15.0;
+/// Minimum range of the markers' motion along z that excludes z as the vertical axis, mm; a robot on the floor stays
+/// below it.
+const MIN_Z_RANGE_MM: f64 = 50.0;
 
-/// Another axis than z that points up.
-pub(super) struct Upwards {
-    /// Whether the robot's links are seen across that axis, so that it is beyond doubt.
+/// Vertical axis of a marker file, if it is x or y instead of z.
+pub(super) struct VerticalAxis {
+    /// Whether the file shows the robot's links in the plane perpendicular to the axis; if so, the axis is certainly
+    /// vertical.
     pub shows_links: bool,
-    /// What it is, and what to do.
+    /// Sentence about the axis and what to do about it.
     pub sentence: String,
 }
 
-impl Upwards {
-    /// `None` if z may point up.
-    pub(super) fn of(file: &Recording) -> Option<Self> {
-        let is_level = |axis: &usize| ranges_mm(file, *axis) < LEVEL_MM;
-        let [axis] = [0, 1].into_iter().filter(is_level).collect::<Vec<_>>()[..] else {
+impl VerticalAxis {
+    /// Detects a vertical axis other than z; returns `None` if z may be vertical.
+    pub(super) fn detect(file: &Recording) -> Option<Self> {
+        let level_axes =
+            [0, 1].into_iter().filter(|axis| range_mm(file, *axis) < MAX_VERTICAL_RANGE_MM);
+        let [axis] = level_axes.collect::<Vec<_>>()[..] else {
             return None;
         };
-        if ranges_mm(file, 2).is_nan() || ranges_mm(file, 2) < RISE_MM {
+        if range_mm(file, 2).is_nan() || range_mm(file, 2) < MIN_Z_RANGE_MM {
             return None;
         }
         let mut turned = file.clone();
         turned.turn_up(axis);
         let shows_links = clusters::links(&turned).is_ok();
         let height = mean(positions(&turned, 2));
-        let (sign, name) = (if height < 0.0 { "-" } else { "" }, ["x", "y"][axis]);
-        let across = match shows_links {
-            true => "move as three links across it",
-            false => "rise and fall along z",
+        let sign = if height < 0.0 { "-" } else { "" };
+        let name = ["x", "y"][axis];
+        let motion = if shows_links {
+            "the other two coordinates show three moving links"
+        } else {
+            "the z coordinates rise and fall"
         };
-        Some(Self { shows_links, sentence: other_axis_up(&format!("{sign}{name}"), across) })
+        Some(Self { shows_links, sentence: axis_up_message(&format!("{sign}{name}"), motion) })
     }
 }
 
+/// Returns the coordinates of all markers in all frames along an axis, mm.
 fn positions(file: &Recording, axis: usize) -> impl Iterator<Item = f64> {
     let rows = (0..file.frames.len()).flat_map(|row| file.row_mm(row));
     rows.map(move |position| position[axis]).filter(|x| !x.is_nan())
 }
 
-/// Median over the markers of how far each moves along an axis, mm.
-fn ranges_mm(file: &Recording, axis: usize) -> f64 {
-    let range = |marker: usize| {
+/// Returns the range of motion along an axis, as the median over all markers, mm.
+fn range_mm(file: &Recording, axis: usize) -> f64 {
+    let ranges = (0..file.labels.len()).map(|marker| {
         let along = (0..file.frames.len()).map(|row| file.position_mm(row, marker)[axis]);
         let [low, high] = quantiles_low(along.filter(|x| !x.is_nan()).collect(), [0.02, 0.98]);
         high - low
-    };
-    median((0..file.labels.len()).map(range).filter(|range| !range.is_nan()).collect())
+    });
+    median(ranges.filter(|range| !range.is_nan()).collect())
 }

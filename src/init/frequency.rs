@@ -1,4 +1,4 @@
-//! What a file is a recording of, and its frequency: from the joints' angles alone.
+//! Kind and frequency of a recording, determined from the joint angles alone.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -10,23 +10,24 @@ use trilink_tables::trial::TrialKind;
 
 use super::motion::Motion;
 
-/// Joints that turn by less are held, degrees.
-const HELD_DEG: f64 = 4.0;
-/// Robots that get less far stand, m.
-const STANDS_M: f64 = 0.15;
-/// The part of the recording in which a frequency is looked for first, s.
-const LOOKED_AT_S: f64 = 120.0;
-/// Periods that it has at least, and frames of a period.
-const LEAST_PERIODS: f64 = 2.0;
-const LEAST_FRAMES: f64 = 20.0;
-/// Frames of which one is looked at for the frequency: five a period are enough.
+/// Minimum range of the angle of a joint that counts as moving, degrees.
+const MIN_RANGE_DEG: f64 = 4.0;
+/// Minimum distance from start to end for a robot that counts as moving, m.
+const MIN_DISTANCE_M: f64 = 0.15;
+/// Maximum duration of the part of a recording that is used to estimate the frequency, s.
+const MAX_SEARCHED_S: f64 = 120.0;
+/// Minimum number of gait periods in the part of a recording that is used to estimate the frequency.
+const MIN_PERIODS: f64 = 2.0;
+/// Minimum number of frames per gait period.
+const MIN_FRAMES: f64 = 20.0;
+/// Stride between the frames that are used to estimate the frequency, which leaves at least five per period.
 const STRIDE: usize = 4;
-/// What a gait and its harmonics leave of the joints' variance at most.
-const LEFT: f64 = 0.1;
-/// A gait's amplitude in the last third of the motion is not below this part of that in the first.
-const LEAST_KEPT: f64 = 0.6;
+/// Maximum share of the joint angles' variance that a gait and its harmonics leave unexplained.
+const MAX_UNEXPLAINED: f64 = 0.1;
+/// Minimum ratio of a gait's amplitude in the last third of the motion to that in the first third.
+const MIN_AMPLITUDE_RATIO: f64 = 0.6;
 
-/// `offset + amplitude cos(phase of the gait + phase)`.
+/// Motion of a joint, `offset + amplitude cos(phase of the gait + phase)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Swing {
     pub offset_rad: f64,
@@ -35,21 +36,22 @@ pub(super) struct Swing {
 }
 
 impl Swing {
-    /// Seen from the other end of the robot.
+    /// Returns the motion with the opposite sign, as seen from the other end of the robot.
     pub(super) fn reversed(self) -> Self {
         Self { offset_rad: -self.offset_rad, phase_rad: wrap(self.phase_rad + PI), ..self }
     }
 }
 
-/// What was recorded.
+/// Kind of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Recorded {
-    /// Of phi1 and phi2; their offsets have the constants of the motion's frames.
+    /// Gait, with the motions of the joint angles phi1 and phi2; their offsets are relative to link frames that the
+    /// file's markers define.
     Gait {
         omega_rad_s: f64,
         swings: [Swing; 2],
     },
-    /// Of joint 1 or 2, by index.
+    /// Release of a joint, by index.
     Release {
         joint: usize,
     },
@@ -57,6 +59,7 @@ pub(super) enum Recorded {
 }
 
 impl Recorded {
+    /// Returns the kind of trial.
     pub(super) fn kind(&self) -> TrialKind {
         match self {
             Self::Gait { .. } => TrialKind::Gait,
@@ -65,27 +68,27 @@ impl Recorded {
         }
     }
 
-    /// What a motion is, or what it is not. Link 1 is the front link.
-    pub(super) fn of(motion: &Motion) -> Result<Self, String> {
+    /// Classifies a motion in which link 1 is the front link; returns a message if it is of no known kind.
+    pub(super) fn classify(motion: &Motion) -> Result<Self, String> {
         let ranges_deg = motion.ranges_deg();
-        let most_deg = ranges_deg[0].max(ranges_deg[1]);
-        if !most_deg.is_finite() {
-            return Err("does not show both joints".to_owned());
+        let max_deg = ranges_deg[0].max(ranges_deg[1]);
+        if !max_deg.is_finite() {
+            return Err("the file does not show both joints".to_owned());
         }
-        let way_m = motion.way_m;
-        if most_deg < HELD_DEG {
-            return match way_m > STANDS_M {
-                true => Ok(Self::CoastDown),
-                false => Err(format!(
-                    "no joint turns by more than {most_deg:.1} degrees, and the robot stands"
-                )),
-            };
+        let distance_m = motion.distance_m;
+        if max_deg < MIN_RANGE_DEG {
+            if distance_m > MIN_DISTANCE_M {
+                return Ok(Self::CoastDown);
+            }
+            return Err(format!(
+                "no joint turns by more than {max_deg:.1} degrees, and the robot stands still"
+            ));
         }
         let found = gait(motion, ranges_deg);
         let joint = usize::from(ranges_deg[1] > ranges_deg[0]);
         match found {
             Some(gait) => Ok(gait),
-            None if way_m < STANDS_M && ranges_deg[1 - joint] < HELD_DEG => {
+            None if distance_m < MIN_DISTANCE_M && ranges_deg[1 - joint] < MIN_RANGE_DEG => {
                 Ok(Self::Release { joint })
             }
             None => Err("the joints turn, but not periodically".to_owned()),
@@ -93,20 +96,18 @@ impl Recorded {
     }
 }
 
-/// The gait, if the joints move periodically and do not come to rest by and by.
+/// Returns the gait if the joints move periodically and without a decay in amplitude.
 fn gait(motion: &Motion, ranges_deg: [f64; 2]) -> Option<Recorded> {
     let Motion { rate_hz, turns_rad: [front, rear], .. } = motion;
     // Link 1 is turned by theta - phi1, link 2 by theta + phi2.
     let phi_rad = [front.iter().map(|turn| -turn).collect(), rear.clone()];
     let step = fundamental(&phi_rad, *rate_hz)?;
-    // Any gait of this frequency: what the joints do is measured, not compared.
-    let joint = |range_deg: f64| {
-        let any = JointCommand::new(0.0, 1e-6, 0.0);
-        (range_deg >= HELD_DEG).then_some(any)
-    };
-    let any = Gait { joints: ranges_deg.map(joint) };
+    // A placeholder gait: only its frequency and the set of joints that move are used.
+    let joints = ranges_deg
+        .map(|range_deg| (range_deg >= MIN_RANGE_DEG).then_some(JointCommand::new(0.0, 1e-6, 0.0)));
+    let placeholder = Gait { joints };
     let command = CommandedGait {
-        gait: &any,
+        gait: &placeholder,
         omega_rad_s: step * rate_hz,
         rate_hz: *rate_hz,
         skip_cycles: 0,
@@ -121,50 +122,55 @@ fn gait(motion: &Motion, ranges_deg: [f64; 2]) -> Option<Recorded> {
         found.moving.start..found.moving.start + third,
         found.moving.end - third..found.moving.end,
     ];
-    for (joint, whole) in whole.iter().enumerate().filter(|(i, _)| ranges_deg[*i] >= HELD_DEG) {
+    for (joint, whole) in whole.iter().enumerate().filter(|(i, _)| ranges_deg[*i] >= MIN_RANGE_DEG)
+    {
         let fitted = whole.over(found.moving.clone(), &found.phase);
         let phi = &phi_rad[joint][found.moving.clone()];
         let middle = mean(seen(phi));
-        let squares = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+        let squares = |deviation: &dyn Fn(f64, f64) -> f64| -> f64 {
             let pairs = phi.iter().zip(&fitted).filter(|(phi, _)| !phi.is_nan());
-            pairs.map(|(phi, fitted)| of(*phi, *fitted).powi(2)).sum()
+            pairs.map(|(phi, fitted)| deviation(*phi, *fitted).powi(2)).sum()
         };
-        let (left, all) = (squares(&|phi, fitted| phi - fitted), squares(&|phi, _| phi - middle));
+        let residual = squares(&|phi, fitted| phi - fitted);
+        let total = squares(&|phi, _| phi - middle);
         let [early, late] =
             parts.clone().map(|part| fit(joint, part).map_or(f64::NAN, |part| part.amplitude(1)));
-        if left > LEFT * all || late < LEAST_KEPT * early {
+        if residual > MAX_UNEXPLAINED * total || late < MIN_AMPLITUDE_RATIO * early {
             return None;
         }
     }
-    let swing = |fit: &Harmonics| Swing {
+    let swings = whole.each_ref().map(|fit| Swing {
         offset_rad: fit.offset(),
         amplitude_rad: fit.amplitude(1),
         phase_rad: wrap(fit.phase_rad()),
-    };
-    let swings = whole.each_ref().map(swing);
+    });
     Some(Recorded::Gait { omega_rad_s: found.omega_rad_s, swings })
 }
 
-/// The frequency at which the joints swing most, as a step per frame, rad.
+/// Estimates the frequency at which the joints have the largest amplitude, rad per frame; `None` if the recording is
+/// too short or no spectral line is found.
 fn fundamental(phi_rad: &[Vec<f64>; 2], rate_hz: f64) -> Option<f64> {
     let all = phi_rad[0].len();
-    let looked_at = all.min((LOOKED_AT_S * rate_hz) as usize);
-    let start = (all - looked_at) / 2;
-    // About their means, so that gaps do not make lines of the offsets.
+    let searched = all.min((MAX_SEARCHED_S * rate_hz) as usize);
+    let start = (all - searched) / 2;
+    // Subtract the means, because gaps would turn the offsets into spectral lines.
     let series = phi_rad.each_ref().map(|phi| {
-        let phi = &phi[start..start + looked_at];
+        let phi = &phi[start..start + searched];
         let middle = mean(seen(phi));
         phi.iter().step_by(STRIDE).map(|phi| phi - middle).collect::<Vec<f64>>()
     });
-    let (frames, stride) = (series[0].len(), STRIDE as f64);
-    let (lowest, highest) = (LEAST_PERIODS * TAU / frames as f64, TAU / LEAST_FRAMES * stride);
+    let frames = series[0].len();
+    let stride = STRIDE as f64;
+    let lowest = MIN_PERIODS * TAU / frames as f64;
+    let highest = TAU / MIN_FRAMES * stride;
     if lowest >= highest {
         return None;
     }
-    let (middle, reach) = (0.5 * (lowest + highest), 0.5 * (highest - lowest));
+    let middle = 0.5 * (lowest + highest);
+    let reach = 0.5 * (highest - lowest);
     let series = series.iter().map(Vec::as_slice);
     let step = strongest_line(series, &(0..frames), middle, reach);
-    // At the very ends nothing is a line.
+    // A maximum at an end of the range is not a spectral line.
     (step > lowest - 0.25 * PI / frames as f64 && step < highest).then_some(step / stride)
 }
 
@@ -172,7 +178,7 @@ fn fundamental(phi_rad: &[Vec<f64>; 2], rate_hz: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn motion(seconds: f64, way_m: f64, phi: impl Fn(f64) -> [f64; 2]) -> Motion {
+    fn motion(seconds: f64, distance_m: f64, phi: impl Fn(f64) -> [f64; 2]) -> Motion {
         let angles = |joint: usize| {
             (0..(60.0 * seconds) as usize).map(|i| phi(i as f64 / 60.0)[joint]).collect::<Vec<_>>()
         };
@@ -180,10 +186,10 @@ mod tests {
             rate_hz: 60.0,
             turns_rad: [angles(0).iter().map(|phi| -phi).collect(), angles(1)],
             shapes: Default::default(),
-            way_m,
+            distance_m,
             course_rad: 0.0,
             heading_rad: 0.0,
-            ahead_m: way_m,
+            ahead_m: distance_m,
         }
     }
 
@@ -193,7 +199,7 @@ mod tests {
             let phi = |t: f64| {
                 [0.7 + 0.5 * (omega * t + 1.0).cos(), -0.2 + 0.4 * (omega * t - 0.3).cos()]
             };
-            let found = Recorded::of(&motion(40.0, 2.0, phi)).unwrap();
+            let found = Recorded::classify(&motion(40.0, 2.0, phi)).unwrap();
             let Recorded::Gait { omega_rad_s, swings: [front, rear] } = found else {
                 panic!("{found:?}")
             };
@@ -205,16 +211,16 @@ mod tests {
     }
 
     #[test]
-    fn what_decays_is_a_release_what_is_held_and_moves_a_coast_down() {
+    fn a_decaying_joint_is_a_release_and_a_moving_robot_with_held_joints_a_coast_down() {
         let swings = |t: f64| [0.02 * 1e-2 * t.cos(), 0.6 * (-1.5 * t).exp() * (9.0 * t).cos()];
-        let found = Recorded::of(&motion(5.0, 0.01, swings));
+        let found = Recorded::classify(&motion(5.0, 0.01, swings));
         assert_eq!(found, Ok(Recorded::Release { joint: 1 }));
         let held = |t: f64| [0.003 * t.sin(), 0.001];
-        assert_eq!(Recorded::of(&motion(5.0, 1.2, held)), Ok(Recorded::CoastDown));
-        let stands = Recorded::of(&motion(5.0, 0.01, held)).unwrap_err();
+        assert_eq!(Recorded::classify(&motion(5.0, 1.2, held)), Ok(Recorded::CoastDown));
+        let stands = Recorded::classify(&motion(5.0, 0.01, held)).unwrap_err();
         assert!(stands.contains("the robot stands"), "{stands}");
         let bends = |t: f64| [0.2 * t, 0.1 * t * t];
-        let bends = Recorded::of(&motion(5.0, 1.0, bends)).unwrap_err();
+        let bends = Recorded::classify(&motion(5.0, 1.0, bends)).unwrap_err();
         assert!(bends.contains("not periodically"), "{bends}");
     }
 }

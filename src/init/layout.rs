@@ -1,9 +1,9 @@
-//! Where the markers sit, by the file that shows it best.
+//! Marker layout of the links, estimated from the file that determines it best.
 
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use trilink_ingest::calibrate::of_file;
+use trilink_ingest::calibrate::calibrate_recording;
 use trilink_ingest::{Calibration, fit_rigid};
 use trilink_mocap::LengthUnit;
 use trilink_mocap::read_markers;
@@ -14,103 +14,107 @@ use trilink_tables::config::Markers;
 use super::clusters::Links;
 use super::motion::{Motion, Shape};
 
-/// Files that are tried, those whose joints turn most.
-const MOST_TRIED: usize = 4;
-/// Rate at which they are tried, Hz.
+/// Maximum number of files from which the layout is tentatively estimated, starting with those whose joints move most.
+const MAX_TRIED: usize = 4;
+/// Frame rate to which files are thinned for tentative estimates of the layout, Hz.
 const TRIED_HZ: f64 = 30.0;
-/// Side links' directions that are known less well than this by a gait are taken from a coast-down,
-/// degrees.
-const WELL_DEG: f64 = 0.5;
-/// Nor do gaits show them by which a robot that coasts straight on is bent by more than this, degrees.
-const MOST_BENT_DEG: f64 = 1.5;
-/// A robot that coasts further off its middle link's direction than this is not straight, degrees.
-const STRAIGHT_DEG: f64 = 3.0;
-/// l as a part of h where the wheels do not show it: as of the paper's robots.
-const L_OF_H: f64 = 0.112 / 0.144;
+/// Maximum standard error of the side links' directions that are estimated from a gait, degrees; if it is exceeded, a
+/// coast-down determines the directions.
+const MAX_DIRECTION_SE_DEG: f64 = 0.5;
+/// Maximum joint angle of a robot that coasts straight ahead, degrees; if it is exceeded, the side links' directions
+/// that were estimated from a gait are rejected.
+const MAX_BENT_DEG: f64 = 1.5;
+/// Maximum angle between the direction of travel and the middle link of a robot that coasts straight ahead, degrees.
+const MAX_COURSE_DEG: f64 = 3.0;
+/// Ratio l/h of the paper's robots, the default if the wheels do not determine l.
+const DEFAULT_L_OVER_H: f64 = 0.112 / 0.144;
 
-/// A gait's file.
+/// Gait file from which the marker layout may be estimated.
 pub(super) struct Candidate<'m> {
     pub path: PathBuf,
-    /// Of a file that does not say its own.
+    /// Unit of length if the file does not state one.
     pub unit: LengthUnit,
     pub rate_hz: f64,
     pub omega_rad_s: f64,
     pub motion: &'m Motion,
 }
 
-/// The layout with where it is from.
+/// Marker layout, with its source.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub calibration: Calibration,
     pub path: PathBuf,
     pub l_m: f64,
-    /// How well the side links' directions are known, degrees; NaN where a coast-down says them.
+    /// Standard error of the side links' directions, degrees; NaN if a coast-down determines them.
     pub direction_se_deg: f64,
 }
 
 impl Layout {
-    /// Of links with the front one second. `None` says that no file shows it, with the reasons.
+    /// Estimates the marker layout of `links`, given as middle, front and rear link. If no file determines the layout,
+    /// returns the reason for each file tried.
     pub(super) fn find(
         links: &Links,
         mut candidates: Vec<Candidate>,
         coasts: &[&Motion],
         l_m: Option<f64>,
     ) -> Result<Self, Vec<String>> {
-        let least_turn = |of: &Candidate| of.motion.ranges_deg().into_iter().fold(90.0, f64::min);
-        candidates.sort_by(|a, b| least_turn(b).total_cmp(&least_turn(a)));
-        candidates.truncate(MOST_TRIED);
+        let min_range =
+            |candidate: &Candidate| candidate.motion.ranges_deg().into_iter().fold(90.0, f64::min);
+        candidates.sort_by(|a, b| min_range(b).total_cmp(&min_range(a)));
+        candidates.truncate(MAX_TRIED);
         let tried: Vec<_> = candidates
             .par_iter()
-            .map(|of| measured(links, of, l_m.unwrap_or(0.1), Some(TRIED_HZ)))
+            .map(|candidate| calibrate(links, candidate, l_m.unwrap_or(0.1), Some(TRIED_HZ)))
             .collect();
         let score = |found: &Calibration| found.direction_se_deg[0].max(found.direction_se_deg[1]);
-        let good = tried
+        let successful = tried
             .iter()
             .zip(&candidates)
-            .filter_map(|(found, of)| Some((found.as_ref().ok()?, of)));
-        let Some((rough, best)) = good.min_by(|a, b| score(a.0).total_cmp(&score(b.0))) else {
+            .filter_map(|(found, candidate)| Some((found.as_ref().ok()?, candidate)));
+        let Some((rough, best)) = successful.min_by(|a, b| score(a.0).total_cmp(&score(b.0)))
+        else {
             return Err(tried.into_iter().filter_map(Result::err).collect());
         };
-        let shown_mm = mean(rough.l_mm.map(|l_mm| l_mm.value));
-        let by_wheels = || match shown_mm / rough.h_mm.value {
-            part if (0.2..5.0).contains(&part) => shown_mm / 1e3,
-            _ => L_OF_H * rough.h_mm.value / 1e3,
-        };
-        let l_m = l_m.unwrap_or_else(by_wheels);
-        let calibration = measured(links, best, l_m, None).map_err(|reason| vec![reason])?;
+        let wheels_mm = mean(rough.l_mm.map(|l_mm| l_mm.value));
+        let l_m = l_m.unwrap_or_else(|| match wheels_mm / rough.h_mm.value {
+            ratio if (0.2..5.0).contains(&ratio) => wheels_mm / 1e3,
+            _ => DEFAULT_L_OVER_H * rough.h_mm.value / 1e3,
+        });
+        let calibration = calibrate(links, best, l_m, None).map_err(|reason| vec![reason])?;
         let others: Vec<&Calibration> = tried.iter().flatten().collect();
-        let differ_deg = [1, 2].map(|link| differ_deg(&calibration, &others, link));
-        let direction_se_deg = score(&calibration).hypot(differ_deg[0].max(differ_deg[1]));
+        let scatter_deg = [1, 2].map(|link| scatter_deg(&calibration, &others, link));
+        let direction_se_deg = score(&calibration).hypot(scatter_deg[0].max(scatter_deg[1]));
         let path = best.path.clone();
         let mut layout = Self { calibration, path, l_m, direction_se_deg };
         layout.straighten(coasts);
         Ok(layout)
     }
 
-    /// Turns the side links so that a robot that coasts straight on has straight links, where the gaits
-    /// do not show it or contradict it: wheels that skid to one side, as on a dry floor, deceive.
+    /// Rotates the side links so that the joint angles of a robot that coasts straight ahead are 0, if the gaits do not
+    /// determine the directions well or contradict the coast-down. Wheels with a mean skid to one side, as under dry
+    /// friction, bias directions that are estimated from gaits.
     fn straighten(&mut self, coasts: &[&Motion]) {
         let bent = coasts.iter().filter_map(|motion| {
             let [middle, ..] = self.constants_rad(motion)?;
-            let off = wrap(motion.course_rad - motion.heading_rad - middle);
-            let off_deg = off.abs().min((wrap(off + std::f64::consts::PI)).abs()).to_degrees();
-            (off_deg < STRAIGHT_DEG).then(|| self.phi_rad(motion))?
+            let course = wrap(motion.course_rad - motion.heading_rad - middle);
+            let course_deg =
+                course.abs().min((wrap(course + std::f64::consts::PI)).abs()).to_degrees();
+            (course_deg < MAX_COURSE_DEG).then(|| self.phi_rad(motion))?
         });
-        let Some([front, rear]) = bent.min_by(|a, b| {
-            let most = |bent: &[f64; 2]| bent[0].abs().max(bent[1].abs());
-            most(a).total_cmp(&most(b))
-        }) else {
+        let size = |phi: &[f64; 2]| phi[0].abs().max(phi[1].abs());
+        let Some([front, rear]) = bent.min_by(|a, b| size(a).total_cmp(&size(b))) else {
             return;
         };
         let bent_deg = front.abs().max(rear.abs()).to_degrees();
-        if self.direction_se_deg <= WELL_DEG && bent_deg <= MOST_BENT_DEG {
+        if self.direction_se_deg <= MAX_DIRECTION_SE_DEG && bent_deg <= MAX_BENT_DEG {
             return;
         }
-        // Link 1 is turned by theta - phi1, link 2 by theta + phi2, about their joints.
-        for (link, by_rad, joint_mm) in [(1, -front, -1e3 * self.l_m), (2, rear, 1e3 * self.l_m)] {
+        // The heading of link 1 is theta - phi1, that of link 2 theta + phi2; each link is turned about its joint.
+        for (link, turn_rad, joint_mm) in [(1, -front, -1e3 * self.l_m), (2, rear, 1e3 * self.l_m)]
+        {
             for marker in &mut self.calibration.links[link] {
-                let [x, y, _] = marker.position_mm.map(|of| of.value);
-                let [x, y] = rotated(by_rad, [x - joint_mm, y]);
+                let [x, y, _] = marker.position_mm.map(|estimate| estimate.value);
+                let [x, y] = rotated(turn_rad, [x - joint_mm, y]);
                 marker.position_mm[0].value = x + joint_mm;
                 marker.position_mm[1].value = y;
             }
@@ -118,20 +122,23 @@ impl Layout {
         self.direction_se_deg = f64::NAN;
     }
 
-    /// From the headings of a motion's frames to those of the links, rad.
+    /// Returns the heading of each link relative to the link frame that the motion's file defines, rad; `None` if the
+    /// file and the layout have too few markers in common.
     fn constants_rad(&self, motion: &Motion) -> Option<[f64; 3]> {
-        let constant =
-            |link: usize| turned(&motion.shapes[link], &positions(&self.calibration, link));
-        Some([constant(0)?, constant(1)?, constant(2)?])
+        let [middle, front, rear] = [0, 1, 2]
+            .map(|link| heading_rad(&motion.shapes[link], &positions(&self.calibration, link)));
+        Some([middle?, front?, rear?])
     }
 
-    /// What has to be added to a motion's phi1 and phi2, rad.
+    /// Returns the offsets (rad) that, added to phi1 and phi2 of a motion, refer them to this layout; `None` if the
+    /// motion's file and the layout have too few markers in common.
     pub(super) fn offsets_rad(&self, motion: &Motion) -> Option<[f64; 2]> {
         let [middle, front, rear] = self.constants_rad(motion)?;
         Some([wrap(middle - front), wrap(rear - middle)])
     }
 
-    /// Mean phi1 and phi2 of a motion, rad.
+    /// Returns the mean phi1 and phi2 of a motion, rad; `None` if its file and the layout have too few markers in
+    /// common.
     fn phi_rad(&self, motion: &Motion) -> Option<[f64; 2]> {
         let offsets = self.offsets_rad(motion)?;
         let [front, rear] = motion.turns_rad.each_ref().map(|turns| mean(seen(turns)));
@@ -139,51 +146,54 @@ impl Layout {
     }
 }
 
-/// By how much layouts, of which it is one, scatter in a side link's direction, degrees; 0 of one alone.
-fn differ_deg(of: &Calibration, all: &[&Calibration], link: usize) -> f64 {
-    let own = positions(of, link);
+/// Estimates the standard deviation of a side link's direction among the layouts `all`, which include `layout`,
+/// degrees; 0 for a single layout.
+fn scatter_deg(layout: &Calibration, all: &[&Calibration], link: usize) -> f64 {
+    let own = positions(layout, link);
     let squares =
-        all.iter().filter_map(|other| Some(turned(&own, &positions(other, link))?.powi(2)));
-    // Each difference has the errors of two.
+        all.iter().filter_map(|other| Some(heading_rad(&own, &positions(other, link))?.powi(2)));
+    // The variance of a difference is the sum of the variances of two directions.
     let count = 2 * all.len().saturating_sub(1).max(1);
     (squares.sum::<f64>() / count as f64).sqrt().to_degrees()
 }
 
-/// Markers of a link by name, mm.
-fn positions(of: &Calibration, link: usize) -> Shape {
-    let place = |marker: &trilink_ingest::MarkerPosition| {
-        let [x, y, _] = marker.position_mm.map(|of| of.value);
+/// Returns the planar marker positions on a link, indexed by marker name, mm.
+fn positions(calibration: &Calibration, link: usize) -> Shape {
+    let markers = calibration.links[link].iter().map(|marker| {
+        let [x, y, _] = marker.position_mm.map(|estimate| estimate.value);
         (marker.label.clone(), [x, y])
-    };
-    of.links[link].iter().map(place).collect()
+    });
+    markers.collect()
 }
 
-/// Heading of a link in the frame that a file's markers give it, from `positions` in the link's own.
-fn turned(shape: &Shape, positions: &Shape) -> Option<f64> {
+/// Returns the heading of a link in the frame of `shape`, given the marker `positions` in the link's own frame, rad;
+/// `None` if they have too few markers in common.
+fn heading_rad(shape: &Shape, positions: &Shape) -> Option<f64> {
     let pairs = shape.iter().filter_map(|(name, seen)| {
-        let (_, local) = positions.iter().find(|(of, _)| of == name)?;
+        let (_, local) = positions.iter().find(|(known, _)| known == name)?;
         Some((*local, *seen))
     });
     Some(fit_rigid(pairs)?.theta_rad)
 }
 
-/// What a file shows of the layout, at a lower rate if one is given.
-fn measured(
+/// Estimates the layout from a file, thinned to the frame rate `thin_hz` if given.
+fn calibrate(
     links: &Links,
-    of: &Candidate,
+    candidate: &Candidate,
     l_m: f64,
     thin_hz: Option<f64>,
 ) -> Result<Calibration, String> {
-    let in_file = |reason: &dyn std::fmt::Display| format!("{}: {reason}", of.path.display());
-    let file = read_markers(&of.path, of.unit).map_err(|error| error.to_string())?;
-    let stride = thin_hz.map_or(1, |thin_hz| ((of.rate_hz / thin_hz) as usize).max(1));
+    let Candidate { path, unit, rate_hz, omega_rad_s, .. } = candidate;
+    let file = read_markers(path, *unit).map_err(|error| error.to_string())?;
+    let stride = thin_hz.map_or(1, |thin_hz| ((rate_hz / thin_hz) as usize).max(1));
     let file = file.thinned(stride);
-    let known = |link: usize| links[link].iter().map(|name| (name.clone(), [0.0; 3])).collect();
-    let markers = Markers { link0: known(0), link1: known(1), link2: known(2) };
-    // Of the robot only l counts, and in which proportion the wheels skid.
-    let robot = Robot { l_m, ..Robot::kinematic() };
-    let any = JointCommand::new(0.0, 1.0, 0.0);
-    let gait = (Gait { joints: [Some(any); 2] }, of.omega_rad_s);
-    of_file(&file, &markers, &robot, Some(&gait), of.rate_hz / stride as f64)
-        .map_err(|problem| in_file(&problem))
+    let [link0, link1, link2] =
+        links.each_ref().map(|names| names.iter().map(|name| (name.clone(), [0.0; 3])).collect());
+    let markers = Markers { link0, link1, link2 };
+    // Only l and the ratios of the skid coefficients of this robot are used.
+    let robot = Robot { l_m: [l_m; 2], ..Robot::kinematic() };
+    let placeholder = JointCommand::new(0.0, 1.0, 0.0);
+    let gait = (Gait { joints: [Some(placeholder); 2] }, *omega_rad_s);
+    calibrate_recording(&file, &markers, &robot, Some(&gait), rate_hz / stride as f64)
+        .map_err(|problem| format!("{}: {problem}", path.display()))
 }

@@ -1,4 +1,4 @@
-//! The marker files of the folders, one by one.
+//! Survey of the marker files, each examined by itself.
 
 use std::path::{Path, PathBuf};
 
@@ -9,67 +9,72 @@ use trilink_mocap::read_markers;
 use trilink_tables::config::Config;
 use trilink_tables::trial::{TRIALS_FILE, Trial, TrialList};
 
-use super::axes::Upwards;
+use super::axes::VerticalAxis;
 use super::clusters::{self, Links};
 use super::frequency::Recorded;
 use super::motion::Motion;
 use super::{Described, InitError, OnFile, Request};
 
-/// Rate at which groups of markers are looked for, Hz.
+/// Frame rate at which groups of markers are searched for, Hz.
 const RATE_HZ: f64 = 15.0;
 
-/// A folder with its marker files.
+/// Folder of marker files.
 pub(super) struct Folder {
     pub path: PathBuf,
     pub files: Vec<String>,
-    /// The list that is there.
+    /// Existing list of trials; `None` if there is none.
     pub list: Option<TrialList>,
 }
 
 impl Folder {
+    /// Returns the path of the list of trials.
     pub(super) fn list_path(&self) -> PathBuf {
         self.path.join(TRIALS_FILE)
     }
 }
 
-/// A marker file.
+/// Findings about a single marker file.
 pub(super) struct Survey {
-    /// Index of its folder.
+    /// Index of the folder that contains the file.
     pub folder: usize,
     pub name: String,
     pub path: PathBuf,
-    /// What a list says of it that is there.
+    /// Entry for the file in an existing list of trials, if there is one.
     pub listed: Option<Trial>,
     pub labels: Vec<String>,
-    /// As the file says.
+    /// Frame rate, Hz; `None` if the file does not state it.
     pub rate_hz: Option<f64>,
     pub frames: i64,
+    /// Links that the file shows, or a message about what it shows instead.
     pub links: Result<Links, String>,
-    /// What the file states of itself that is missing or contradicts itself.
+    /// Sentences about missing or contradictory metadata in the file.
     pub doubts: Vec<String>,
-    /// Why it cannot be read.
+    /// Reason why the file cannot be read; `None` if it was read.
     pub unread: Option<String>,
 }
 
 impl Survey {
-    /// The file's name without what says its format.
+    /// Returns the file's name without its extensions.
     pub(super) fn stem(&self) -> String {
         let name = self.name.strip_suffix(".gz").unwrap_or(&self.name);
         let stem = Path::new(name).file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
     }
 
-    /// Subjects of the labels, each once.
+    /// Returns the subjects in the marker labels (`subject:name`), each once.
     pub(super) fn subjects(&self) -> Vec<String> {
-        let of = |label: &String| Some(label.rsplit_once(':')?.0.to_owned());
-        let mut subjects: Vec<String> = self.labels.iter().filter_map(of).collect();
+        let subjects = self.labels.iter().filter_map(|label| label.rsplit_once(':'));
+        let mut subjects: Vec<String> = subjects.map(|(subject, _)| subject.to_owned()).collect();
         subjects.sort();
         subjects.dedup();
         subjects
     }
 }
 
-/// The folders in the order of the command, with what is there and may not be overwritten.
+/// Returns the folders in the order of the command line, with their existing lists of trials.
+///
+/// # Errors
+/// Returns an error if a file would be overwritten, a folder or list cannot be read, or there is no marker file.
 pub(super) fn folders(request: &Request) -> Result<Vec<Folder>, InitError> {
     let config = request.out.join("pipeline.toml");
     if !request.force && config.symlink_metadata().is_ok() {
@@ -98,7 +103,7 @@ pub(super) fn folders(request: &Request) -> Result<Vec<Folder>, InitError> {
     Ok(folders)
 }
 
-/// Every file of the folders, in their order; `unit` is that of files that do not say theirs.
+/// Reads every file of the folders in order; `unit` applies to files that do not state one.
 pub(super) fn read_all(
     folders: &[Folder],
     unit: LengthUnit,
@@ -119,8 +124,9 @@ pub(super) fn read_all(
         .collect()
 }
 
+/// Reads a file of a folder and searches for the links in it.
 fn read(index: usize, folder: &Folder, name: &str, unit: LengthUnit) -> Survey {
-    let listed = folder.list.iter().flat_map(|list| &list.trial).find(|of| of.file == name);
+    let listed = folder.list.iter().flat_map(|list| &list.trial).find(|trial| trial.file == name);
     let path = folder.path.join(name);
     let mut survey = Survey {
         folder: index,
@@ -144,53 +150,56 @@ fn read(index: usize, folder: &Folder, name: &str, unit: LengthUnit) -> Survey {
             let thinned = file.thinned((rate_hz / RATE_HZ) as usize);
             survey.links = clusters::links(&thinned);
             if survey.links.is_err()
-                && let Some(Upwards { shows_links, sentence }) = Upwards::of(&thinned)
+                && let Some(VerticalAxis { shows_links, sentence }) = VerticalAxis::detect(&thinned)
             {
-                match shows_links {
-                    true => survey.unread = Some(sentence),
-                    false => survey.links = Err(sentence),
+                if shows_links {
+                    survey.unread = Some(sentence);
+                } else {
+                    survey.links = Err(sentence);
                 }
             }
-            (survey.labels, survey.doubts) = (file.labels, file.doubts);
+            survey.labels = file.labels;
+            survey.doubts = file.doubts;
         }
     }
     survey
 }
 
-/// The rate of most files that say one, the higher of two; else the default.
+/// Returns the most frequent frame rate that files state (the highest in a tie), or else the default, Hz.
 pub(super) fn usual_rate_hz(surveys: &[Survey]) -> f64 {
-    let said: Vec<f64> = surveys.iter().filter_map(|of| of.rate_hz).collect();
-    let count = |rate: f64| said.iter().filter(|other| **other == rate).count();
-    let usual = said.iter().copied().max_by(|&a, &b| count(a).cmp(&count(b)).then(a.total_cmp(&b)));
+    let rates: Vec<f64> = surveys.iter().filter_map(|survey| survey.rate_hz).collect();
+    let count = |rate: f64| rates.iter().filter(|other| **other == rate).count();
+    let usual =
+        rates.iter().copied().max_by(|&a, &b| count(a).cmp(&count(b)).then(a.total_cmp(&b)));
     usual.unwrap_or(Config::default().vicon.rate_hz)
 }
 
-/// What the files are recordings of.
+/// Estimates the motion in each file and classifies each recording.
 pub(super) fn describe_all(
     surveys: &[Survey],
     links: &Links,
     unit: LengthUnit,
     usual_hz: f64,
 ) -> Vec<Result<Described, String>> {
-    let describe = |survey: &Survey| {
+    let described = surveys.par_iter().map(|survey| {
         if let Some(reason) = &survey.unread {
             return Err(reason.clone());
         }
         let file = read_markers(&survey.path, unit).map_err(|error| error.problem.to_string())?;
         let rate_hz = survey.rate_hz.unwrap_or(usual_hz);
-        let motion = Motion::of(&file, links, rate_hz)?;
-        let recorded = Recorded::of(&motion)?;
+        let motion = Motion::estimate(&file, links, rate_hz)?;
+        let recorded = Recorded::classify(&motion)?;
         Ok(Described { motion, recorded })
-    };
-    surveys.par_iter().map(describe).collect()
+    });
+    described.collect()
 }
 
-/// Why no file shows a chain, a line a file.
+/// Lists the reasons why no file shows a chain of links, one file per line.
 pub(super) fn reasons(surveys: &[Survey]) -> String {
-    let reason = |of: &Survey| {
-        let reason = of.unread.as_ref().or(of.links.as_ref().err())?;
+    let reasons = surveys.iter().filter_map(|survey| {
+        let reason = survey.unread.as_ref().or(survey.links.as_ref().err())?;
         let separator = if reason.starts_with([',', ':']) { "" } else { ": " };
-        Some(format!("{}{separator}{reason}", of.path.display()))
-    };
-    surveys.iter().filter_map(reason).collect::<Vec<_>>().join("\n")
+        Some(format!("{}{separator}{reason}", survey.path.display()))
+    });
+    reasons.collect::<Vec<_>>().join("\n")
 }

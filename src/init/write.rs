@@ -1,4 +1,4 @@
-//! What was found as `pipeline.toml` and lists of trials. What was not is marked.
+//! Writing of `pipeline.toml` and the lists of trials, in which everything that could not be determined is marked.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,7 +10,7 @@ use trilink_mocap::LengthUnit;
 use trilink_tables::PendingFile;
 use trilink_tables::trial::{TrialKind, is_valid_id};
 
-use super::campaigns::{Group, Performed, named_omega, words};
+use super::campaigns::{Group, MeasuredGait, named_omega, words};
 use super::clusters::{Links, names};
 use super::frequency::Recorded;
 use super::layout::Layout;
@@ -18,41 +18,44 @@ use super::survey::{Folder, Survey};
 use super::{Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request};
 use crate::template::fill;
 
-/// Begins what a line is marked by.
+/// Start of the comment that marks a line for review.
 const MARK: &str = "# CHECK: ";
-/// Directions of side links that are known less well are marked, degrees.
-const WELL_DEG: f64 = 0.5;
-/// Longest name of a robot that a subject gives it.
+/// Maximum standard error of the side links' directions that is not marked for review, degrees.
+const MAX_DIRECTION_SE_DEG: f64 = 0.5;
+/// Default name of the robot.
 const ROBOT: &str = "robot";
 
-/// All that is known when the files are written.
+/// Everything needed to write `pipeline.toml` and the lists of trials.
 pub(super) struct Written<'r> {
     pub request: &'r Request,
     pub folders: Vec<Folder>,
     pub surveys: Vec<Survey>,
     pub described: Vec<Result<Described, String>>,
-    /// With the index of the file.
-    pub gaits: Vec<(usize, Performed)>,
-    /// Of indices of files.
+    /// Measured gaits, each with the index of its file.
+    pub gaits: Vec<(usize, MeasuredGait)>,
+    /// Campaigns, as groups of file indices.
     pub groups: Vec<Group>,
-    /// Middle, front, rear.
+    /// Names of the markers on the middle, front and rear links.
     pub links: Links,
     pub layout: Layout,
-    /// What leaves in doubt which link is in front.
+    /// Reason for doubt about which link is in front; `None` if there is no doubt.
     pub front_doubt: Option<String>,
     pub rate_hz: f64,
 }
 
-/// Writes the files and says what they have.
-pub(super) fn write(of: Written) -> Result<Findings, InitError> {
-    let (robot, elsewhere) = (of.robot(), of.elsewhere());
-    let mut texts = vec![(of.request.out.join("pipeline.toml"), of.pipeline(&robot, &elsewhere)?)];
-    let (mut kept, mut empty) = (Vec::new(), Vec::new());
-    for (i, folder) in of.folders.iter().enumerate() {
-        match (&folder.list, of.trials(i).next().is_some()) {
-            (Some(_), _) if !of.request.force => kept.push(folder.list_path()),
+/// Writes `pipeline.toml` and the lists of trials, and returns the findings.
+pub(super) fn write(written: Written) -> Result<Findings, InitError> {
+    let robot = written.robot();
+    let elsewhere = written.elsewhere();
+    let config = written.request.out.join("pipeline.toml");
+    let mut texts = vec![(config, written.pipeline(&robot, &elsewhere)?)];
+    let mut kept = Vec::new();
+    let mut empty = Vec::new();
+    for (i, folder) in written.folders.iter().enumerate() {
+        match (&folder.list, written.trials(i).next().is_some()) {
+            (Some(_), _) if !written.request.force => kept.push(folder.list_path()),
             (_, false) => empty.push(folder.path.clone()),
-            _ => texts.push((folder.list_path(), of.list(i, &robot)?)),
+            _ => texts.push((folder.list_path(), written.list(i, &robot)?)),
         }
     }
     let mut pending = Vec::new();
@@ -60,21 +63,22 @@ pub(super) fn write(of: Written) -> Result<Findings, InitError> {
         pending.push(PendingFile::write(path, text.as_bytes())?);
     }
     for file in pending {
-        file.settle()?;
+        file.commit()?;
     }
     Ok(Findings {
-        files: (0..of.surveys.len()).map(|i| of.found(i)).collect(),
+        files: (0..written.surveys.len()).map(|i| written.found(i)).collect(),
         empty,
         robot,
-        campaigns: of.groups.iter().map(found_campaign).collect(),
+        campaigns: written.groups.iter().map(found_campaign).collect(),
         elsewhere,
         marks: texts.iter().flat_map(|(path, text)| marks(path, text)).collect(),
         written: texts.into_iter().map(|(path, _)| path).collect(),
         kept,
-        links: of.links,
+        links: written.links,
     })
 }
 
+/// Converts a group of files into the description of a campaign.
 fn found_campaign(group: &Group) -> FoundCampaign {
     FoundCampaign {
         name: group.name.clone(),
@@ -84,63 +88,74 @@ fn found_campaign(group: &Group) -> FoundCampaign {
     }
 }
 
-/// The marked lines of a text.
+/// Returns the lines that are marked for review in `text`, the content of the file `path`.
 fn marks(path: &Path, text: &str) -> Vec<Mark> {
-    let mark = |(i, line): (usize, &str)| {
+    let marks = text.lines().zip(1..).filter_map(|(line, number)| {
         let (before, text) = line.split_once(MARK)?;
         let of = before.split(" = ").next().unwrap_or_default().trim().to_owned();
-        Some(Mark { file: path.to_owned(), line: i + 1, of, text: text.to_owned() })
-    };
-    text.lines().enumerate().filter_map(mark).collect()
+        Some(Mark { file: path.to_owned(), line: number, of, text: text.to_owned() })
+    });
+    marks.collect()
 }
 
-/// Text of others in a comment.
+/// Makes an external text safe for use in a one-line comment.
 fn remark(text: &str) -> String {
     text.replace(['\n', '\r'], " ").trim_start_matches([':', ',', ' ']).to_owned()
 }
 
 impl Written<'_> {
-    /// Trials of a folder: what each is, by the index of its file.
+    /// Returns the usable files of a folder, with their indices.
     fn trials(&self, folder: usize) -> impl Iterator<Item = (usize, &Described)> {
-        let of_folder = self.surveys.iter().enumerate().filter(move |(_, of)| of.folder == folder);
-        of_folder.filter_map(|(i, _)| Some((i, self.described[i].as_ref().ok()?)))
+        let surveys =
+            self.surveys.iter().enumerate().filter(move |(_, survey)| survey.folder == folder);
+        surveys.filter_map(|(i, _)| Some((i, self.described[i].as_ref().ok()?)))
     }
 
+    /// Whether there is a trial of this kind.
     fn has(&self, kind: TrialKind) -> bool {
-        self.described.iter().flatten().any(|of| of.recorded.kind() == kind)
+        self.described.iter().flatten().any(|found| found.recorded.kind() == kind)
     }
 
-    /// The subject that most files name.
+    /// Returns the surveys of all usable files.
+    fn usable(&self) -> impl Iterator<Item = &Survey> {
+        self.surveys
+            .iter()
+            .zip(&self.described)
+            .filter(|(_, found)| found.is_ok())
+            .map(|(survey, _)| survey)
+    }
+
+    /// Returns the name of the robot: the most frequent subject of its markers.
     fn robot(&self) -> String {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         for survey in &self.surveys {
-            let is_of_robot = |label: &&String| {
+            let label = survey.labels.iter().find(|label| {
                 let name = trilink_ingest::marker_name(label);
-                self.links.iter().flatten().any(|of| of == name || of == *label)
-            };
-            let subject = survey.labels.iter().find(is_of_robot);
-            if let Some((subject, _)) = subject.and_then(|label| label.split_once(':')) {
+                self.links.iter().flatten().any(|known| known == name || known == *label)
+            });
+            if let Some((subject, _)) = label.and_then(|label| label.split_once(':')) {
                 *counts.entry(words(subject)).or_default() += 1;
             }
         }
         counts.remove("");
-        let most = counts.values().copied().max();
-        let name = counts.into_iter().find(|(_, count)| Some(*count) == most);
+        let max = counts.values().copied().max();
+        let name = counts.into_iter().find(|(_, count)| Some(*count) == max);
         name.map_or(ROBOT.to_owned(), |(name, _)| name)
     }
 
-    /// Names of the markers on none of the links, in files of the robot.
+    /// Returns the names of the markers in usable files that belong to no link.
     fn elsewhere(&self) -> Vec<String> {
-        let of_robot = self.surveys.iter().zip(&self.described).filter(|(_, found)| found.is_ok());
-        let all: BTreeSet<String> = of_robot.flat_map(|(of, _)| names(&of.labels)).collect();
-        let is_on = |name: &String| self.links.iter().flatten().any(|of| of == name);
-        all.into_iter().filter(|name| !is_on(name)).collect()
+        let mut all: BTreeSet<String> =
+            self.usable().flat_map(|survey| names(&survey.labels)).collect();
+        all.retain(|name| !self.links.iter().flatten().any(|known| known == name));
+        all.into_iter().collect()
     }
 
+    /// Returns the findings about a file.
     fn found(&self, i: usize) -> FoundFile {
         let survey = &self.surveys[i];
-        let recorded = self.described[i].as_ref().map(|of| of.recorded);
-        let performed = self.gaits.iter().find(|(file, _)| *file == i).map(|(_, gait)| gait);
+        let recorded = self.described[i].as_ref().map(|found| found.recorded);
+        let gait = self.gaits.iter().find(|(file, _)| *file == i).map(|(_, gait)| gait);
         FoundFile {
             folder: self.folders[survey.folder].path.clone(),
             file: survey.name.clone(),
@@ -149,21 +164,22 @@ impl Written<'_> {
             rate_hz: survey.rate_hz,
             frames: survey.frames,
             kind: recorded.as_ref().ok().map(Recorded::kind),
-            omega_rad_s: performed.map(|gait| gait.omega_rad_s),
-            joints: performed.map(|gait| gait.joints),
+            omega_rad_s: gait.map(|gait| gait.omega_rad_s),
+            joints: gait.map(|gait| gait.joints),
             campaign: self.campaign(i).map(|group| group.name.clone()),
             problem: recorded.err().map(|reason| remark(reason)),
         }
     }
 
+    /// Returns the group of files of the campaign to which a file belongs; `None` if it belongs to no campaign.
     fn campaign(&self, file: usize) -> Option<&Group> {
         self.groups.iter().find(|group| group.files.contains(&file))
     }
 
+    /// Renders the content of `pipeline.toml`.
     fn pipeline(&self, robot: &str, elsewhere: &[String]) -> Result<String, InitError> {
         let Self { request, layout, .. } = self;
-        let with_trials = |i: &usize| self.trials(*i).next().is_some();
-        let folders = (0..self.folders.len()).filter(with_trials);
+        let folders = (0..self.folders.len()).filter(|i| self.trials(*i).next().is_some());
         let raw = folders.map(|i| match name_in(&request.out, &self.folders[i].path) {
             name if name.is_empty() => ".".to_owned(),
             name => name,
@@ -171,20 +187,25 @@ impl Written<'_> {
         let measured = [TrialKind::CoastDown, TrialKind::JointRelease];
         let measured = measured.into_iter().filter(|kind| self.has(*kind)).map(TrialKind::name);
         let calibration = &layout.calibration;
-        let place =
-            |marker: &MarkerPosition| (marker.label.clone(), marker.position_mm.map(|of| of.value));
-        let places = |markers: &Vec<MarkerPosition>| markers.iter().map(place).collect::<Vec<_>>();
-        let campaign = |group: &Group| json!({ "of": found_campaign(group), "doubt": group.doubt });
+        let links = calibration.links.each_ref().map(|markers| {
+            let markers = markers.iter().map(|MarkerPosition { label, position_mm, .. }| {
+                (label.clone(), position_mm.map(|estimate| estimate.value))
+            });
+            markers.collect::<Vec<_>>()
+        });
+        let campaigns = self
+            .groups
+            .iter()
+            .map(|group| json!({ "of": found_campaign(group), "doubt": group.doubt }));
         let passive = self.groups.iter().find_map(|group| Some(group.joints[group.passive?]));
-        let usable = || self.surveys.iter().zip(&self.described).filter(|(_, found)| found.is_ok());
-        let said: BTreeSet<u64> =
-            usable().filter_map(|(of, _)| Some(of.rate_hz?.to_bits())).collect();
+        let rates: BTreeSet<u64> =
+            self.usable().filter_map(|survey| Some(survey.rate_hz?.to_bits())).collect();
         let values = json!({
             "files": self.surveys.len(),
             "raw": raw.collect::<Vec<_>>(),
             "rate_hz": format!("{:?}", self.rate_hz),
-            "rates": said.len(),
-            "silent": usable().filter(|(of, _)| of.rate_hz.is_none()).count(),
+            "rates": rates.len(),
+            "silent": self.usable().filter(|survey| survey.rate_hz.is_none()).count(),
             "unit": (request.unit != LengthUnit::Mm).then(|| request.unit.name()),
             "elsewhere": elsewhere,
             "measured": measured.collect::<Vec<_>>(),
@@ -195,25 +216,25 @@ impl Written<'_> {
             "layout_file": remark(&layout.path.display().to_string()),
             "l_m": layout.l_m,
             "l_is_given": request.l_m.is_some(),
-            "wheels_mm": calibration.l_mm.each_ref().map(|of| of.value),
+            "wheels_mm": calibration.l_mm.each_ref().map(|estimate| estimate.value),
             "rest_deg": passive.map(|joint| joint.offset_deg),
             "direction_se_deg": layout.direction_se_deg,
-            "is_direction_doubtful": layout.direction_se_deg > WELL_DEG,
+            "is_direction_doubtful": layout.direction_se_deg > MAX_DIRECTION_SE_DEG,
             "front_doubt": self.front_doubt,
-            "campaigns": self.groups.iter().map(campaign).collect::<Vec<_>>(),
-            "links": calibration.links.each_ref().map(places),
+            "campaigns": campaigns.collect::<Vec<_>>(),
+            "links": links,
         });
         Ok(fill(include_str!("pipeline.txt"), &values)?)
     }
 
-    /// The list of a folder's trials.
+    /// Renders the list of trials for a folder.
     fn list(&self, folder: usize, robot: &str) -> Result<String, InitError> {
-        let left_out = |(i, of): (usize, &Survey)| {
-            let reason = self.described[i].as_ref().err().filter(|_| of.folder == folder)?;
-            Some((of.name.clone(), remark(reason)))
-        };
+        let left_out = self.surveys.iter().zip(&self.described).filter_map(|(survey, found)| {
+            let reason = found.as_ref().err().filter(|_| survey.folder == folder)?;
+            Some((survey.name.clone(), remark(reason)))
+        });
         let mut ids = BTreeSet::new();
-        let trial = |(i, of): (usize, &Described)| {
+        let trials = self.trials(folder).map(|(i, found)| {
             let survey = &self.surveys[i];
             let campaign = self.campaign(i).map(|group| &group.name);
             let gait = self.gaits.iter().find(|(file, _)| *file == i);
@@ -225,26 +246,31 @@ impl Written<'_> {
                 "id": id(survey, &mut ids),
                 "file": survey.name,
                 "doubt": remark(&survey.doubts.join("; ")),
-                "kind": of.recorded.kind().name(),
+                "kind": found.recorded.kind().name(),
                 "campaign": campaign,
                 "robot": campaign.is_none().then_some(robot),
                 "named": named.map(|omega| format!("{omega:?}")),
                 "measured": omega_rad_s,
             })
-        };
+        });
         let values = json!({
-            "left_out": self.surveys.iter().enumerate().filter_map(left_out).collect::<Vec<_>>(),
-            "trials": self.trials(folder).map(trial).collect::<Vec<_>>(),
+            "left_out": left_out.collect::<Vec<_>>(),
+            "trials": trials.collect::<Vec<_>>(),
         });
         Ok(fill(include_str!("trials.txt"), &values)?)
     }
 }
 
-/// The id of a trial: its file's name as far as an id may have it, and another one than before.
+/// Returns a unique id for a trial: its listed id or its file's name, with invalid characters replaced and a number
+/// appended if necessary.
 fn id(survey: &Survey, ids: &mut BTreeSet<String>) -> String {
     let listed = survey.listed.as_ref().map(|trial| trial.id.clone());
-    let plain = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '-' };
-    let stem: String = survey.stem().chars().take(56).map(plain).collect();
+    let stem = survey.stem();
+    let stem = stem.chars().take(56).map(|c| match c {
+        c if c.is_ascii_alphanumeric() || "._-".contains(c) => c,
+        _ => '-',
+    });
+    let stem: String = stem.collect();
     let stem = stem.trim_start_matches('.').to_owned();
     let named = listed.unwrap_or(stem);
     let first = if is_valid_id(&named) { named } else { "trial".to_owned() };

@@ -1,4 +1,4 @@
-//! Cells as text and as JSON, every digit of every number.
+//! Conversion of table cells to text and JSON; numbers keep all their digits.
 
 use polars::prelude::{AnyValue, DataType, Float64Chunked, IntoSeries, PolarsResult, Series};
 use polars::prelude::{NamedFrom, StringChunked};
@@ -7,34 +7,34 @@ use trilink_tables::time_text;
 
 use super::View;
 
-/// CSV with a line of names; what is missing is empty. Text that a spreadsheet would compute as a
-/// formula has an apostrophe before it.
+/// Formats a view as CSV with a header line. Missing values are empty. Text that a spreadsheet would evaluate as a
+/// formula is preceded by an apostrophe.
 pub fn csv(view: &View) -> String {
-    let as_text = |text: String| match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
-        true => format!("'{text}"),
-        false => text,
-    };
-    let cell = |cell: &AnyValue| match cell.is_primitive_numeric() {
-        true => text(cell),
-        false => as_text(text(cell)),
-    };
-    let names = view.columns.iter().map(|column| as_text(column.name.clone())).collect();
-    let lines = std::iter::once(names).chain(view.cells(cell));
+    let names = view.columns.iter().map(|column| escape_formula(column.name.clone())).collect();
+    let rows = view.cells(|cell| {
+        if cell.is_primitive_numeric() { text(cell) } else { escape_formula(text(cell)) }
+    });
+    let lines = std::iter::once(names).chain(rows);
     lines.map(|cells: Vec<String>| trilink_base::csv::line(&cells)).collect()
 }
 
-/// A JSON array of objects, one a line; what is missing or no number is null.
+/// Puts an apostrophe before text that a spreadsheet would evaluate as a formula.
+fn escape_formula(text: String) -> String {
+    if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { format!("'{text}") } else { text }
+}
+
+/// Formats a view as a JSON array of objects, one per line. Missing values and NaN become null.
 pub fn json(view: &View) -> String {
-    let object = |cells: Vec<Json>| {
+    let objects = view.cells(to_json).into_iter().map(|cells| {
         let names = view.columns.iter().map(|column| Json::from(column.name.as_str()));
         let fields = names.zip(cells).map(|(name, cell)| format!("{name}:{cell}"));
         format!("{{{}}}", fields.collect::<Vec<_>>().join(","))
-    };
-    let objects: Vec<String> = view.cells(to_json).into_iter().map(object).collect();
+    });
+    let objects: Vec<String> = objects.collect();
     format!("[{}]", objects.join(",\n "))
 }
 
-/// A cell in full, as CSV has it; what is missing is empty, a list's parts stand between commas.
+/// Formats a cell with all digits. A missing value is empty; the elements of a list are separated by commas.
 pub fn text(cell: &AnyValue) -> String {
     if let Some(number) = float(cell) {
         let is_plain = number == 0.0 || (1e-5..1e16).contains(&number.abs());
@@ -63,7 +63,8 @@ fn to_json(cell: &AnyValue) -> Json {
     }
 }
 
-/// The number of a cell that need not be whole. 0.1 of 32 bits is 0.1, not its binary expansion.
+/// Returns the number in a floating-point cell; `None` for other cells. A 32-bit number is converted by its shortest
+/// decimal, so that 0.1 stays 0.1.
 pub fn float(cell: &AnyValue) -> Option<f64> {
     match cell {
         AnyValue::Float64(number) => Some(*number),
@@ -72,7 +73,7 @@ pub fn float(cell: &AnyValue) -> Option<f64> {
     }
 }
 
-/// A column by which rows are chosen and sorted: lists, categories and times by their text.
+/// Converts a column to a form suited to comparisons and sorting: lists, categories and times become text.
 pub(super) fn comparable(series: &Series) -> PolarsResult<Series> {
     let name = series.name().clone();
     Ok(match series.dtype() {
@@ -97,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_is_no_formula_of_a_spreadsheet() {
+    fn spreadsheet_formulas_are_escaped() {
         let frame = polars::prelude::df!("=x" => ["=1+1", "-a", "a=b"], "n" => [-1.5, 2.0, 3.0]);
         let column = |name: &str| crate::inspect::ColumnInfo {
             name: name.to_owned(),
@@ -114,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_in_full_read_back_as_the_same() {
+    fn formatted_numbers_parse_to_the_same_value() {
         let full = |number: f64| text(&AnyValue::Float64(number));
         for number in [0.1, -1.0 / 3.0, 1e-300, 6.02e23, 12.0, 0.0, 1.5e-7] {
             assert_eq!(full(number).parse(), Ok(number));

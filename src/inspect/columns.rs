@@ -1,4 +1,4 @@
-//! Columns of any Parquet file, whoever wrote it.
+//! Columns of Parquet files, including files written by other programs.
 
 use std::io::{self, Cursor};
 use std::path::Path;
@@ -14,41 +14,40 @@ use trilink_tables::{StoreError, checksum, guarded};
 
 use super::find::tables_of;
 
-/// The name of each table of a folder, as a column.
+/// Name of the column that names the table of each row; it is added if the tables of a folder are read as one.
 const TRIAL: &str = "trial";
 
-/// A column as its file describes it.
+/// Description of a column.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ColumnInfo {
     pub name: String,
-    /// Type of its values, such as `float64`.
+    /// Type of the values, such as `float64`.
     pub type_name: String,
-    /// As what rows are chosen by it: booleans, floats or text. `None` if values of its type
-    /// cannot be shown.
+    /// Type used to compare the values: boolean, float or text. `None` if values of this type cannot be shown.
     pub dtype: Option<DataType>,
 }
 
-/// The description of a file.
+/// Description of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileInfo {
     pub rows: usize,
     pub columns: Vec<ColumnInfo>,
-    /// Key-value metadata that its writer left; not what is for Arrow's readers.
+    /// Key-value metadata without Arrow's schema.
     pub metadata: Vec<(String, String)>,
 }
 
-/// The description of a Parquet file.
+/// Describes a Parquet file.
 ///
 /// # Errors
-/// The file cannot be read, is damaged or is not Parquet.
+/// Returns an error if the file cannot be read, is damaged or is not Parquet.
 pub fn describe(path: &Path) -> Result<FileInfo, StoreError> {
-    parsed(path, |bytes| description(ParquetReader::new(bytes)))
+    parse_checked(path, |bytes| description(ParquetReader::new(bytes)))
 }
 
-/// The same of a file of which the end alone is read, so that whether it is as it was written is not known.
-fn describe_end(path: &Path) -> Result<FileInfo, StoreError> {
+/// Describes a Parquet file from its footer alone, without a check of the file's integrity.
+fn describe_footer(path: &Path) -> Result<FileInfo, StoreError> {
     let (file, _) = files::open(path, files::DATA_BYTES).map_err(cannot_read(path))?;
-    sound(path, || description(ParquetReader::new(file)))
+    parse_guarded(path, || description(ParquetReader::new(file)))
 }
 
 fn description<R: MmapBytesReader>(mut reader: ParquetReader<R>) -> PolarsResult<FileInfo> {
@@ -56,31 +55,30 @@ fn description<R: MmapBytesReader>(mut reader: ParquetReader<R>) -> PolarsResult
     let columns = schema.iter().map(|(name, field)| ColumnInfo {
         name: name.to_string(),
         type_name: type_name(&field.dtype),
-        dtype: shown_as(&field.dtype),
+        dtype: compared_type(&field.dtype),
     });
     let metadata = reader.get_metadata()?;
     let pairs = metadata.key_value_metadata().iter().flatten();
     let pairs = pairs
         .filter(|pair| pair.key != "ARROW:schema")
         .map(|pair| (pair.key.to_string(), pair.value.as_deref().unwrap_or_default().to_owned()));
-    let (columns, pairs) = (columns.collect(), pairs.collect());
-    Ok(FileInfo { rows: metadata.num_rows, columns, metadata: pairs })
+    Ok(FileInfo { rows: metadata.num_rows, columns: columns.collect(), metadata: pairs.collect() })
 }
 
-/// The same of the tables of a folder: those of the first one and before them `trial`, and all
-/// rows.
+/// Describes a Parquet file, or the tables of a folder as one table. The combined table has a column `trial`, the
+/// columns of the first table, and the rows of all tables.
 ///
 /// # Errors
-/// A file cannot be read, is damaged or is not Parquet.
+/// Returns an error if a file cannot be read, is damaged or is not Parquet.
 pub fn describe_all(path: &Path) -> Result<FileInfo, StoreError> {
-    let mut of_folder: Option<FileInfo> = None;
+    let mut folder_info: Option<FileInfo> = None;
     for (trial, path) in tables_of(path) {
         if trial.is_none() {
             return describe(&path);
         }
-        // Rows that nobody asks for are only counted.
-        let own = describe_end(&path)?;
-        match &mut of_folder {
+        // The rows are only counted here.
+        let own = describe_footer(&path)?;
+        match &mut folder_info {
             Some(info) => info.rows += own.rows,
             info => {
                 let name = ColumnInfo {
@@ -93,10 +91,11 @@ pub fn describe_all(path: &Path) -> Result<FileInfo, StoreError> {
             }
         }
     }
-    of_folder.map_or_else(|| describe(path), Ok)
+    folder_info.map_or_else(|| describe(path), Ok)
 }
 
-/// Reads the named columns and no others, `rows` rows at most; `trial` is the name that is given.
+/// Reads the named columns of the first `rows` rows, or of all rows if `rows` is `None`. If given, `trial` is the value
+/// of an added column `trial` in all rows.
 pub(super) fn read_columns(
     path: &Path,
     names: &[String],
@@ -105,7 +104,7 @@ pub(super) fn read_columns(
 ) -> Result<DataFrame, StoreError> {
     let slice = rows.map(|rows| (0, rows));
     let own = names.iter().filter(|name| trial.is_none() || *name != TRIAL).cloned().collect();
-    parsed(path, |bytes| {
+    parse_checked(path, |bytes| {
         let reader = ParquetReader::new(bytes).read_parallel(ParallelStrategy::None);
         let columns = Some(own).filter(|own: &Vec<String>| !own.is_empty());
         let mut frame = reader.with_columns(columns).with_slice(slice).finish()?;
@@ -121,25 +120,27 @@ fn cannot_read(path: &Path) -> impl FnOnce(io::Error) -> StoreError {
     move |source| StoreError::Read { path: path.to_owned(), source }
 }
 
-/// What is parsed of a file that is as it was written.
-fn parsed<T>(
+/// Reads a file, verifies its checksum and parses it.
+fn parse_checked<T>(
     path: &Path,
     parse: impl FnOnce(Cursor<Vec<u8>>) -> PolarsResult<T>,
 ) -> Result<T, StoreError> {
     let (bytes, _) = files::read(path, files::DATA_BYTES).map_err(cannot_read(path))?;
     checksum::check(path, &bytes)?;
-    sound(path, || parse(Cursor::new(bytes)))
+    parse_guarded(path, || parse(Cursor::new(bytes)))
 }
 
-fn sound<T>(path: &Path, parse: impl FnOnce() -> PolarsResult<T>) -> Result<T, StoreError> {
+/// Parses a file that may be damaged; a panic of the parser becomes an error.
+fn parse_guarded<T>(path: &Path, parse: impl FnOnce() -> PolarsResult<T>) -> Result<T, StoreError> {
     let error = |message: String| StoreError::Parquet { path: path.to_owned(), message };
     guarded(parse)
         .ok_or_else(|| error("it is damaged".to_owned()))?
         .map_err(|problem| error(problem.to_string()))
 }
 
-/// Lists, categories and times are chosen by their text.
-fn shown_as(dtype: &ArrowDataType) -> Option<DataType> {
+/// Returns the type to which values are converted for comparisons (text for lists, categories and times); `None` if
+/// values of the type `dtype` cannot be shown.
+fn compared_type(dtype: &ArrowDataType) -> Option<DataType> {
     use ArrowDataType as Arrow;
     match dtype {
         Arrow::Boolean => Some(DataType::Boolean),
@@ -147,9 +148,9 @@ fn shown_as(dtype: &ArrowDataType) -> Option<DataType> {
         Arrow::Float32 | Arrow::Float64 | Arrow::Null => Some(DataType::Float64),
         Arrow::Utf8 | Arrow::LargeUtf8 | Arrow::Utf8View => Some(DataType::String),
         Arrow::Timestamp(..) => Some(DataType::String),
-        Arrow::Dictionary(_, inner, _) => shown_as(inner).filter(DataType::is_string),
+        Arrow::Dictionary(_, inner, _) => compared_type(inner).filter(DataType::is_string),
         Arrow::List(inner) | Arrow::LargeList(inner) => {
-            shown_as(&inner.dtype).map(|_| DataType::String)
+            compared_type(&inner.dtype).map(|_| DataType::String)
         }
         _ => None,
     }

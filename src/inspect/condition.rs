@@ -1,5 +1,5 @@
-//! Conditions on rows, parsed by `sqlparser` and evaluated on columns in SQL's logic: what is
-//! missing is neither true nor false.
+//! SQL conditions on rows, parsed by `sqlparser` and evaluated on columns in three-valued logic: comparisons with a
+//! missing value are neither true nor false.
 
 use std::panic::resume_unwind;
 use std::thread;
@@ -20,44 +20,44 @@ use super::cells::comparable;
 use super::columns::ColumnInfo;
 use super::no_column;
 
-/// Bytes of a condition.
-const LONGEST: usize = 8000;
-/// Terms that lie within one another, as those of `a or b or c` do; thousands would not fit on
-/// the stack.
-const DEEPEST: usize = 400;
-/// The parser calls itself for what lies within, up to 50 times, with some ten kilobytes each: more
-/// than Windows gives a program's first thread.
+/// Maximum length of a condition, bytes.
+const MAX_BYTES: usize = 8000;
+/// Maximum nesting depth of the terms in a condition (`a or b or c` nests, too), to limit the use of the stack.
+const MAX_DEPTH: usize = 400;
+/// Stack size of the parser's thread. The parser recurses up to 50 levels and uses about ten kilobytes for each, which
+/// is more than the stack of a program's main thread on Windows.
 const STACK_BYTES: usize = 16 << 20;
-const KNOWN: &str =
+/// Supported operators, for error messages.
+const SUPPORTED: &str =
     "and, or, not, comparisons, + - * / %, abs(..), is null, in (..), between, like";
 
-/// A condition, and the words in it: some are columns.
+/// Parsed condition, with all the words in it, some of which are column names.
 pub(super) type Parsed = (Expr, Vec<String>);
 
-/// Parses a condition.
+/// Parses a condition on a thread with a sufficient stack.
 ///
 /// # Errors
-/// A sentence on what is not understood.
+/// Returns a message if the condition is too long or its syntax is invalid.
 pub(super) fn parse(text: &str) -> Result<Parsed, String> {
-    if text.len() > LONGEST {
-        return Err(format!("found {} bytes, needed {LONGEST} at most", text.len()));
+    if text.len() > MAX_BYTES {
+        return Err(format!("found {} bytes, but at most {MAX_BYTES} are allowed", text.len()));
     }
     thread::scope(|scope| {
-        let roomy = thread::Builder::new().stack_size(STACK_BYTES);
-        let parsed = roomy.spawn_scoped(scope, || parse_here(text)).map_err(|e| e.to_string())?;
+        let thread = thread::Builder::new().stack_size(STACK_BYTES);
+        let parsed =
+            thread.spawn_scoped(scope, || parse_on_this_thread(text)).map_err(|e| e.to_string())?;
         parsed.join().unwrap_or_else(|panic| resume_unwind(panic))
     })
 }
 
-/// Parses a condition on this thread's stack.
-fn parse_here(text: &str) -> Result<Parsed, String> {
+fn parse_on_this_thread(text: &str) -> Result<Parsed, String> {
     let tokens =
         Tokenizer::new(&GenericDialect {}, text).tokenize().map_err(|error| error.to_string())?;
-    let word = |token: &Token| match token {
+    let words = tokens.iter().filter_map(|token| match token {
         Token::Word(word) => Some(word.value.clone()),
         _ => None,
-    };
-    let words = tokens.iter().filter_map(word).collect();
+    });
+    let words = words.collect();
     let mut parser = Parser::new(&GenericDialect {}).with_tokens(tokens);
     let parsed = parser.parse_expr().map_err(|error| match error {
         ParserError::TokenizerError(message) | ParserError::ParserError(message) => message,
@@ -65,14 +65,15 @@ fn parse_here(text: &str) -> Result<Parsed, String> {
     })?;
     match parser.peek_token().token {
         Token::EOF => Ok((parsed, words)),
-        other => Err(format!("found `{other}` after `{parsed}`, needed and, or")),
+        other => Err(format!("found `{other}` after `{parsed}`, needed `and` or `or`")),
     }
 }
 
-/// For which rows of a frame a condition is true; a single value if for all or none.
+/// Evaluates a condition to a mask of the rows of a frame, or to a single value if the condition is the same for all
+/// rows.
 ///
 /// # Errors
-/// A sentence on what is not known, or of the wrong kind for these columns.
+/// Returns an error if a column or operator is unknown, or if a term has the wrong type.
 pub(super) fn mask(
     parsed: &Expr,
     known: &[ColumnInfo],
@@ -81,7 +82,7 @@ pub(super) fn mask(
     Evaluator { known, frame, depth: 0 }.truth(parsed)
 }
 
-/// Evaluates terms of a condition as columns; what is the same in all rows is a single value.
+/// Evaluator for the terms of a condition. A term that is the same in all rows is a series with a single value.
 struct Evaluator<'t> {
     known: &'t [ColumnInfo],
     frame: &'t DataFrame,
@@ -90,8 +91,10 @@ struct Evaluator<'t> {
 
 impl Evaluator<'_> {
     fn series(&mut self, expr: &Expr) -> PolarsResult<Series> {
-        if self.depth == DEEPEST {
-            polars_bail!(ComputeError: "more than {DEEPEST} terms; needed fewer, such as `in (..)`");
+        if self.depth == MAX_DEPTH {
+            polars_bail!(
+                ComputeError: "more than {MAX_DEPTH} terms; use fewer, for example with `in (..)`"
+            );
         }
         self.depth += 1;
         let series = self.term(expr);
@@ -120,7 +123,7 @@ impl Evaluator<'_> {
             Op::Eq | Op::NotEq | Op::Lt | Op::LtEq | Op::Gt | Op::GtEq => {
                 self.compare(left, op, right)?
             }
-            _ => polars_bail!(ComputeError: "`{op}` is not supported: {KNOWN}"),
+            _ => polars_bail!(ComputeError: "`{op}` is not supported; supported are {SUPPORTED}"),
         };
         Ok(truth.into_series())
     }
@@ -135,10 +138,10 @@ impl Evaluator<'_> {
             Expr::UnaryOp { op: UnaryOperator::Not, expr } => !self.truth(expr)?,
             Expr::Function(function) if function.name.to_string().eq_ignore_ascii_case("abs") => {
                 let FunctionArguments::List(list) = &function.args else {
-                    polars_bail!(ComputeError: "found `{function}`, needed abs of a number");
+                    polars_bail!(ComputeError: "found `{function}`, needed abs(..) of a number");
                 };
                 let [FunctionArg::Unnamed(FunctionArgExpr::Expr(of))] = &list.args[..] else {
-                    polars_bail!(ComputeError: "found `{function}`, needed abs of a number");
+                    polars_bail!(ComputeError: "found `{function}`, needed abs(..) of a number");
                 };
                 return absolute(&self.number(of)?);
             }
@@ -165,12 +168,14 @@ impl Evaluator<'_> {
             Expr::ILike { negated, any: false, expr, pattern, escape_char: None } => {
                 not_if(*negated, self.like(expr, pattern, str::to_lowercase)?)
             }
-            other => polars_bail!(ComputeError: "`{other}` is not supported: {KNOWN}"),
+            other => {
+                polars_bail!(ComputeError: "`{other}` is not supported; supported are {SUPPORTED}")
+            }
         };
         Ok(truth.into_series())
     }
 
-    /// Compares two terms of a kind. NaN differs from everything and has no order.
+    /// Compares two terms of the same kind. NaN is unequal to every value and has no order.
     fn compare(&mut self, left: &Expr, op: &Op, right: &Expr) -> PolarsResult<BooleanChunked> {
         let [one, other] = [self.series(left)?, self.series(right)?];
         let dtype = match (one.dtype(), other.dtype()) {
@@ -178,13 +183,16 @@ impl Evaluator<'_> {
             (dtype, other) if dtype == other => dtype,
             (found, other) if kind(found) == kind(other) => &DataType::Float64,
             (found, other) => {
-                let [of, other_of] = [found, other].map(kind);
-                let kinds = format!("`{left}` is {of} and `{right}` is {other_of}");
-                polars_bail!(ComputeError: "{kinds}, needed two of a kind");
+                let [left_kind, right_kind] = [found, other].map(kind);
+                polars_bail!(
+                    ComputeError:
+                    "`{left}` is {left_kind}, but `{right}` is {right_kind}; both must be of the \
+                     same kind"
+                );
             }
         };
-        let [one, other] = match whole([&one, &other], [0.0; 2]) {
-            Some(whole) => whole,
+        let [one, other] = match as_integers([&one, &other], [0.0; 2]) {
+            Some(integers) => integers,
             None => [one.cast(dtype)?, other.cast(dtype)?],
         };
         let truth = match op {
@@ -202,23 +210,26 @@ impl Evaluator<'_> {
         truth.set(&unordered, Some(*op == Op::NotEq))
     }
 
-    /// Whether a text matches a pattern, in which `%` stands for any characters, `_` for one.
+    /// Returns, for each row, whether a string matches a pattern, in which `%` stands for any characters and `_` for
+    /// one. The function `case` is applied to both the string and the pattern, for example to ignore case.
     fn like(
         &mut self,
-        of: &Expr,
+        text: &Expr,
         pattern: &Expr,
         case: fn(&str) -> String,
     ) -> PolarsResult<BooleanChunked> {
-        let (text, _) =
-            (self.of_kind(of, &DataType::String)?, self.of_kind(pattern, &DataType::String)?);
+        let text = self.of_kind(text, &DataType::String)?;
+        // A pattern that is not text has an error of its own.
+        drop(self.of_kind(pattern, &DataType::String)?);
         let Expr::Value(ValueWithSpan { value: Literal::SingleQuotedString(found), .. }) = pattern
         else {
             polars_bail!(ComputeError: "found `{pattern}`, needed a pattern such as 'kinematic%'");
         };
         let pattern = case(found);
-        let is_like =
-            |text: &str| trilink_base::pattern::matches(&pattern, &case(text), ['%', '_']);
-        Ok(text.str()?.iter().map(|text| text.map(is_like)).collect())
+        let matches = text.str()?.iter().map(|text| {
+            text.map(|text| trilink_base::pattern::matches(&pattern, &case(text), ['%', '_']))
+        });
+        Ok(matches.collect())
     }
 
     fn truth(&mut self, expr: &Expr) -> PolarsResult<BooleanChunked> {
@@ -229,13 +240,15 @@ impl Evaluator<'_> {
         self.of_kind(expr, &DataType::Float64)
     }
 
+    /// Evaluates a term and checks that it is of the same kind (boolean, number or text) as `needed`.
     fn of_kind(&mut self, expr: &Expr, needed: &DataType) -> PolarsResult<Series> {
         let series = self.series(expr)?;
-        let (found, needed_kind) = (kind(series.dtype()), kind(needed));
+        let found = kind(series.dtype());
+        let needed_kind = kind(needed);
         match series.dtype() {
             DataType::Null => series.cast(needed),
             _ if found == needed_kind => Ok(series),
-            _ => polars_bail!(ComputeError: "`{expr}` is {found}, needed {needed_kind}"),
+            _ => polars_bail!(ComputeError: "`{expr}` is {found}, but must be {needed_kind}"),
         }
     }
 
@@ -244,9 +257,11 @@ impl Evaluator<'_> {
             Some(column) if column.dtype.is_some() => {
                 return comparable(self.frame.column(name)?.as_materialized_series());
             }
-            Some(column) => format!("column `{name}`: {} cannot be compared", column.type_name),
+            Some(column) => {
+                format!("column `{name}`: values of type {} cannot be compared", column.type_name)
+            }
             None if quote == Some('"') => {
-                format!("no column \"{name}\": text stands in single quotes, '{name}'")
+                format!("no column \"{name}\": write text in single quotes, '{name}'")
             }
             None => no_column(name, self.known),
         };
@@ -254,7 +269,7 @@ impl Evaluator<'_> {
     }
 }
 
-/// What messages call values of a type.
+/// Returns the name of a type as it appears in messages.
 fn kind(dtype: &DataType) -> &'static str {
     match dtype {
         DataType::Boolean => "a boolean",
@@ -280,7 +295,9 @@ fn literal(literal: &Literal) -> PolarsResult<Series> {
         Literal::SingleQuotedString(text) => Series::new(name, [text.as_str()]),
         Literal::Boolean(boolean) => Series::new(name, [*boolean]),
         Literal::Null => Series::new_null(name, 1),
-        other => polars_bail!(ComputeError: "`{other}` is not supported: {KNOWN}"),
+        other => {
+            polars_bail!(ComputeError: "`{other}` is not supported; supported are {SUPPORTED}")
+        }
     })
 }
 
@@ -288,8 +305,8 @@ fn not_if(negated: bool, truth: BooleanChunked) -> BooleanChunked {
     if negated { !truth } else { truth }
 }
 
-/// Whole numbers stay whole but for a quotient and for what no type holds; what is divided by
-/// zero is missing.
+/// Adds, subtracts, multiplies or divides two columns. Uses integers if both columns are integers, the operation is not
+/// a division and the result fits an integer type; otherwise uses floats. A division by zero gives a missing value.
 fn arithmetic(one: &Series, op: &Op, other: &Series) -> PolarsResult<Series> {
     let calculate = |[one, other]: [&Series; 2]| match op {
         Op::Plus => one + other,
@@ -305,10 +322,13 @@ fn arithmetic(one: &Series, op: &Op, other: &Series) -> PolarsResult<Series> {
     }
     let rounded = calculate([&float, &divisor])?;
     let range = [rounded.min::<f64>()?, rounded.max::<f64>()?].map(Option::unwrap_or_default);
-    whole([one, other], range).map_or(Ok(rounded), |[one, other]| calculate([&one, &other]))
+    match as_integers([one, other], range) {
+        Some([one, other]) => calculate([&one, &other]),
+        None => Ok(rounded),
+    }
 }
 
-/// What is left of a division, with the sign of the dividend as in SQL.
+/// Returns the remainder of a division, with the sign of the dividend as in SQL.
 fn remainder(one: &Series, other: &Series) -> PolarsResult<Series> {
     let quotient = arithmetic(one, &Op::Divide, other)?.f64()?.apply_values(f64::trunc);
     let quotient = quotient.into_series();
@@ -317,27 +337,28 @@ fn remainder(one: &Series, other: &Series) -> PolarsResult<Series> {
     arithmetic(one, &Op::Minus, &arithmetic(other, &Op::Multiply, &quotient)?)
 }
 
-fn absolute(of: &Series) -> PolarsResult<Series> {
-    if let Some([whole, _]) = whole([of, of], [0.0; 2]) {
-        let is_signed = *whole.dtype() == DataType::Int64;
-        return Ok(match is_signed {
-            true => whole.i64()?.apply_values(i64::saturating_abs).into_series(),
-            false => whole,
+fn absolute(series: &Series) -> PolarsResult<Series> {
+    if let Some([integers, _]) = as_integers([series, series], [0.0; 2]) {
+        let is_signed = *integers.dtype() == DataType::Int64;
+        return Ok(if is_signed {
+            integers.i64()?.apply_values(i64::saturating_abs).into_series()
+        } else {
+            integers
         });
     }
-    Ok(of.cast(&DataType::Float64)?.f64()?.apply_values(f64::abs).into_series())
+    Ok(series.cast(&DataType::Float64)?.f64()?.apply_values(f64::abs).into_series())
 }
 
-/// Two columns of whole numbers as a type that holds them and a range; the range is rounded.
-fn whole(columns: [&Series; 2], [least, greatest]: [f64; 2]) -> Option<[Series; 2]> {
+/// Casts two integer columns to an integer type that holds their values and all numbers from `min` to `max`; `None` if
+/// a column is not of integers or there is no such type. The limits of the types are rounded towards zero, because
+/// `min` and `max` are themselves rounded.
+fn as_integers(columns: [&Series; 2], [min, max]: [f64; 2]) -> Option<[Series; 2]> {
     let types =
         [(DataType::Int64, -9.223372e18, 9.223372e18), (DataType::UInt64, 0.0, 1.8446744e19)];
     types.into_iter().find_map(|(dtype, low, high)| {
-        let cast = |series: &Series| match series.dtype().is_integer() {
-            true => series.strict_cast(&dtype).ok(),
-            false => None,
-        };
-        let [one, other] = columns.map(cast);
-        (low <= least && greatest <= high).then_some([one?, other?])
+        let [one, other] = columns.map(|series| {
+            if series.dtype().is_integer() { series.strict_cast(&dtype).ok() } else { None }
+        });
+        (low <= min && max <= high).then_some([one?, other?])
     })
 }

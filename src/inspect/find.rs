@@ -1,4 +1,4 @@
-//! Tables by name.
+//! Lookup of tables by name.
 
 use std::path::{Path, PathBuf};
 
@@ -7,22 +7,22 @@ use trilink_tables::tables_in;
 
 use super::{InspectError, sentence_end};
 
-/// A table of `derived`, or a folder of tables that are of a kind.
+/// Table in `derived/`, or folder of tables of one kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// Its name, such as `trials` or `poses/<trial>`.
+    /// Name, such as `trials` or `poses/<trial>`.
     pub name: String,
-    /// One of them.
+    /// Path of the table, or of the first table of the folder.
     pub path: PathBuf,
-    /// How many there are; `None` of a single table.
+    /// Number of tables in the folder; `None` for a single table.
     pub tables: Option<usize>,
 }
 
-/// The file of a table: one of `derived` by its name, or any by its path; or a folder of tables of
-/// `derived`, such as `poses`.
+/// Finds the file of a table by its name in `derived/` or by its path, or a folder of tables in `derived/`, such as
+/// `poses`.
 ///
 /// # Errors
-/// There is none; the message names those that there are and the nearest one.
+/// Returns an error with the existing tables and the nearest name if there is no such table.
 pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
     let named = derived.join(format!("{table}.parquet"));
     for path in [named, PathBuf::from(table)] {
@@ -36,7 +36,7 @@ pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
     }
     let known: Vec<String> = list(derived).into_iter().map(|listed| listed.name).collect();
     let mut near = known.clone();
-    // Of a trial's tables only those are likely that begin as the one that is meant.
+    // For a table of a trial, only tables of the same folder are suggested.
     if let Some((folder, _)) = table.split_once('/') {
         let names = tables(&derived.join(folder)).map(|(stem, _)| format!("{folder}/{stem}"));
         near.retain(|name| !name.starts_with(&format!("{folder}/")));
@@ -46,11 +46,11 @@ pub fn find(derived: &Path, table: &str) -> Result<PathBuf, InspectError> {
     let there = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     let derived = derived.display();
     Err(InspectError::Query(format!(
-        "no table and no file `{table}`{hint} {derived} holds {there}"
+        "`{table}` is neither a table nor a file{hint} {derived} contains {there}"
     )))
 }
 
-/// The tables of `derived`, then its folders of tables, by name.
+/// Lists the tables of `derived/`, followed by its folders of tables, both sorted by name.
 pub fn list(derived: &Path) -> Vec<Listed> {
     let single = tables(derived).map(|(name, path)| Listed { name, path, tables: None });
     let entries = std::fs::read_dir(derived).into_iter().flatten().flatten();
@@ -64,15 +64,16 @@ pub fn list(derived: &Path) -> Vec<Listed> {
     single.chain(folders).collect()
 }
 
-/// The tables of a folder with their names, or the one file without.
+/// Returns the tables of a folder with their names, or a single file without a name.
 pub(super) fn tables_of(path: &Path) -> Vec<(Option<String>, PathBuf)> {
-    match path.is_dir() {
-        true => tables(path).map(|(name, path)| (Some(name), path)).collect(),
-        false => vec![(None, path.to_owned())],
+    if path.is_dir() {
+        tables(path).map(|(name, path)| (Some(name), path)).collect()
+    } else {
+        vec![(None, path.to_owned())]
     }
 }
 
-/// Names and files of a folder's tables; none if it cannot be read.
+/// Returns names and paths of the tables in a folder; none if the folder cannot be read.
 fn tables(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> + use<> {
     let tables = tables_in(folder).unwrap_or_default().into_iter().filter(|path| path.is_file());
     tables.filter_map(|path| Some((path.file_stem()?.to_string_lossy().into_owned(), path)))

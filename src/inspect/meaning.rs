@@ -1,4 +1,4 @@
-//! Units and meanings of the columns that trilink writes, by their names.
+//! Units and meanings of the columns that trilink writes, by name.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use trilink_base::Named as _;
 use trilink_robot::Quantity;
 
-/// `meanings.toml`.
+/// Contents of `meanings.toml`.
 #[derive(Default, serde::Deserialize)]
 struct Meanings {
     units: BTreeMap<String, String>,
@@ -17,47 +17,66 @@ struct Meanings {
 static KNOWN: LazyLock<Meanings> =
     LazyLock::new(|| toml::from_str(include_str!("meanings.toml")).unwrap_or_default());
 
-/// A column's name without one of the `parts`, and the meaning of that part.
-fn without_part(name: &str) -> Option<(&str, &'static str)> {
-    let found = KNOWN.parts.iter().filter_map(|(part, what)| {
-        let rest = name.strip_suffix(part.as_str()).or_else(|| name.strip_prefix(part.as_str()))?;
-        Some((rest, what.as_str()))
+/// Splits the longest known prefix or suffix off a column's name; returns the rest of the name and the meaning of the
+/// affix, or `None` if there is no known affix.
+fn split_affix(name: &str) -> Option<(&str, &'static str)> {
+    let splits = KNOWN.parts.iter().filter_map(|(affix, meaning)| {
+        let rest =
+            name.strip_suffix(affix.as_str()).or_else(|| name.strip_prefix(affix.as_str()))?;
+        Some((rest, meaning.as_str()))
     });
-    found.min_by_key(|(rest, _)| rest.len())
+    splits.min_by_key(|(rest, _)| rest.len())
 }
 
-/// A column's name without its unit, and the unit. A unit follows a word: `j_d` is a part of the objective.
-fn without_unit(name: &str) -> Option<(&str, &'static str)> {
-    let rest = |end: &String| name.strip_suffix(end.as_str()).filter(|rest| !rest.is_empty());
-    let found = KNOWN.units.iter().filter_map(|(end, unit)| Some((rest(end)?, unit.as_str())));
-    found.min_by_key(|(rest, _)| rest.len())
+/// Splits a column's name into the stem, which must not be empty, and its unit; `None` if it does not end with a known
+/// unit.
+fn split_unit(name: &str) -> Option<(&str, &'static str)> {
+    let splits = KNOWN.units.iter().filter_map(|(suffix, unit)| {
+        let stem = name.strip_suffix(suffix.as_str()).filter(|stem| !stem.is_empty())?;
+        Some((stem, unit.as_str()))
+    });
+    splits.min_by_key(|(stem, _)| stem.len())
 }
 
-/// The unit at the end of a column's name.
+/// Suffixes of columns that contain pure numbers, whatever the unit of the quantity in the rest of the name.
+const PURE_NUMBERS: [&str; 2] = ["_dof", "_coverage_factor"];
+
+/// Returns the unit in a column's name, such as `m/s` for `v_m_s`; `None` if there is no unit.
 pub fn unit(name: &str) -> Option<&'static str> {
-    let name = without_part(name).map_or(name, |(name, _)| name);
-    without_unit(name).map(|(_, unit)| unit)
+    if PURE_NUMBERS.iter().any(|suffix| name.ends_with(suffix)) {
+        return None;
+    }
+    let name = split_affix(name).map_or(name, |(name, _)| name);
+    split_unit(name).map(|(_, unit)| unit)
 }
 
-/// What a column of that name means in trilink's tables.
+/// Returns the meaning of a column in trilink's tables; `None` if it is unknown.
 pub fn meaning(name: &str) -> Option<String> {
-    if let Some((name, what)) = without_part(name) {
-        return meaning(name).map(|meaning| format!("{what}{meaning}"));
+    if let Some((rest, prefix)) = split_affix(name) {
+        return meaning(rest).map(|meaning| format!("{prefix}{meaning}"));
     }
-    let (plain, number) = without_number(name);
-    // Quantities of different units share a beginning: `skid0_kg_s`, `skid0_m_s`.
-    let known = |name: &str| KNOWN.meanings.get(name).map(String::as_str);
-    let of_robot = || {
-        let meaning = Quantity::of_name(&plain)?.definition().meaning;
-        (!meaning.is_empty()).then_some(meaning)
-    };
-    let by_stem = || known(without_unit(&plain)?.0);
-    let meaning = known(&plain).or_else(of_robot).or_else(by_stem)?;
+    let (plain, number) = split_number(name);
+    // The name with its unit comes first, because quantities of different units may share a stem, as `skid0_kg_s` and
+    // `skid0_m_s` do.
+    let meaning = known_meaning(&plain)
+        .or_else(|| robot_meaning(&plain))
+        .or_else(|| known_meaning(split_unit(&plain)?.0))?;
     Some(number.map_or(meaning.to_owned(), |number| format!("{meaning}, {number}")))
 }
 
-/// A name without the number of its wheel, link or joint.
-fn without_number(name: &str) -> (String, Option<char>) {
+fn known_meaning(name: &str) -> Option<&'static str> {
+    KNOWN.meanings.get(name).map(String::as_str)
+}
+
+/// Returns the meaning of a quantity of the robot; `None` if the name is that of no such quantity.
+fn robot_meaning(name: &str) -> Option<&'static str> {
+    let meaning = Quantity::of_name(name)?.definition().meaning;
+    (!meaning.is_empty()).then_some(meaning)
+}
+
+/// Splits the number of a wheel, link or joint off a name: `skid0_kg_s` gives `skid_kg_s` and 0. The number is `None`
+/// if the name has none.
+fn split_number(name: &str) -> (String, Option<char>) {
     let mut parts: Vec<&str> = name.split('_').collect();
     for part in &mut parts {
         let stem = part.trim_end_matches(|last: char| last.is_ascii_digit());
@@ -80,13 +99,16 @@ mod tests {
     }
 
     #[test]
-    fn units_are_what_the_names_say() {
+    fn units_follow_from_names() {
         for (name, expected) in [
             ("d_m", Some("m")),
             ("d_m_se", Some("m")),
             ("v_m_s", Some("m/s")),
             ("omega_rad_s", Some("rad/s")),
             ("skid0_kg_s_lo", Some("kg/s")),
+            ("skid0_kg_s_u_a", Some("kg/s")),
+            ("skid0_kg_s_dof", None),
+            ("skid0_kg_s_coverage_factor", None),
             ("damping_nm_s_rad", Some("N m s/rad")),
             ("inertia_kg_m2", Some("kg m^2")),
             ("decay_1_s", Some("1/s")),
@@ -100,20 +122,20 @@ mod tests {
     }
 
     #[test]
-    fn columns_mean_what_their_parts_say() {
+    fn meanings_are_composed_from_parts_of_names() {
         for (name, expected) in [
-            ("d_m", "distance covered in a cycle (eq. 17)"),
+            ("d_m", "displacement per cycle (eq. 17)"),
             ("sigma1_se", "standard error: skid ratio of the wheel (eq. 20), 1"),
             ("skid2_kg_s", "skid resistance c^S of the wheel (eq. 15), 2"),
-            ("skid2_m_s", "speed at which the wheel skids sideways, 2"),
+            ("skid2_m_s", "skid velocity of the wheel, 2"),
             (
                 "coulomb_viscous_joint_dry_nm",
-                "of viscous resistance or damping and dry friction: torque of dry friction in the \
-                 passive joint",
+                "law with viscous resistance or damping and dry friction: torque of dry friction in \
+                 the passive joint",
             ),
             (
                 "began_stiffness_nm_rad",
-                "where the search began: spring k_tau of the passive joint (eq. 11)",
+                "start of the search: spring stiffness k_tau of the passive joint (eq. 11)",
             ),
         ] {
             assert_eq!(meaning(name).as_deref(), Some(expected), "{name}");

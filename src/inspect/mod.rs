@@ -1,4 +1,4 @@
-//! A look into a table: some of its columns, the rows that a condition names, in some order.
+//! Queries on tables: selected columns of the rows that satisfy a condition, optionally sorted.
 
 mod cells;
 mod columns;
@@ -24,32 +24,32 @@ use trilink_base::pattern::matches;
 use trilink_tables::config::did_you_mean;
 use trilink_tables::{StoreError, Table};
 
-/// Why a table cannot be looked into.
+/// Reason why a table cannot be queried.
 #[derive(Debug, thiserror::Error)]
 pub enum InspectError {
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// No such table, column or condition.
+    /// The table or column does not exist, or the condition is invalid.
     #[error("{0}")]
     Query(String),
 }
 
-/// What to show of a table: all columns that can be shown if none are named.
+/// Query on a table. If no columns are named, it shows all columns that can be shown.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct Query {
-    /// Columns to show, in this order; * is any characters, ? is one.
+    /// Columns to show, in this order; * matches any characters, ? matches one.
     #[arg(long, value_delimiter = ',', value_parser = trimmed, value_name = "COLUMN,..")]
     pub columns: Vec<String>,
-    /// Rows to show, by a condition as SQL has it: "campaign = 'x' and omega_rad_s > 3".
+    /// Show only rows that satisfy an SQL condition: "campaign = 'x' and omega_rad_s > 3".
     #[arg(long = "where", value_name = "CONDITION")]
     pub condition: Option<String>,
-    /// Columns to sort by, and whether downwards.
+    /// Columns to sort by, each with a flag that is true for descending order.
     #[arg(skip)]
     pub sort: Vec<(String, bool)>,
-    /// Rows at most, the first ones.
+    /// Show only the first N rows.
     #[arg(long, value_name = "N", conflicts_with = "tail")]
     pub head: Option<usize>,
-    /// Rows at most, the last ones.
+    /// Show only the last N rows.
     #[arg(long, value_name = "N")]
     pub tail: Option<usize>,
 }
@@ -58,89 +58,89 @@ fn trimmed(text: &str) -> Result<String, Infallible> {
     Ok(text.trim().to_owned())
 }
 
-/// What a query gives.
+/// Result of a query.
 #[derive(Debug, Clone)]
 pub struct View {
     pub columns: Vec<ColumnInfo>,
-    /// Its rows, with at least these columns.
+    /// Rows of the result, with at least the shown columns.
     pub frame: DataFrame,
-    /// Rows of the table.
+    /// Number of rows of the whole table.
     pub total: usize,
-    /// Columns that were not asked for by name and cannot be shown.
+    /// Columns that cannot be shown and were not requested by name.
     pub left_out: Vec<ColumnInfo>,
 }
 
 impl View {
-    /// All of a table.
-    pub fn of(table: Table) -> Self {
-        let column = |column: &Column| ColumnInfo {
+    /// Returns a view of a whole table.
+    pub fn from_table(table: Table) -> Self {
+        let columns = table.frame.columns().iter().map(|column| ColumnInfo {
             name: column.name().to_string(),
             type_name: column.dtype().to_string(),
             dtype: Some(column.dtype().clone()),
-        };
-        let columns = table.frame.columns().iter().map(column).collect();
+        });
+        let columns = columns.collect();
         let total = table.frame.height();
         Self { columns, frame: table.frame, total, left_out: Vec::new() }
     }
 
-    /// What is made of each row's cells, in the order of the columns.
-    pub fn cells<T>(&self, show: impl Fn(&AnyValue) -> T) -> Vec<Vec<T>> {
+    /// Converts the cells row by row, in the order of the shown columns.
+    pub fn cells<T>(&self, convert: impl Fn(&AnyValue) -> T) -> Vec<Vec<T>> {
         let columns = self.columns.iter().filter_map(|column| self.frame.column(&column.name).ok());
         let mut columns: Vec<_> =
             columns.map(|column| column.as_materialized_series().iter()).collect();
-        let row =
-            |_| columns.iter_mut().filter_map(Iterator::next).map(|cell| show(&cell)).collect();
-        (0..self.frame.height()).map(row).collect()
+        let rows = (0..self.frame.height()).map(|_| {
+            columns.iter_mut().filter_map(Iterator::next).map(|cell| convert(&cell)).collect()
+        });
+        rows.collect()
     }
 }
 
-/// Looks into the table of a Parquet file, or of all those in a folder, of which each row has its
-/// file's name as `trial`. Only the columns that are needed are read.
+/// Queries the table of a Parquet file, or all tables of a folder as one table, with the name of each file in the
+/// column `trial`. Only the needed columns are read.
 ///
 /// # Errors
-/// A file cannot be read, has no such column, or the condition is none for its columns.
+/// Returns an error if a file cannot be read, a column does not exist, or the condition is invalid for the columns.
 pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     let Query { condition, sort, head, tail, .. } = query;
     let FileInfo { rows: total, columns: known, .. } = describe_all(path)?;
-    let (columns, left_out) = chosen(path, query, &known)?;
+    let (columns, left_out) = select_columns(path, query, &known)?;
     for (column, _) in sort {
-        shown(path, column, &known)?;
+        find_column(path, column, &known)?;
     }
-    let in_condition = |message: String| {
+    let condition_error = |message: String| {
         let condition = condition.as_deref().unwrap_or_default();
         InspectError::Query(format!("--where \"{condition}\": {message}"))
     };
-    let parsed = condition.as_deref().map(condition::parse).transpose().map_err(in_condition)?;
+    let parsed = condition.as_deref().map(condition::parse).transpose().map_err(condition_error)?;
 
     let words = parsed.iter().flat_map(|(_, words)| words);
     let mut needed: Vec<String> = words
-        .filter(|word| shown(path, word, &known).is_ok())
+        .filter(|word| find_column(path, word, &known).is_ok())
         .chain(sort.iter().map(|(column, _)| column))
         .chain(columns.iter().map(|column| &column.name))
         .cloned()
         .collect();
     needed.sort();
     needed.dedup();
-    // Without an order no file is read beyond so many rows that fulfil the condition.
-    let most = head.filter(|_| sort.is_empty());
-    let slice = most.filter(|_| parsed.is_none());
-    let filtered = |frame: DataFrame| match &parsed {
-        Some((condition, _)) => condition::mask(condition, &known, &frame)
-            .and_then(|mask| frame.filter(&mask))
-            .map_err(|error| in_condition(error.to_string())),
-        None => Ok(frame),
-    };
+    // Without sorting, reading stops as soon as enough rows satisfy the condition.
+    let max_rows = head.filter(|_| sort.is_empty());
+    let slice = max_rows.filter(|_| parsed.is_none());
     let mut frame = DataFrame::empty();
     for (trial, path) in tables_of(path) {
-        if most.is_some_and(|most| !frame.columns().is_empty() && frame.height() >= most) {
+        if max_rows.is_some_and(|max| !frame.columns().is_empty() && frame.height() >= max) {
             break;
         }
-        let rows = filtered(columns::read_columns(&path, &needed, trial.as_deref(), slice)?)?;
-        let joined = match frame.columns().is_empty() {
-            true => Ok(rows),
-            false => frame.vstack(&rows),
-        };
-        frame = joined.map_err(|error| column_error(&path, error.to_string()))?;
+        let mut rows = columns::read_columns(&path, &needed, trial.as_deref(), slice)?;
+        if let Some((condition, _)) = &parsed {
+            rows = condition::mask(condition, &known, &rows)
+                .and_then(|mask| rows.filter(&mask))
+                .map_err(|error| condition_error(error.to_string()))?;
+        }
+        if frame.columns().is_empty() {
+            frame = rows;
+        } else {
+            frame = frame.vstack(&rows).map_err(|error| column_error(&path, error.to_string()))?;
+        }
     }
     let frame = sorted(frame, sort).map_err(|error| column_error(path, error.to_string()))?;
     let frame = frame.head(Some(head.unwrap_or(total)));
@@ -148,7 +148,7 @@ pub fn query(path: &Path, query: &Query) -> Result<View, InspectError> {
     Ok(View { columns, frame, total, left_out })
 }
 
-/// Rows in order; NaN and then what is missing come last upwards and downwards.
+/// Sorts rows. NaN comes after all numbers, and missing values last, in ascending and in descending order.
 fn sorted(frame: DataFrame, sort: &[(String, bool)]) -> PolarsResult<DataFrame> {
     let mut keys: Vec<Column> = Vec::new();
     let mut options = SortMultipleOptions { maintain_order: true, ..Default::default() };
@@ -167,8 +167,8 @@ fn sorted(frame: DataFrame, sort: &[(String, bool)]) -> PolarsResult<DataFrame> 
     frame.take(&first.arg_sort_multiple(others, &options)?)
 }
 
-/// The columns that a query asks for, and those that it would show if it could.
-fn chosen(
+/// Returns the columns that a query selects, and those that it leaves out because they cannot be shown.
+fn select_columns(
     path: &Path,
     query: &Query,
     known: &[ColumnInfo],
@@ -177,33 +177,35 @@ fn chosen(
         let mut columns: Vec<ColumnInfo> = Vec::new();
         for name in &query.columns {
             if !name.contains(['*', '?']) {
-                columns.push(shown(path, name, known)?.clone());
+                columns.push(find_column(path, name, known)?.clone());
                 continue;
             }
-            let is_meant = |column: &&ColumnInfo| {
-                column.dtype.is_some() && matches(name, &column.name, ['*', '?'])
-            };
-            let mut meant = known.iter().filter(is_meant).peekable();
-            if meant.peek().is_none() {
-                let there = names(known).join(", ");
-                let message = format!("no column is like `{name}`. There are {there}");
+            let mut matching = known.to_vec();
+            matching
+                .retain(|column| column.dtype.is_some() && matches(name, &column.name, ['*', '?']));
+            if matching.is_empty() {
+                let existing = names(known).join(", ");
+                let message = format!("no column matches `{name}`. The columns are {existing}");
                 return Err(column_error(path, message));
             }
-            let others: Vec<_> = meant.filter(|column| !columns.contains(column)).collect();
-            columns.extend(others.into_iter().cloned());
+            matching.retain(|column| !columns.contains(column));
+            columns.extend(matching);
         }
         return Ok((columns, Vec::new()));
     }
     let (columns, left_out): (Vec<_>, Vec<_>) =
         known.iter().cloned().partition(|column| column.dtype.is_some());
-    match columns.is_empty() {
-        true => Err(column_error(path, "has no column that can be shown".to_owned())),
-        false => Ok((columns, left_out)),
+    if columns.is_empty() {
+        return Err(column_error(path, "has no column that can be shown".to_owned()));
     }
+    Ok((columns, left_out))
 }
 
-/// The column of a name, which must be one that can be shown.
-fn shown<'t>(
+/// Finds a column by name.
+///
+/// # Errors
+/// Returns an error if the column does not exist or cannot be shown.
+fn find_column<'t>(
     path: &Path,
     name: &str,
     known: &'t [ColumnInfo],
@@ -218,7 +220,7 @@ fn shown<'t>(
     Err(column_error(path, message))
 }
 
-/// A question ends its sentence; without one there is a full stop.
+/// Returns the end of a sentence: a hint, which has its own punctuation, or a full stop if the hint is empty.
 fn sentence_end(hint: String) -> String {
     if hint.is_empty() { ".".to_owned() } else { hint }
 }
@@ -227,11 +229,11 @@ fn column_error(path: &Path, message: String) -> InspectError {
     InspectError::Query(format!("{}: {message}", path.display()))
 }
 
-/// That there is no such column, the nearest name and all of them.
+/// Returns the message for an unknown column, with the most similar name and all existing names.
 fn no_column(name: &str, known: &[ColumnInfo]) -> String {
     let known = names(known);
     let hint = sentence_end(did_you_mean(name, known.iter().copied()));
-    format!("no column `{name}`{hint} There are {}", known.join(", "))
+    format!("no column `{name}`{hint} The columns are {}", known.join(", "))
 }
 
 fn names(known: &[ColumnInfo]) -> Vec<&str> {

@@ -1,4 +1,4 @@
-//! Conditions and queries on small tables.
+//! Tests of conditions and queries on small tables.
 
 use std::thread;
 
@@ -12,7 +12,7 @@ use super::*;
 const TEXTS: [&str; 4] = ["kinematic-symmetric", "kinematic-skewed", "", "it's"];
 
 trilink_tables::rows! {
-    /// A table's row.
+    /// Row of the test table.
     pub struct Row {
         pub campaign: String,
         pub omega_rad_s: f64,
@@ -22,11 +22,11 @@ trilink_tables::rows! {
     }
 }
 
-/// Four rows with something missing in the last.
+/// Writes a table of four rows, the last of which has no frequency, to a temporary folder.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let rows = [(3.9, 12, true), (4.0, 7, false), (0.5, 7, true), (f64::NAN, 0, false)];
-    let lists = [&Quantity::Skid.of_each()[..2], &[Quantity::Skid.of(0)], &[], &[]];
+    let lists = [&Quantity::Skid.of_each()[..2], &[Quantity::Skid.parameter(0)], &[], &[]];
     let row = |((campaign, at_bound), (omega_rad_s, cycles, used)): ((&str, &[_]), _)| Row {
         campaign: campaign.to_owned(),
         omega_rad_s,
@@ -41,7 +41,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Rows of the table that a condition names, by their number.
+/// Returns the indices of the rows that satisfy a condition.
 fn rows(condition: &str) -> Result<Vec<usize>, String> {
     let folder = folder();
     let query = Query { condition: Some(condition.to_owned()), ..Query::default() };
@@ -52,7 +52,7 @@ fn rows(condition: &str) -> Result<Vec<usize>, String> {
 }
 
 #[test]
-fn conditions_name_the_rows_for_which_they_are_true() {
+fn a_condition_selects_the_rows_for_which_it_is_true() {
     for (condition, expected) in [
         ("omega_rad_s > 3", &[0, 1][..]),
         ("campaign == 'kinematic-symmetric' and omega_rad_s > 3", &[0]),
@@ -70,7 +70,7 @@ fn conditions_name_the_rows_for_which_they_are_true() {
         ("(omega_rad_s > 3) is false", &[2]),
         ("omega_rad_s is null", &[3]),
         ("omega_rad_s is not null", &[0, 1, 2]),
-        // What is missing is neither true nor false.
+        // Three-valued logic of missing values.
         ("omega_rad_s > 3 or cycles = 0", &[0, 1, 3]),
         ("omega_rad_s > 3 and cycles = 0", &[]),
         ("not (omega_rad_s > 3 and cycles = 0)", &[0, 1, 2]),
@@ -108,29 +108,35 @@ fn conditions_name_the_rows_for_which_they_are_true() {
 }
 
 #[test]
-fn what_is_no_condition_says_what_is_wrong() {
+fn invalid_conditions_are_explained() {
     for (condition, named) in [
         (
             "omega_rads > 3",
-            "no column `omega_rads`; did you mean `omega_rad_s`? There are campaign,",
+            "no column `omega_rads`; did you mean `omega_rad_s`? The columns are campaign,",
         ),
-        ("zzz > 3", "no column `zzz`. There are campaign,"),
-        ("omega_rad_s", "`omega_rad_s` is a number, needed a boolean"),
-        ("omega_rad_s > 'x'", "`omega_rad_s` is a number and `'x'` is text, needed two of a kind"),
-        ("campaign = \"x\"", "no column \"x\": text stands in single quotes, 'x'"),
-        ("campaign + 1 > 2", "`campaign` is text, needed a number"),
-        ("not campaign", "`campaign` is text, needed a boolean"),
-        ("omega_rad_s in (1, 'x')", "needed two of a kind"),
-        ("campaign like omega_rad_s", "`omega_rad_s` is a number, needed text"),
+        ("zzz > 3", "no column `zzz`. The columns are campaign,"),
+        ("omega_rad_s", "`omega_rad_s` is a number, but must be a boolean"),
+        (
+            "omega_rad_s > 'x'",
+            "`omega_rad_s` is a number, but `'x'` is text; both must be of the same kind",
+        ),
+        ("campaign = \"x\"", "no column \"x\": write text in single quotes, 'x'"),
+        ("campaign + 1 > 2", "`campaign` is text, but must be a number"),
+        ("not campaign", "`campaign` is text, but must be a boolean"),
+        ("omega_rad_s in (1, 'x')", "both must be of the same kind"),
+        ("campaign like omega_rad_s", "`omega_rad_s` is a number, but must be text"),
         ("campaign like campaign", "needed a pattern such as"),
-        ("sqrt(omega_rad_s) > 1", "`sqrt(omega_rad_s)` is not supported: and, or, not"),
-        ("abs(campaign) > 1", "`campaign` is text, needed a number"),
-        ("abs(cycles, 2) > 1", "found `abs(cycles, 2)`, needed abs of a number"),
-        ("abs() > 1", "needed abs of a number"),
+        (
+            "sqrt(omega_rad_s) > 1",
+            "`sqrt(omega_rad_s)` is not supported; supported are and, or, not",
+        ),
+        ("abs(campaign) > 1", "`campaign` is text, but must be a number"),
+        ("abs(cycles, 2) > 1", "found `abs(cycles, 2)`, needed abs(..) of a number"),
+        ("abs() > 1", "needed abs(..) of a number"),
         ("omega_rad_s ^ 2 = 0", "`^` is not supported"),
         ("cycles = (select 1)", "is not supported"),
         ("omega_rad_s >", "Expected: an expression, found: EOF"),
-        ("omega_rad_s > 3 4", "found `4` after `omega_rad_s > 3`, needed and, or"),
+        ("omega_rad_s > 3 4", "found `4` after `omega_rad_s > 3`, needed `and` or `or`"),
         ("omega_rad_s > 3; drop table trials", "found `;` after"),
         ("campaign = 'x", "Unterminated string literal"),
         ("", "Expected: an expression"),
@@ -157,11 +163,11 @@ fn long_and_deep_conditions_are_errors_or_work() {
     assert!(!holds(&vec!["n=1"; 390].join(" or ")).unwrap());
     assert!(holds(&format!("n in ({}2)", "1,".repeat(3900))).unwrap());
     let too_deep = holds(&format!("{}1 > n", "1+".repeat(3900)));
-    assert!(too_deep.unwrap_err().contains("more than 400 terms; needed fewer"));
+    assert!(too_deep.unwrap_err().contains("more than 400 terms; use fewer"));
     let too_long = holds(&format!("{}1 > n", "1+".repeat(5000)));
-    assert!(too_long.unwrap_err().contains("needed 8000 at most"));
+    assert!(too_long.unwrap_err().contains("bytes, but at most 8000 are allowed"));
     for deep in ["(".repeat(3000), "not ".repeat(1900), "- ".repeat(3900)] {
-        // No more than the first thread of a program may have.
+        // As small as the stack of a program's main thread may be.
         let small = thread::Builder::new().stack_size(1 << 20);
         let found = thread::scope(|scope| {
             let thread = small.spawn_scoped(scope, || holds(&format!("{deep}n"))).unwrap();
@@ -172,7 +178,7 @@ fn long_and_deep_conditions_are_errors_or_work() {
 }
 
 #[test]
-fn rows_are_sorted_and_cut_after_the_condition() {
+fn rows_are_sorted_and_truncated_after_the_condition() {
     let folder = folder();
     let key = |column: &str, descending| (column.to_owned(), descending);
     let query = Query {
@@ -196,7 +202,7 @@ fn rows_are_sorted_and_cut_after_the_condition() {
 }
 
 #[test]
-fn patterns_stand_for_columns() {
+fn patterns_select_columns() {
     let folder = folder();
     let path = folder.path().join("trials.parquet");
     let names = |columns: &[&str]| {
@@ -208,11 +214,11 @@ fn patterns_stand_for_columns() {
     assert_eq!(names(&["?ycles", "*"]).unwrap()[..2], ["cycles", "campaign"]);
     assert_eq!(names(&["*"]).unwrap().len(), 5);
     let message = names(&["sigma*"]).unwrap_err().to_string();
-    assert!(message.contains("no column is like `sigma*`. There are campaign,"), "{message}");
+    assert!(message.contains("no column matches `sigma*`. The columns are campaign,"), "{message}");
 }
 
 #[test]
-fn tables_of_a_folder_are_one_with_the_name_of_each() {
+fn the_tables_of_a_folder_are_queried_as_one_table() {
     let folder = folder();
     let of = folder.path().join("poses");
     std::fs::create_dir(&of).unwrap();
@@ -235,7 +241,7 @@ fn tables_of_a_folder_are_one_with_the_name_of_each() {
     let sort = vec![("cycles".to_owned(), true), ("trial".to_owned(), true)];
     assert_eq!(trials(Query { sort, head: Some(2), ..Query::default() }), ["b12", "a12"]);
     assert_eq!(describe_all(&path).unwrap().rows, 8);
-    // Rows that nobody asked for are not read, only counted.
+    // Rows that are not needed are counted, but not read.
     let whole = std::fs::read(of.join("b.parquet")).unwrap();
     let footer = u32::from_le_bytes(*whole[..whole.len() - 4].last_chunk().unwrap()) as usize;
     let mut damaged = whole.clone();
@@ -251,7 +257,7 @@ fn tables_of_a_folder_are_one_with_the_name_of_each() {
 }
 
 #[test]
-fn json_has_null_for_what_is_missing() {
+fn missing_values_are_null_in_json() {
     let folder = folder();
     let query = Query {
         columns: ["omega_rad_s", "cycles", "used", "at_bound"].map(String::from).into(),
@@ -267,7 +273,7 @@ fn json_has_null_for_what_is_missing() {
 }
 
 #[test]
-fn what_is_missing_comes_last_upwards_and_downwards() {
+fn missing_values_come_last_in_either_order() {
     let numbers = df!("n" => [None, Some(2.5), Some(3.0), Some(f64::NAN), Some(-1.0)]).unwrap();
     for (descending, expected) in [(false, "-1 2.5 3 NaN "), (true, "3 2.5 -1 NaN ")] {
         let sorted = sorted(numbers.clone(), &[("n".to_owned(), descending)]).unwrap();
@@ -277,7 +283,7 @@ fn what_is_missing_comes_last_upwards_and_downwards() {
 }
 
 #[test]
-fn columns_of_other_programs_are_compared_as_what_they_hold() {
+fn columns_of_other_programs_are_compared_by_value() {
     let columns = ["big", "short", "x", "list"].map(|name| ColumnInfo {
         name: name.to_owned(),
         type_name: String::new(),

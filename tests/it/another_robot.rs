@@ -1,5 +1,4 @@
-//! A robot, markers and gaits that are not the paper's, from `pipeline.toml` and
-//! `trials.toml` alone.
+//! Tests of a robot with markers and gaits other than the paper's, defined by `pipeline.toml` and `trials.toml` alone.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,12 +12,12 @@ use trilink_tables::{Columns as _, FitRow, FitStatus, Table, TrialRow};
 
 use crate::common::{files, succeed, text, trilink};
 
-/// Bigger and heavier than the paper's robots, with the rear joint passive.
+/// Configuration of a robot that is larger and heavier than those of the paper, with a passive rear joint.
 const PIPELINE: &str = include_str!("../fixtures/trolley.toml");
 
 const CAMPAIGNS: [&str; 2] = ["pulled", "wriggling"];
 
-/// A folder with the robot's configuration and trials.
+/// Creates a folder with the configuration [`PIPELINE`] and synthetic trials of its robot.
 fn recorded() -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "pipeline.toml", PIPELINE);
@@ -47,7 +46,7 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
 
     let (mut trials, truth) = (trials(folder.path()), truth(folder.path()));
-    // Beside them a release of its rear joint and a coast-down.
+    // The trials include a release of the rear joint and a coast-down.
     assert_eq!(trials.len(), 6);
     trials.retain(|trial| trial.kind == TrialKind::Gait);
     assert_eq!(trials.len(), 4);
@@ -113,7 +112,7 @@ fn labels_in_the_layout_may_name_the_subject() {
     succeed(folder.path(), &["ingest", "raw/trolley"]);
     let by_marker = trials(folder.path());
 
-    // Two robots in view, whose markers have the same names: only the subject tells them apart.
+    // Two robots in view have markers with the same names, which only the subject distinguishes.
     for trial in &by_marker {
         let path = folder.path().join(format!("raw/trolley/{}.csv", trial.trial));
         let export = std::fs::read_to_string(&path).expect("a marker file");
@@ -150,7 +149,7 @@ fn labels_in_the_layout_may_name_the_subject() {
     }
 }
 
-/// Names of the demo and others, those of campaigns first, because they have the others' in them.
+/// Names used in the demo and their replacements. Campaign names come first, because they contain other names.
 const RENAMED: [(&str, &str); 8] = [
     ("kinematic-skewed", "zigzag"),
     ("kinematic-symmetric", "meander"),
@@ -162,12 +161,12 @@ const RENAMED: [(&str, &str); 8] = [
     ("skewed", "slanted"),
 ];
 
-/// The reports of the demo at a few frequencies, after its settings and its trials' names, files and
-/// lists were changed so.
+/// Returns the reports of the demo at two frequencies, after `renamed` has replaced names in the paths and contents of
+/// its configuration, lists of trials and marker files.
 fn demo_of(renamed: impl Fn(String) -> String) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut config = Config::default();
     (config.fit.starts, config.fit.bootstrap) = (2, 2);
-    // The last two of each.
+    // Keep only the last two models of each campaign.
     config.campaign.values_mut().for_each(|campaign| drop(campaign.models.drain(..2)));
     let settings = toml::to_string(&config).expect("a configuration is TOML");
     let (written, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
@@ -189,7 +188,7 @@ fn the_demo_under_other_names_has_the_same_figures_panel_for_panel_and_value_for
         demo_of(|text| RENAMED.iter().fold(text, |text, (old, new)| text.replace(old, new)));
     let by_old_names =
         |bytes: &[u8]| RENAMED.iter().fold(text(bytes), |text, (old, new)| text.replace(new, old));
-    // In these panels and layers follow each other by the campaigns' names.
+    // In these files, panels and layers are sorted by the names of the campaigns.
     let is_by_name = |name: &Path| name.ends_with("truth.csv") || name.ends_with("work.csv");
     let values = |(name, bytes): (&PathBuf, &Vec<u8>)| {
         let csv = by_old_names(bytes);
@@ -209,8 +208,8 @@ fn the_demo_under_other_names_has_the_same_figures_panel_for_panel_and_value_for
     for (values, name) in &known_tables {
         assert!(found_tables.contains_key(values), "no figure has what {name} has");
     }
-    // Panels, keys of legends, series, points with trials and bands, on every page but the
-    // scorecard's, which is the paper's.
+    // Count panels, legend keys, series, points with trials, and bands on every page except the scorecard, which
+    // belongs to the paper.
     let pages = |files: &BTreeMap<PathBuf, Vec<u8>>| -> BTreeMap<String, [usize; 5]> {
         let is_page = |name: &Path| name.starts_with("trials") || name == Path::new("index.html");
         let count = |(name, page): (&PathBuf, &Vec<u8>)| {

@@ -1,5 +1,5 @@
-//! Bad input by the command line: what is wrong is named, the rest is done, nothing panics and
-//! nothing half-written stays.
+//! Tests with bad input: the program reports the cause, processes the rest, does not panic, and leaves no partial
+//! files.
 
 use std::fs;
 use std::io::Write as _;
@@ -27,10 +27,10 @@ models = ["no-skid", "skid-roll"]
 weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
 "#;
 
-/// A folder with two sound trials, to be damaged.
+/// Folder with two valid trials that tests damage.
 struct Folder(TempDir);
 
-/// How a command ended.
+/// Outcome of a command.
 struct Ended {
     status: Option<i32>,
     errors: String,
@@ -44,7 +44,7 @@ impl Folder {
             folder.write("pipeline.toml", CONFIG.as_bytes());
             let ended = folder.trilink(&["synth", "raw/x", "--omega", "3.5,3.9", "--seed", "1"]);
             assert_eq!(ended.status, Some(0), "{}", ended.errors);
-            // The coast-down is not one of the two.
+            // The coast-down is not one of the two trials.
             let list = fs::read_to_string(folder.path(TRIALS)).unwrap();
             let third = list.match_indices("[[trial]]").nth(2).unwrap().0;
             folder.write(TRIALS, &list.as_bytes()[..third]);
@@ -75,7 +75,7 @@ impl Folder {
         self.write(name, text.replacen(old, new, 1).as_bytes());
     }
 
-    /// Runs the program here; whatever happens, it neither panics nor leaves half a file.
+    /// Runs the program in the folder, and asserts that it neither panics nor leaves a partial file.
     fn trilink(&self, arguments: &[&str]) -> Ended {
         let output = Command::new(env!("CARGO_BIN_EXE_trilink"))
             .args(["-q", "-c", "pipeline.toml"])
@@ -89,7 +89,8 @@ impl Folder {
         Ended { status: output.status.code(), errors }
     }
 
-    /// One trial failed for the reason that `named` gives; the other has its tables.
+    /// Asserts that the damaged trial failed with a message that contains all strings in `named`, and that the tables
+    /// of the sound trial exist.
     fn assert_other_trial_done(&self, named: &[&str]) {
         let trials = Table::read(&self.path("derived/trials.parquet")).unwrap();
         assert_eq!(trials.values::<String>("trial").unwrap(), [BAD, GOOD]);
@@ -122,7 +123,8 @@ fn assert_names(message: &str, named: &[&str]) {
     }
 }
 
-/// Ingest ends with 1, names what is wrong, and does the other trial.
+/// Asserts that, after `damage` to one of two trials, `ingest` exits with status 1, prints all strings in `named`, and
+/// processes the other trial.
 fn assert_one_fails(damage: impl FnOnce(&Folder), named: &[&str]) {
     let folder = Folder::new();
     damage(&folder);
@@ -133,7 +135,7 @@ fn assert_one_fails(damage: impl FnOnce(&Folder), named: &[&str]) {
     folder.assert_other_trial_done(named);
 }
 
-/// A command ends with 2 and names what is wrong.
+/// Asserts that, after `damage` to the folder, a command exits with status 2 and prints all strings in `named`.
 fn assert_nothing_done(damage: impl FnOnce(&Folder), command: &str, named: &[&str]) {
     let folder = Folder::new();
     damage(&folder);
@@ -166,8 +168,8 @@ fn a_marker_file_that_cannot_be_used_is_named_and_the_other_trial_is_done() {
 #[test]
 fn what_is_wrong_inside_a_marker_file_is_named_with_line_and_label() {
     let cases: [(&str, &str, &[&str]); 5] = [
-        ("-276.639", "oops", &["line 7, column 3 (Snake:M1 X)", "`oops`", "a number of mm"]),
-        ("-276.639", "nan", &["line 7, column 3 (Snake:M1 X)", "`nan`", "a number of mm"]),
+        ("-276.639", "oops", &["line 7, column 3 (Snake:M1 X)", "`oops`", "a number (in mm)"]),
+        ("-276.639", "nan", &["line 7, column 3 (Snake:M1 X)", "`nan`", "a number (in mm)"]),
         ("\n120\r", "\n100\r", &["100 Hz", "120 Hz", "vicon.rate_hz", "rate_from_file"]),
         ("Snake:F2", "Snake:F9", &["no marker `F2`", "markers.link1", "Snake:F9"]),
         ("Snake:M4", "Other:M1", &["`Snake:M1`, `Other:M1`", "`Subject:Marker`"]),
@@ -182,9 +184,16 @@ fn a_damaged_c3d_file_is_named_and_the_other_trial_is_done() {
     let whole = fs::read("tests/fixtures/nexus.c3d").unwrap();
     let cases: [(&[u8], &[&str]); 4] = [
         (b"", &["a.c3d", "found no C3D header"]),
-        (&whole[..600], &["a.c3d", "a cut or damaged parameter section"]),
-        (&whole[..1100], &["a.c3d", "found 1 of 2 frames", "is the copy complete?"]),
-        (&whole, &["a.c3d", "found 8 of the 10 markers", "`Snake:M1`"]),
+        (&whole[..600], &["a.c3d", "a truncated or damaged parameter section"]),
+        (&whole[..1100], &["a.c3d", "found 1 of 2 frames", "is the copy of the file complete?"]),
+        (
+            &whole,
+            &[
+                "a.c3d",
+                "8 of the 10 markers of pipeline.toml's [markers] are not in the file",
+                "`Snake:M1`",
+            ],
+        ),
     ];
     for (bytes, named) in cases {
         let damage = |folder: &Folder| {
@@ -214,7 +223,7 @@ fn a_c3d_file_that_contradicts_itself_is_flagged_or_refused_with_all_numbers() {
         let own = rows.filter(|((trial, check), _)| trial == BAD && check.starts_with("W027"));
         (ended, own.map(|(_, message)| message).collect::<Vec<_>>())
     };
-    // In place of a name or a number of the parameters.
+    // Values that replace the name or the number of parameters.
     let edited = |name: &'static [u8], at: usize, bytes: &'static [u8]| {
         move |file: &mut Vec<u8>| {
             let found = file.windows(name.len()).position(|window| window == name).unwrap();
@@ -231,15 +240,15 @@ fn a_c3d_file_that_contradicts_itself_is_flagged_or_refused_with_all_numbers() {
 
     type Change<'c> = &'c dyn Fn(&mut Vec<u8>);
     let flagged: [(Change, &[&str]); 4] = [
-        (&|file| file[2] = 9, &["10 (POINT:USED) and 9 (header word 2), took 10"]),
-        (&|file| file[4] = 7, &["0 (ANALOG:USED x", "7 (header word 3), took 0"]),
+        (&|file| file[2] = 9, &["10 (POINT:USED) and 9 (header word 2), used 10"]),
+        (&|file| file[4] = 7, &["0 (ANALOG:USED x", "7 (header word 3), used 0"]),
         (
             &|file| file[20..24].copy_from_slice(&100.0_f32.to_le_bytes()),
-            &["frame rate, Hz: found 120 (POINT:RATE) and 100 (header words 11 and 12), took 120"],
+            &["frame rate, Hz: found 120 (POINT:RATE) and 100 (header words 11 and 12), used 120"],
         ),
         (
             &edited(b"\x05\x01UNITS", 6, b"X"),
-            &["unit: found none (POINT:UNITS), took mm (vicon.unit)"],
+            &["unit: found none (POINT:UNITS), used mm (vicon.unit)"],
         ),
     ];
     for (change, named) in flagged {
@@ -248,7 +257,7 @@ fn a_c3d_file_that_contradicts_itself_is_flagged_or_refused_with_all_numbers() {
         assert_names(&told[0], named);
         assert_eq!(distance(), right, "{named:?}");
     }
-    // As integers of two scales, of which nobody knows which is right.
+    // Integers with two contradictory scales.
     let (ended, _) = of(&|file| {
         file[12..16].copy_from_slice(&0.05_f32.to_le_bytes());
         edited(b"\x05\x01SCALE", 11, &[0x0a, 0xd7, 0xa3, 0x3c])(file);
@@ -266,7 +275,7 @@ fn a_c3d_file_that_contradicts_itself_is_flagged_or_refused_with_all_numbers() {
 fn a_file_that_a_spreadsheet_took_the_decimal_points_of_is_refused_by_its_cause() {
     let lose = |folder: &Folder| {
         let text = fs::read_to_string(folder.path(BAD_FILE)).unwrap();
-        // As it takes -276.716 for a number with a point of thousands, but not 603.46.
+        // Simulates a spreadsheet that takes -276.716 for an integer with a thousands separator, but not 603.46.
         let cell = |cell: &str| match cell.split_once('.') {
             Some((whole, part)) if part.len() == 3 && whole.len() <= 4 => format!("{whole}{part}"),
             _ => cell.to_owned(),
@@ -293,7 +302,7 @@ fn a_robot_that_never_moves_is_said_not_to_swing() {
     };
     assert_one_fails(
         freeze,
-        &["3.50-r1.csv", "found joints that swing by at most 0.", "is kind right in trials.toml"],
+        &["3.50-r1.csv", "the joints swing by at most 0.", "is `kind` correct in trials.toml"],
     );
 }
 
@@ -309,7 +318,7 @@ fn a_wrong_value_of_one_trial_is_named_with_its_key_and_fails_only_that_trial() 
         ("omega_rad_s = 3.5", "omega_rad_s = nan", &["`omega_rad_s`", "found NaN"]),
         ("omega_rad_s = 3.5", "", &["`omega_rad_s`", "found nothing", "0.01 to 1000"]),
         ("omega_rad_s = 3.5", "omega_rad_s = 1e300", &["`omega_rad_s`", "0.01 to 1000"]),
-        ("omega_rad_s = 3.5", "omega_rad_s = 900.0", &["3.50-r1.csv", "is omega_rad_s right?"]),
+        ("omega_rad_s = 3.5", "omega_rad_s = 900.0", &["3.50-r1.csv", "is omega_rad_s correct?"]),
         ("omega_rad_s = 3.5", window, &["`smoothing_window`", "found 3", "5 to 30"]),
     ];
     for (old, new, named) in cases {
@@ -386,14 +395,14 @@ fn a_model_that_is_not_configured_or_wrongly_so_is_named() {
         (
             "[fit]",
             "[model.\"../skid\"]\nskid = \"none\"\nroll = \"none\"\nfree = []\n[fit]",
-            &["key `model`: found \"../skid\"", "needed 1 to 64 characters"],
+            &["key `model`: found \"../skid\"", "needed 1 to 64 visible characters"],
         ),
     ];
     for (old, new, named) in cases {
         let change = |folder: &Folder| folder.replace("pipeline.toml", old, new);
         assert_nothing_done(change, "run", named);
     }
-    // What a campaign's models need of its robot.
+    // Robot parameters that the campaign's models need.
     let own = "models = [\"ours\"]";
     let model = "[model.ours]\nskid = \"coulomb\"\nroll = \"coulomb\"\n[fit]";
     let change = |folder: &Folder| {
@@ -426,11 +435,11 @@ fn what_a_model_cannot_leave_free_is_named() {
         ),
         (
             "no-skid = [\"roll\"]",
-            &["free.no-skid", "found \"roll\"", "roll = \"none\"", "knows: nothing"],
+            &["free.no-skid", "found \"roll\"", "roll = \"none\"", "passive joint: none"],
         ),
         (
             "skid-roll = [\"stiffness\"]",
-            &["free.skid-roll", "found \"stiffness\"", "no passive joint knows: skid0, "],
+            &["free.skid-roll", "found \"stiffness\"", "no passive joint: skid0, "],
         ),
         ("skid-roll = [\"skid\", \"skid1\"]", &["free.skid-roll", "each coefficient once"]),
     ];
@@ -442,8 +451,12 @@ fn what_a_model_cannot_leave_free_is_named() {
     let own =
         "[model.mine]\nskid = \"none\"\nroll = \"viscous\"\nfree = [\"roll\", \"skid2\"]\n[fit]";
     let add = |folder: &Folder| folder.replace("pipeline.toml", "[fit]", own);
-    let named =
-        ["`model.mine.free`", "found \"skid2\"", "`mine` (skid = \"none\"", "knows: roll0, "];
+    let named = [
+        "`model.mine.free`",
+        "found \"skid2\"",
+        "`mine` (skid = \"none\"",
+        "passive joint: roll0, ",
+    ];
     assert_nothing_done(add, "run", &named);
     let weigh = |folder: &Folder| {
         let nothing = "d = 0.0, v = 0.0, sigma = 0.0, alpha = 0.0";
@@ -496,10 +509,13 @@ fn a_marker_file_that_was_copied_in_part_fails() {
         let whole = fs::read(folder.path(BAD_FILE)).unwrap();
         let row = whole.len() * 3 / 4;
         let end = row + whole[row..].iter().position(|&byte| byte == b'\n').unwrap();
-        // Some way into the next row.
+        // Cut the file within the next row.
         folder.write(BAD_FILE, &whole[..end + 40]);
     };
-    assert_one_fails(cut, &["3.50-r1.csv, line ", "the file's end", "is the copy complete?"]);
+    assert_one_fails(
+        cut,
+        &["3.50-r1.csv, line ", "the end of the file", "is the copy of the file complete?"],
+    );
 }
 
 #[test]
@@ -545,7 +561,7 @@ fn packed_files_and_other_frame_rates_are_taken_where_allowed() {
     folder.replace(TRIALS, &format!("{BAD}.csv"), &format!("{BAD}.csv.gz"));
     assert_eq!(folder.trilink(&["ingest"]).status, Some(0));
 
-    // Lines that end by CR alone, and labels in Windows-1252.
+    // Lines that end with CR alone, and labels in Windows-1252.
     let folder = Folder::new();
     let text = fs::read_to_string(folder.path(BAD_FILE)).unwrap();
     let text = text.replace("\r\n", "\r").replace("Snake:", "Schl\u{e4}nge:");
@@ -561,7 +577,7 @@ fn packed_files_and_other_frame_rates_are_taken_where_allowed() {
     assert_eq!(ended.status, Some(0), "{}", ended.errors);
 }
 
-/// Writes fits of campaigns that are named by numbers.
+/// Writes a table of fits to campaigns whose names are numbers.
 fn write_fits(path: &Path, campaigns: impl Iterator<Item = usize>) {
     let fit = |campaign: usize| FitRow { campaign: campaign.to_string(), ..FitRow::blank() };
     let made = Provenance { input: String::new() };
@@ -575,12 +591,13 @@ fn a_fit_that_stands_twice_in_a_table_is_refused() {
     write_fits(&path, [1, 2, 3, 2].into_iter());
     let reader = Reader::default();
     let model = FitRow::blank().model;
-    let twice = format!("column `campaign, model`: found `2 {model}` twice, needed each once");
+    let twice =
+        format!("column `campaign, model`: found `2 {model}` twice, needed each value once");
     let message = reader.rows::<FitRow>(&path).unwrap_err().to_string();
     assert!(message.ends_with(&twice), "{message}");
-    let message = reader.bearable_table(&path).unwrap_err().to_string();
+    let message = reader.bounded_table(&path).unwrap_err().to_string();
     assert!(message.ends_with(&twice), "{message}");
-    // Whoever looks into it sees all.
+    // Inspection shows all rows.
     assert_eq!(reader.table(&path).unwrap().len(), 4);
 }
 
@@ -590,13 +607,13 @@ fn a_table_with_more_rows_than_it_may_have_is_refused_before_it_is_read() {
     let path = folder.path().join("fits.parquet");
     let read = |rows: usize| {
         write_fits(&path, 0..rows);
-        Reader::default().bearable_table(&path)
+        Reader::default().bounded_table(&path)
     };
     assert_eq!(read(1_000).unwrap().len(), 1_000);
     let message = read(1_001).unwrap_err().to_string();
-    assert!(message.ends_with("found 1001 rows, needed at most 1000"), "{message}");
-    // By a name that it is not known by it is somebody's own.
+    assert!(message.ends_with("found 1001 rows, but at most 1000 are allowed"), "{message}");
+    // A file of another name is not taken for one of the program's tables.
     let own = path.with_file_name("own.parquet");
     fs::rename(&path, &own).unwrap();
-    assert_eq!(Reader::default().bearable_table(&own).unwrap().len(), 1_001);
+    assert_eq!(Reader::default().bounded_table(&own).unwrap().len(), 1_001);
 }

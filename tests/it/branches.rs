@@ -1,4 +1,4 @@
-//! Branches of steady motions over a parameter.
+//! Tests of branches of steady-state motions along a parameter.
 
 use std::cell::Cell;
 use std::f64::consts::TAU;
@@ -12,7 +12,8 @@ use trilink_robot::{Gait, JointCommand, Robot};
 
 use crate::common::{succeed, text, trilink};
 
-/// The paper's simulated semi-passive robot with next to no damping of its joint.
+/// Returns the steady-state problem of the paper's simulated semi-passive robot with almost no damping in its passive
+/// joint.
 fn semi_passive(omega_rad_s: f64) -> Problem {
     Problem {
         robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
@@ -22,19 +23,20 @@ fn semi_passive(omega_rad_s: f64) -> Problem {
     }
 }
 
-/// The same without roll resistance: slowly, it moves in one of two ways.
+/// Returns the steady-state problem of the paper's simulated semi-passive robot, almost without damping and without
+/// rolling resistance. It has two stable motions at low frequencies.
 fn without_roll_resistance(omega_rad_s: f64) -> Problem {
     Problem { laws: Laws::SKID, ..semi_passive(omega_rad_s) }
 }
 
-/// A robot that comes back to where it was every second cycle only at 3.5473 rad/s.
+/// Returns the steady-state problem of a robot that has a period-doubled motion at 3.5473 rad/s.
 fn doubling(omega_rad_s: f64) -> Problem {
     let command = JointCommand::new(0.8137, 0.2838, 2.662);
     Problem {
         robot: Robot {
-            h_m: 0.1695,
-            l_m: 0.1551,
-            b_m: 0.02867,
+            h_m: [0.1695; 2],
+            l_m: [0.1551; 2],
+            b_m: [0.02867; 2],
             mass_kg: [2.93, 0.196, 0.2922],
             inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
             roll_kg_s: [0.0; 3],
@@ -71,7 +73,7 @@ fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stabili
         assert_eq!(point.status.is_stable(), is_stable, "{point:?}");
         assert!(point.metrics.dtheta_rad.abs() < 1e-12, "{point:?}");
     }
-    // Each motion of the branch is the one that the robot reaches from rest, or its mirror image.
+    // Each motion of the branch, or its mirror image, is the one that the robot reaches from rest.
     let far = broken.points.iter().filter(|of| of.value > 11.46);
     let chosen: Vec<_> = far.step_by(5).collect();
     assert!(chosen.len() > 2, "{} points", broken.points.len());
@@ -100,8 +102,8 @@ fn a_branch_is_followed_through_folds() {
     for fold in &folds {
         assert!((fold.floquet - 1.0).abs() < 1e-5, "{fold:?}");
     }
-    // Between them there are three motions, the one between the others unstable; the robot goes on
-    // in the one or the other, by where it comes from.
+    // Between the folds there are three motions. The middle one is unstable; which of the other two the robot reaches
+    // depends on its history.
     let crosses = |pair: &[BranchPoint]| (pair[0].value < 0.356) != (pair[1].value < 0.356);
     let crossings: Vec<_> = branch.points.windows(2).filter(|pair| crosses(pair)).collect();
     let stable = crossings.iter().map(|pair| pair[0].status.is_stable());
@@ -134,7 +136,7 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
     let near_it =
         |point: &&BranchPoint| point.status == MotionStatus::Stable && point.floquet < 0.9;
     let point = doubled.points.iter().find(near_it).unwrap();
-    // Followed from rest, the robot goes twice as far in two cycles.
+    // Simulated from rest, the robot travels twice the d of the branch in two cycles.
     let problem = doubling(point.value);
     let period_s = TAU / problem.omega_rad_s;
     let path = problem.transient(600.5 * period_s, 1.0 / period_s, 1e-9).unwrap();
@@ -142,7 +144,7 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
         let [from, to] = [path[from], path[to]];
         ((to[0] - from[0]).hypot(to[1] - from[1]), to[2] - from[2])
     };
-    // From one of two poses that differ.
+    // A pair of cycles can start from either of two poses.
     let (ways, dtheta_rad) = ([way(596, 598).0, way(597, 599).0], way(596, 598).1);
     assert!(ways.iter().any(|d_m| near(0.5 * d_m, point.metrics.d_m, 1e-5)), "{ways:?} {point:?}");
     assert!((0.5 * dtheta_rad - point.metrics.dtheta_rad).abs() < 1e-6, "{dtheta_rad} {point:?}");
@@ -179,9 +181,7 @@ fn branches_prints_what_it_meets_and_writes_all_points_and_a_figure() {
     let others = ["--omega", "11.5", "--set", "stiffness_nm_rad=0.188"];
     let files = ["--table", "branches.parquet", "--figure", "branches.svg"];
     let table = succeed(folder.path(), &[&arguments[..], &others, &files].concat());
-    for part in
-        ["damping_nm_s_rad", "the first motion", "symmetry-breaking", "the end of the range"]
-    {
+    for part in ["damping_nm_s_rad", "first motion", "symmetry-breaking", "the end of the range"] {
         assert!(table.contains(part), "{part}: {table}");
     }
     let svg = std::fs::read_to_string(folder.path().join("branches.svg")).unwrap();
@@ -224,19 +224,22 @@ fn numbers_of_the_gait_and_sums_can_vary_as_settings_set_them() {
 }
 
 #[test]
-fn what_cannot_vary_is_named() {
+fn invalid_parameters_of_branches_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     for (over, named) in [
         (vec!["omega_rad=1..2"], "found `omega_rad`, needed `omega_rad_s` or one of"),
-        (vec!["skid1_kg_s=1..2"], "--omega: needed, `skid1_kg_s` varies"),
-        (vec!["omega_rad_s=-1..2"], "found -1, needed a frequency above 0"),
-        (vec!["omega_rad_s=1..2", "--omega", "3"], "`--over omega_rad_s` varies it already"),
-        (vec!["h_m=-0.1..0.2", "--omega", "3"], "h_m"),
         (
-            vec!["offset2_deg=0..10", "--omega", "3"],
-            "at offset2_deg=0 the motion is its own mirror",
+            vec!["skid1_kg_s=1..2"],
+            "--omega: this option is required, because `--over` varies `skid1_kg_s`",
         ),
-        (vec!["rest_angle_deg=0..10", "--omega", "3"], "needed a range that does not begin there"),
+        (vec!["omega_rad_s=-1..2"], "found -1, needed a frequency above 0"),
+        (
+            vec!["omega_rad_s=1..2", "--omega", "3"],
+            "the frequency cannot be fixed, because `--over omega_rad_s` varies it",
+        ),
+        (vec!["h_m=-0.1..0.2", "--omega", "3"], "h_m"),
+        (vec!["offset2_deg=0..10", "--omega", "3"], "the motion at offset2_deg=0 is symmetric"),
+        (vec!["rest_angle_deg=0..10", "--omega", "3"], "start the range at another value"),
         (vec!["offset1_deg=1..10", "--omega", "3"], "found `offset1_deg`, needed"),
     ] {
         let mut arguments = vec!["branches", "semi-passive-symmetric", "--over"];

@@ -1,4 +1,4 @@
-//! What the program does, seen from its command line.
+//! Tests of the command line.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -50,18 +50,18 @@ const FIGURES: [&str; 27] = [
     "truth",
 ];
 
-/// What the demo's folder has beside its gaits.
+/// Names of the demo's trials that are not gaits.
 const DECAYS: [&str; 3] =
     ["kinematic-coast-down-r1", "semi-passive-joint-release-r1", "semi-passive-coast-down-r1"];
 
-/// A demo that has run.
+/// Demo with its results.
 struct Demo {
     folder: TempDir,
     stdout: String,
     stderr: String,
 }
 
-/// The demo that the tests look at; none of them changes it.
+/// Returns the demo that the tests share; no test changes it.
 fn demo() -> &'static Demo {
     static DEMO: OnceLock<Demo> = OnceLock::new();
     DEMO.get_or_init(|| {
@@ -75,14 +75,14 @@ fn demo() -> &'static Demo {
     })
 }
 
-/// Two of the paper's campaigns with two models each.
+/// Returns the configuration for two of the paper's campaigns with two models each.
 fn settings() -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| CAMPAIGNS.contains(&name.as_str()));
     for campaign in config.campaign.values_mut() {
         campaign.models = vec![Model::NO_SKID, Model::SKID_ROLL];
     }
-    // The symmetric gait as measured crosses a singular shape without skid.
+    // The measured symmetric gait crosses a singular shape, so that no motion without skid exists.
     config.fit.gait_input = GaitInput::Commanded;
     config.fit.starts = 2;
     config
@@ -102,7 +102,7 @@ fn empty_folder() -> TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// A folder with the demo's trials and configuration and nothing made of them.
+/// Creates a folder with the trials and configuration of the demo, but without results.
 fn fresh_copy() -> TempDir {
     let folder = empty_folder();
     write(folder.path(), "pipeline.toml", toml_of(&settings()));
@@ -132,13 +132,14 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 #[test]
 fn the_demo_leaves_every_table_figure_and_record_and_nothing_else() {
     let mut expected = BTreeSet::new();
-    const OF_FITS: [&str; 9] = [
+    const OF_FITS: [&str; 10] = [
         "fits",
         "alternative_fits",
         "starts",
         "profiles",
         "bootstrap",
         "comparison",
+        "precision",
         "predictions",
         "residuals",
         "shared_fits",
@@ -198,8 +199,7 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
         let words: Vec<&str> = lines[1 + i].split_whitespace().collect();
         assert_eq!(words[..2], [campaign, model]);
     }
-    // Whether a model fits stands beside its objective, and a coefficient of one that does not is
-    // marked.
+    // The table states whether a model is adequate, and marks the coefficients of inadequate models.
     let fits = json(&demo().folder.path().join("reports/fits.json"));
     for (fit, line) in fits.as_array().expect("fits").iter().zip(&lines[1..]) {
         let is_free = !fit["free"].as_array().expect("a list").is_empty();
@@ -217,7 +217,7 @@ fn the_demo_ends_with_the_fits_and_where_the_page_is() {
 }
 
 #[test]
-fn the_demo_shows_what_releases_and_coast_downs_say_beside_the_configuration() {
+fn the_demo_prints_measured_parameters_next_to_the_configured_ones() {
     let measured = derived("robot_parameters.parquet");
     assert_eq!(measured.values::<String>("trial").expect("names"), DECAYS);
     for (i, trial) in DECAYS.into_iter().enumerate() {
@@ -235,7 +235,10 @@ fn the_demo_shows_what_releases_and_coast_downs_say_beside_the_configuration() {
                 continue;
             };
             assert!(near(found, known, bound), "{trial} {column}: {found} {known}");
-            let words: Vec<&str> = line.expect("a line").split_whitespace().collect();
+            let (line, basis) =
+                line.and_then(|line| line.split_once("  no repeats: ")).expect(name);
+            assert!(basis.starts_with("errors from noise alone"), "{basis}");
+            let words: Vec<&str> = line.split_whitespace().collect();
             assert_eq!(words[words.len() - 3], format!("{found:.5}"));
             assert_eq!(words[words.len() - 1], format!("{known:.5}"));
         }
@@ -266,7 +269,12 @@ fn the_tables_have_the_documented_columns() {
         let names = parameters.split_whitespace().map(|name| format!("{prefix}{name}"));
         names.collect::<Vec<_>>().join(" ")
     };
-    let limits = |name: &str| format!("{name}_lo {name}_hi {name}_scatter {name}_systematic");
+    let limits = |name: &str| {
+        format!(
+            "{name}_lo {name}_hi {name}_scatter {name}_systematic {name}_u_a {name}_u_b {name}_dof \
+             {name}_coverage_factor"
+        )
+    };
     let limits = parameters.split_whitespace().map(limits).collect::<Vec<_>>().join(" ");
     let of_law = |law: &str| {
         let values = "roll_sum_kg_s roll_dry_sum_n stiffness_nm_rad damping_nm_s_rad joint_dry_nm";
@@ -286,10 +294,10 @@ fn the_tables_have_the_documented_columns() {
         "campaign model gait_input {parameters} {limits} no_interval no_interval_of free measured identifiable \
          practically_not structurally_not law_is_like law_is_like0_kg_s law_is_like1_kg_s law_is_like2_kg_s at_bound j lack_of_fit lack_of_fit_limit \
          lack_of_fit_d lack_of_fit_v lack_of_fit_sigma lack_of_fit_alpha \
-         autocorrelation autocorrelation_limit runs runs_limit adequate {misfit} misfit_rms_d misfit_rms_v misfit_rms_sigma0 misfit_rms_sigma1 \
-         misfit_rms_sigma2 misfit_rms_alpha1 sharing raw_skid_trials missing_metrics \
-         few_frequencies \
-         trials starts starts_reached starts_failed resumed solves status"
+         autocorrelation autocorrelation_limit runs runs_limit adequate undecided undecided_of {misfit} misfit_rms_d misfit_rms_v misfit_rms_sigma0 misfit_rms_sigma1 \
+         misfit_rms_sigma2 misfit_rms_alpha1 sharing raw_skid_trials unlike_repeats missing_metrics \
+         few_frequencies single_day \
+         trials starts starts_reached starts_failed resumed solves status failure"
     );
     for (name, columns) in [
         (
@@ -313,28 +321,32 @@ fn the_tables_have_the_documented_columns() {
         ),
         (
             "trials.parquet".to_owned(),
-            "trial folder id file campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
+            "trial folder day id file campaign kind omega_commanded_rad_s omega_rad_s omega_rad_s_se cycles d_m \
              d_m_se v_m_s v_m_s_se sigma0 sigma0_se sigma1 sigma1_se sigma2 sigma2_se \
              sigma0_debiased sigma0_debiased_se sigma1_debiased sigma1_debiased_se \
              sigma2_debiased sigma2_debiased_se alpha1_rad alpha1_rad_se dtheta_rad \
              dtheta_rad_se phi1_offset_rad phi1_amplitude_rad phi1_phase_rad \
              phi1_harmonics_rad phi1_offset_rad_se phi1_amplitude_rad_se phi1_phase_rad_se \
              phi2_offset_rad phi2_amplitude_rad phi2_phase_rad phi2_harmonics_rad \
-             phi2_offset_rad_se phi2_amplitude_rad_se phi2_phase_rad_se coverage residual_mm noise_white smoothing_window smoothing_left1 \
+             phi2_offset_rad_se phi2_amplitude_rad_se phi2_phase_rad_se heading_rad coverage residual_mm noise_white smoothing_window smoothing_left1 \
              smoothing_left2 smoothing_left3 status message"
                 .to_owned(),
         ),
         (
             "robot_parameters.parquet".to_owned(),
             format!(
-                "trial kind robot law joint inertia_kg_m2 natural_rad_s natural_rad_s_se damping_ratio \
-             damping_ratio_se damping_ratio_decrement damping_ratio_decrement_se rest_angle_rad \
-             rest_angle_rad_se rest_angle_configured_rad released_s decay_cosine_rad \
-             decay_sine_rad stiffness_nm_rad stiffness_nm_rad_se stiffness_configured_nm_rad damping_nm_s_rad damping_nm_s_rad_se \
-             damping_configured_nm_s_rad joint_dry_nm joint_dry_nm_se mass_kg decay_1_s decay_1_s_se \
-             roll_sum_kg_s roll_sum_kg_s_se roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s \
-             roll1_kg_s_se roll2_kg_s roll2_kg_s_se roll_dry_sum_n roll_dry_sum_n_se roll_dry_sum_configured_n {laws} \
-             misfit_over_noise_limit f_limit status"
+                "trial kind robot law joint inertia_kg_m2 natural_rad_s natural_rad_s_se \
+                 damping_ratio damping_ratio_se damping_ratio_decrement \
+                 damping_ratio_decrement_se rest_angle_rad rest_angle_rad_se \
+                 rest_angle_configured_rad released_s decay_cosine_rad decay_sine_rad \
+                 stiffness_nm_rad stiffness_nm_rad_se stiffness_configured_nm_rad \
+                 damping_nm_s_rad damping_nm_s_rad_se damping_configured_nm_s_rad joint_dry_nm \
+                 joint_dry_nm_se mass_kg decay_1_s decay_1_s_se roll_sum_kg_s roll_sum_kg_s_se \
+                 roll_sum_configured_kg_s roll0_kg_s roll0_kg_s_se roll1_kg_s roll1_kg_s_se \
+                 roll2_kg_s roll2_kg_s_se roll_dry_sum_n roll_dry_sum_n_se \
+                 roll_dry_sum_configured_n heading_rad roll_correlation slope_along_rad \
+                 slope_along_rad_se slope_x_rad slope_x_rad_se slope_y_rad slope_y_rad_se \
+                 slope_status pooled_trials {laws} misfit_over_noise_limit f_limit repeats status"
             ),
         ),
         ("checks.parquet".to_owned(), "trial check severity value limit message".to_owned()),
@@ -370,6 +382,12 @@ fn the_tables_have_the_documented_columns() {
                 .to_owned(),
         ),
         (
+            "precision.parquet".to_owned(),
+            "campaign metric trials days repeatability repeatability_dof reproducibility reproducibility_dof \
+             no_repeatability no_reproducibility"
+                .to_owned(),
+        ),
+        (
             "predictions.parquet".to_owned(),
             format!(
                 "campaign model trial omega_rad_s source {} no_interval no_interval_of j status from_rest",
@@ -378,7 +396,7 @@ fn the_tables_have_the_documented_columns() {
         ),
         (
             "residuals.parquet".to_owned(),
-            "campaign model trial omega_rad_s metric measured predicted residual standard_error \
+            "campaign model trial omega_rad_s metric measured predicted residual standard_error noise \
              residual_standard_errors"
                 .to_owned(),
         ),
@@ -387,7 +405,7 @@ fn the_tables_have_the_documented_columns() {
         let found = table.frame.get_column_names();
         let expected: Vec<&str> = columns.split_whitespace().collect();
         assert_eq!(found, expected, "{name}");
-        // The demo does not ask for fits across campaigns.
+        // The demo has no fits to several campaigns.
         assert_eq!(table.is_empty(), name == SHARED, "{name}");
     }
 }
@@ -453,7 +471,7 @@ fn predictions_are_at_the_trials_frequencies_and_on_a_finer_grid() {
 }
 
 #[test]
-fn a_sentence_says_which_model_the_data_of_a_campaign_prefer() {
+fn a_sentence_states_the_preferred_model_of_a_campaign() {
     let page = demo().folder.path().join("reports/index.html");
     let page = std::fs::read_to_string(page).expect("the page").replace("&#x2f;", "/");
     let fits = FitRow::from_table(&derived("fits.parquet")).expect("fits");
@@ -463,15 +481,16 @@ fn a_sentence_says_which_model_the_data_of_a_campaign_prefer() {
         let sentence = line.and_then(|line| line.split_once(": ")).expect("a sentence").1;
         let known = [
             "The data prefer skid-roll: J = ",
-            "Only skid-roll has a fit: J = ",
-            "None fits; skid-roll is the best of those: J = ",
+            "Only skid-roll has been fitted: J = ",
+            "No model fits; skid-roll comes closest: J = ",
         ];
         assert!(known.iter().any(|known| sentence.starts_with(known)), "{sentence}");
         let of_campaign = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
         let fit = fits.iter().find(of_campaign).expect("a fit");
-        let ratio = format!("J is {:.2} times what noise alone leaves", fit.lack_of_fit);
+        let ratio = format!("misfit {:.2} times the noise", fit.lack_of_fit);
         let fits = match (fit.adequate, sentence.starts_with("Only")) {
             (Some(true), _) => format!("; it fits ({ratio}"),
+            (None, _) => "; whether it fits is unknown, because ".to_owned(),
             (_, true) => format!("; it does not fit ({ratio}"),
             _ => format!("; {ratio}"),
         };
@@ -513,7 +532,7 @@ fn the_stages_one_by_one_give_what_a_run_gives() {
     }
     let [stages, run] = [folder.path(), demo().folder.path()].map(|folder| {
         let mut left = files(folder);
-        // What says when it was made.
+        // These files contain the time at which they were written.
         for name in ["run.json", "history.parquet", "history.html"] {
             left.remove(&Path::new("reports").join(name));
         }
@@ -537,7 +556,7 @@ fn a_folder_named_on_the_command_line_is_run_instead_of_the_configured_one() {
 }
 
 #[test]
-fn quiet_says_nothing_beside_results() {
+fn quiet_prints_only_results() {
     let folder = fresh_copy();
     for command in ["demo", "ingest", "fit", "report", "check"] {
         let output = trilink(folder.path(), &["--quiet", command]);
@@ -556,7 +575,7 @@ fn check_names_every_trial_and_writes_nothing() {
     for trial in TRIALS {
         assert!(stdout.contains(trial), "{stdout}");
     }
-    assert!(stdout.ends_with("7 trials, 0 that cannot be ingested\n"), "{stdout}");
+    assert!(stdout.ends_with("7 trials, of which 0 cannot be ingested\n"), "{stdout}");
     for check in ["W001 rate", "W003 coverage", "W012 swapped-labels", "W017 tilt"] {
         assert!(stdout.contains(&format!("\n{check:<24} 7 ok\n")), "{check}: {stdout}");
     }
@@ -566,7 +585,7 @@ fn check_names_every_trial_and_writes_nothing() {
 }
 
 #[test]
-fn check_says_what_a_marker_file_holds_and_what_would_stop_it() {
+fn check_lists_the_content_and_problems_of_a_marker_file() {
     let folder = fresh_copy();
     let before = files(folder.path());
     let (trial, name) = (TRIALS[0], format!("raw/demo/{}.csv", TRIALS[0]));
@@ -579,12 +598,12 @@ fn check_says_what_a_marker_file_holds_and_what_would_stop_it() {
         format!("{name}: can be ingested\n"),
         format!("\n  section Trajectories: 120 Hz, {rows} rows\n"),
         "\n  rate: 120 Hz\n".to_owned(),
-        format!("\n  frames: {first} to {} in {rows} rows, 0 left out", first + rows - 1),
+        format!("\n  frames: {first} to {} in {rows} rows, 0 missing", first + rows - 1),
         "\n  markers: 10, seen in 9".to_owned(),
         "\n    Snake:M1 ".to_owned(),
         " gaps  link 2\n".to_owned(),
         ", median 1 frames (0.008 s), longest ".to_owned(),
-        "\n1 files, 0 that cannot be ingested\n".to_owned(),
+        "\n1 files, of which 0 cannot be ingested\n".to_owned(),
     ] {
         assert!(stdout.contains(&line), "{line:?}: {stdout}");
     }
@@ -596,10 +615,10 @@ fn check_says_what_a_marker_file_holds_and_what_would_stop_it() {
     assert_eq!(output.status.code(), Some(1), "{stdout}");
     for line in [
         "damaged.csv: cannot be ingested\n",
-        "  stops it: found a frame rate of 100 Hz, needed 120 Hz as vicon.rate_hz says",
-        "  stops it: found no marker `F2`, needed by markers.link1 of pipeline.toml",
-        "  stops it: no such file\n",
-        "\n3 files, 2 that cannot be ingested\n",
+        "  error: the file's frame rate is 100 Hz, but vicon.rate_hz is 120 Hz",
+        "  error: the file has no marker `F2`, which markers.link1 of pipeline.toml requires",
+        "  error: no such file\n",
+        "\n3 files, of which 2 cannot be ingested\n",
     ] {
         assert!(stdout.contains(line), "{line:?}: {stdout}");
     }
@@ -615,7 +634,7 @@ fn check_says_what_a_marker_file_holds_and_what_would_stop_it() {
     );
     let output = trilink(folder.path(), &["check", "raw", &name]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("needed trial folders or marker files"));
+    assert!(text(&output.stderr).contains("needed either trial folders or marker files"));
 }
 
 #[test]
@@ -658,7 +677,7 @@ fn virtual_markers_can_be_left_out_by_a_pattern() {
     let folder = fresh_copy();
     let (trial, name) = (TRIALS[1], format!("raw/demo/{}.csv", TRIALS[1]));
     let sound = std::fs::read_to_string(folder.path().join(&name)).unwrap();
-    // A second subject has a virtual marker of a name that the robot has too.
+    // A second subject has a virtual marker with the name of one of the robot's markers.
     let cells = |line: &str, cell: &str| format!("{line}{cell}\r\n");
     let ghost: String = sound
         .lines()
@@ -674,7 +693,7 @@ fn virtual_markers_can_be_left_out_by_a_pattern() {
     write(folder.path(), &name, ghost);
     let output = trilink(folder.path(), &["check", &name]);
     let stdout = text(&output.stdout);
-    assert!(stdout.contains("found the marker `M1` of markers.link0 as "), "{stdout}");
+    assert!(stdout.contains("the marker `M1` of markers.link0 matches the labels "), "{stdout}");
 
     let settings = std::fs::read_to_string(folder.path().join("pipeline.toml")).unwrap();
     let ignoring = settings.replacen("ignore = []", "ignore = [\"V_*\"]", 1);
@@ -692,7 +711,7 @@ fn virtual_markers_can_be_left_out_by_a_pattern() {
     write(folder.path(), "pipeline.toml", ignoring.replacen("V_*", "F?", 1));
     let output = trilink(folder.path(), &["check"]);
     let stderr = text(&output.stderr);
-    let said = "key `vicon.ignore`: found \"F?\", needed patterns that do not name `F1`";
+    let said = "key `vicon.ignore`: found \"F?\", needed patterns that do not match `F1`";
     assert!(stderr.contains(said), "{stderr}");
 }
 
@@ -703,7 +722,7 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
     let arguments = ["ingest", "--calibrate", "kinematic-symmetric-3.90-r1"];
     let tables = succeed(folder.path(), &arguments);
     assert!(files(folder.path()) == before, "nothing is written");
-    assert!(tables.contains("# h_m = 0.14") && tables.contains("; 0.14400 is configured."));
+    assert!(tables.contains("# h_m = 0.14") && tables.contains("; 0.14400 is configured ("));
     let pasted = std::fs::read_to_string(folder.path().join("pipeline.toml")).unwrap();
     let (others, _) = pasted.split_once("[markers").unwrap();
     write(folder.path(), "pasted.toml", format!("{others}\n{tables}"));
@@ -723,7 +742,7 @@ fn calibrated_markers_can_be_pasted_into_the_configuration() {
     assert!(stderr.contains("did you mean `kinematic-symmetric-3.90-r1`?"), "{stderr}");
 }
 
-/// What the program says when nothing could be done.
+/// Runs the program, asserts exit status 2, and returns its message.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
     let output = trilink(folder, arguments);
     let stderr = text(&output.stderr);
@@ -754,8 +773,8 @@ fn a_list_of_another_length_is_refused_by_its_key_and_both_lengths() {
         ),
         (
             "b_m = 0.0685",
-            "b_m = [0.0685, 0.001]",
-            "key `robot.kinematic.b_m`: found a list of length 2, needed a number",
+            "b_m = [0.0685, 0.001, 0.002]",
+            "key `robot.kinematic.b_m`: found a list of length 3, needed a number or a list of length 2",
         ),
     ] {
         let changed = defaults.replacen(old, new, 1);
@@ -772,7 +791,7 @@ fn a_list_of_another_length_is_refused_by_its_key_and_both_lengths() {
         ("mass_kg=1.2,0.3", "found a list of length 2, needed a list of length 3"),
         ("mass_kg=1.2", "expected a list of length 3"),
         ("h_m=0.1,0.2", "found a list of length 2, needed a number"),
-        // One wheel of three.
+        // `skid_dry0` is the value for one of three wheels.
         ("skid_dry0=1,2", "found a list of length 2, needed a number"),
     ] {
         let said = refused(folder.path(), &[&simulate[..], &["--set", setting]].concat());
@@ -788,7 +807,7 @@ fn a_list_of_another_length_is_refused_by_its_key_and_both_lengths() {
     }
 }
 
-/// Trials that `settings` makes, without its file.
+/// Creates a folder with the trials of a configuration, but without a `pipeline.toml`.
 fn trials_of(settings: &str) -> TempDir {
     let folder = empty_folder();
     write(folder.path(), "other.toml", settings);
@@ -798,10 +817,10 @@ fn trials_of(settings: &str) -> TempDir {
 }
 
 #[test]
-fn without_a_configuration_nothing_is_made_of_trials_that_are_not_the_paper_s() {
+fn without_a_configuration_trials_of_other_robots_are_rejected() {
     let small =
         &crate::common::SMALL[..crate::common::SMALL.find("[campaign.kinematic-skewed]").unwrap()];
-    // Another campaign; and the paper's, of a robot with other markers.
+    // One campaign unknown to the paper, and one of the paper's with other markers.
     let campaign = small.replace("campaign.kinematic-symmetric", "campaign.slalom");
     let markers = "[markers.link0]\nA1 = [80.0, 30.0, 60.0]\nA2 = [-80.0, 30.0, 60.0]\n\
                    [markers.link1]\nB1 = [40.0, 30.0, 55.0]\nB2 = [-40.0, -30.0, 55.0]\n\
@@ -809,9 +828,9 @@ fn without_a_configuration_nothing_is_made_of_trials_that_are_not_the_paper_s() 
     for (settings, why) in [
         (
             campaign.clone(),
-            "not one trial of 1 is of its robots: trials.toml, trial `slalom-5.00-r1`",
+            "0 of 1 trials match the robots of the paper's experiment: trials.toml, trial `slalom-5.00-r1`",
         ),
-        (format!("{small}{markers}"), "the file's labels are "),
+        (format!("{small}{markers}"), "whose labels are "),
     ] {
         let folder = trials_of(&settings);
         let before = files(folder.path());
@@ -825,20 +844,23 @@ fn without_a_configuration_nothing_is_made_of_trials_that_are_not_the_paper_s() 
         assert!(files(folder.path()) == before, "nothing is written");
         let checked = trilink(folder.path(), &["check", "raw"]);
         assert_eq!(checked.status.code(), Some(1));
-        assert!(text(&checked.stderr).contains("no pipeline.toml here: the paper's robots"));
-        // What was ingested with a configuration is not fitted without it.
+        assert!(
+            text(&checked.stderr)
+                .contains("no pipeline.toml in the current folder: the paper's robots")
+        );
+        // Trials that were ingested with a configuration are not fitted without it.
         succeed(folder.path(), &["-c", "other.toml", "-q", "ingest"]);
         let before = files(folder.path());
         if settings == campaign {
             for command in ["fit", "report"] {
                 let said = refused(folder.path(), &[command]);
-                let why = "not one ingested trial of 1 is of its campaigns: found `slalom`";
+                let why = "0 of 1 ingested trials belong to a campaign of the paper's experiment: found `slalom`";
                 assert!(said.contains(why) && said.contains("`trilink init raw`"), "{said}");
             }
         }
         assert!(files(folder.path()) == before, "nothing is written");
     }
-    // Files without a list.
+    // Marker files without a list of trials.
     let said = refused(empty_folder().path(), &["run", "raw"]);
     assert!(said.contains("raw/trials.toml: cannot be read") && said.contains("-c FILE"), "{said}");
 }
@@ -851,7 +873,10 @@ fn without_a_configuration_trials_of_the_paper_s_robots_are_ingested() {
     let output = trilink(folder.path(), &["ingest", "raw"]);
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{stderr}");
-    assert!(stderr.starts_with("no pipeline.toml here: the paper's robots"), "{stderr}");
+    assert!(
+        stderr.starts_with("no pipeline.toml in the current folder: the paper's robots"),
+        "{stderr}"
+    );
     let named = trilink(folder.path(), &["-c", "other.toml", "ingest"]);
     assert!(!text(&named.stderr).contains("no pipeline.toml"));
 }
@@ -873,7 +898,7 @@ fn every_subcommand_explains_itself() {
 }
 
 #[test]
-fn the_repository_s_pipeline_toml_says_what_the_program_assumes() {
+fn the_repository_s_pipeline_toml_has_the_defaults() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut expected = Config::default();
     expected.paths.start_at(home);
@@ -889,7 +914,7 @@ fn the_repository_s_pipeline_toml_has_every_key() {
     assert_eq!(keys("", &known), keys("", &written));
 }
 
-/// Every key of a table and of those inside, with the path to it.
+/// Returns the paths of all keys in a table and its subtables.
 fn keys(path: &str, table: &toml::Table) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for (key, value) in table {

@@ -1,4 +1,4 @@
-//! One run against another: noise is no news, a worn wheel is.
+//! Tests of comparisons between runs: noise is within tolerance, a worn wheel is not.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -11,11 +11,11 @@ use trilink_tables::{Columns as _, Table};
 
 use crate::common::{Small, small_settings, succeed, temporary, text, trilink};
 
-/// A laboratory's night: synthetic trials of one truth that were run.
+/// Synthesises trials with additional `arguments`, runs all stages on them, and returns the folder.
 fn night(arguments: &[&str]) -> TempDir {
     let folder = temporary();
     let mut config = small_settings();
-    // Servos lag: a model that the command drives fits no night.
+    // Because the servos lag, models driven by the commanded gait are inadequate.
     config.fit.gait_input = GaitInput::Measured;
     let text = toml::to_string(&config).unwrap();
     std::fs::write(folder.path().join("pipeline.toml"), text).unwrap();
@@ -26,7 +26,7 @@ fn night(arguments: &[&str]) -> TempDir {
     folder
 }
 
-/// The night that others are compared with, and its baseline; no test changes it.
+/// Returns the reference run and its baseline, which no test changes.
 fn baseline() -> &'static (TempDir, PathBuf) {
     static BASELINE: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     BASELINE.get_or_init(|| {
@@ -37,7 +37,8 @@ fn baseline() -> &'static (TempDir, PathBuf) {
     })
 }
 
-/// Compares a night with the baseline: exit status, what was printed, `compare.json`.
+/// Compares a run with the baseline that the tests share; `more` are additional arguments. Returns the exit status, the
+/// output and `compare.json` (null if missing).
 fn compared(folder: &Path, more: &[&str]) -> (Option<i32>, String, Value) {
     let arguments = ["compare", baseline().1.to_str().unwrap()];
     let arguments: Vec<&str> = arguments.iter().chain(more).copied().collect();
@@ -60,14 +61,14 @@ fn the_same_trials_do_not_differ() {
     assert_eq!(status, Some(0), "{said}");
     assert_eq!(json["differences"].as_array().unwrap().len(), 0, "{said}");
     assert!(json["cells"].as_u64().unwrap() > 300, "{said}");
-    assert!(said.contains("0 out of tolerance, 0 differ within it, 0 differ and"), "{said}");
-    // A folder of tables is a baseline, too.
+    assert!(said.contains("0 out of tolerance, 0 differ within tolerance, 0 differ and"), "{said}");
+    // A folder of tables can also be the baseline.
     let other = baseline().0.path().join("derived");
     let said = succeed(folder.path(), &["compare", other.to_str().unwrap()]);
-    assert!(said.contains("0 out of tolerance, 0 differ within it"), "{said}");
+    assert!(said.contains("0 out of tolerance, 0 differ within tolerance"), "{said}");
     let baseline = baseline().1.to_str().unwrap();
     let said = succeed(folder.path(), &["compare", baseline, "--against", other.to_str().unwrap()]);
-    assert!(said.contains("0 out of tolerance, 0 differ within it"), "{said}");
+    assert!(said.contains("0 out of tolerance, 0 differ within tolerance"), "{said}");
     let nowhere = trilink(folder.path(), &["compare", baseline, "--against", "nowhere"]);
     assert_eq!(nowhere.status.code(), Some(2));
 }
@@ -110,7 +111,7 @@ fn a_skid_coefficient_that_changed_by_five_per_cent_is_found_and_named() {
 }
 
 #[test]
-fn a_tolerance_can_be_another_and_the_next_baseline_keeps_why_it_was_accepted() {
+fn tolerances_can_be_overridden_and_a_new_baseline_records_the_reason() {
     let folder = night(&["--noise-seed", "9", "--skid-factors", "1.05,1,1"]);
     let own = folder.path().join("own.json");
     std::fs::copy(&baseline().1, &own).unwrap();
@@ -123,7 +124,7 @@ fn a_tolerance_can_be_another_and_the_next_baseline_keeps_why_it_was_accepted() 
     assert!(!text(&fewer.stdout).contains("trials  kinematic-symmetric-3.90-r1  d_m"));
     let wrong = trilink(folder.path(), &["compare", own, "--tolerance", "trails.d_m = {}"]);
     assert_eq!(wrong.status.code(), Some(2));
-    assert!(text(&wrong.stderr).contains("table `trails`: needed one of `trials`"));
+    assert!(text(&wrong.stderr).contains("found table `trails`, needed one of `trials`"));
     let wrong = trilink(folder.path(), &["compare", own, "--tolerance", &anything[0][..20]]);
     assert_eq!(wrong.status.code(), Some(2));
 
@@ -154,7 +155,9 @@ fn trials_that_vanish_are_named_and_missing_baselines_are_errors() {
     assert!(said.contains("vanished: trials: kinematic-symmetric-5.00-r1"), "{said}");
     let none = trilink(folder.path(), &["compare", "nowhere.json"]);
     assert_eq!(none.status.code(), Some(2));
-    assert!(text(&none.stderr).contains("is not there; `trilink compare --accept WHY` makes it"));
+    assert!(
+        text(&none.stderr).contains("does not exist; `trilink compare --accept WHY` creates it")
+    );
     assert_eq!(trilink(folder.path(), &["compare"]).status.code(), Some(2));
 }
 
@@ -176,7 +179,7 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert!((value(&first, 1, "mean d_m", "") - 0.46).abs() < 0.03);
     assert!(value(&first, 1, "j", "skid-roll") < value(&first, 1, "j", "no-skid"));
     succeed(folder.path(), &["run", "--quiet"]);
-    // What is missing is not equal to itself.
+    // NaN is not equal to itself.
     let text_of = |rows: &[HistoryRow]| format!("{rows:?}");
     assert_eq!(text_of(&rows()), text_of(&first), "the same run adds nothing");
     std::fs::remove_dir_all(folder.path().join("raw/demo")).unwrap();
@@ -187,7 +190,7 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert!(second.iter().any(|row| row.run == 2));
     let page = std::fs::read_to_string(folder.path().join("reports/history.html")).unwrap();
     assert!(page.contains("2 runs, ") && page.contains("skid-roll: skid0_kg_s"));
-    assert!(page.contains("2 trials went: kinematic-symmetric-3.90-r1, "), "{page}");
+    assert!(page.contains("2 trials removed: kinematic-symmetric-3.90-r1, "), "{page}");
     assert!(second.iter().all(|row| row.program.len() == 64 && row.configuration.len() == 64));
     let of = |quantity: &str| {
         second.iter().find(|row| row.run == 2 && row.quantity == quantity).unwrap()
@@ -195,7 +198,7 @@ fn every_run_that_changed_something_is_in_the_history() {
     let mean = of("mean d_m");
     assert!(mean.lower < mean.value && mean.value < mean.upper);
     assert!(mean.value_se > 0.0 && of("skid0_kg_s").value_se > 0.0);
-    // Times are timestamps, which conditions compare by their text.
+    // Conditions compare timestamps by their text.
     let look = |condition: &str| {
         let arguments = ["inspect", "reports/history.parquet", "--csv", "--columns", "time,run"];
         let more = ["--head", "1", "--sort", "time", "--where", condition];
@@ -217,9 +220,9 @@ fn the_first_screen_says_what_changed_since_the_baseline_that_was_accepted() {
         changes.split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let before = first_screen();
-    assert!(before.contains("No baseline is accepted yet"), "{before}");
+    assert!(before.contains("No baseline has been accepted yet"), "{before}");
     assert_eq!(trilink(folder.path(), &["compare"]).status.code(), Some(2));
-    // The first one needs no other.
+    // The first baseline needs no earlier baseline.
     succeed(folder.path(), &["compare", "--accept", "the robot <as it is>"]);
     let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
     assert!(ahead.contains("baseline.json"), "{ahead}");
@@ -230,7 +233,7 @@ fn the_first_screen_says_what_changed_since_the_baseline_that_was_accepted() {
     for said in [
         &format!("accepted on {date} (“the robot &lt;as it is&gt;”)"),
         "nothing out of tolerance",
-        " 0 different within it",
+        " 0 changed within tolerance",
     ] {
         assert!(accepted.contains(said), "{said}: {accepted}");
     }
@@ -238,7 +241,7 @@ fn the_first_screen_says_what_changed_since_the_baseline_that_was_accepted() {
     let page = Path::new("reports/index.html");
     assert!(folder.results()[page] == folder.scratch()[page], "from scratch it is another page");
 
-    // Other trials: more noise than the tolerances take, one that came, one that is gone.
+    // Other trials: more noise than tolerated, one added, one removed.
     let synth = ["synth", "raw", "--omega", "5,6,7", "--seed", "1", "--skid-factors", "1.5,1,1"];
     std::fs::remove_dir_all(folder.place("raw")).unwrap();
     succeed(folder.path(), &synth);
@@ -260,26 +263,27 @@ fn the_first_screen_says_what_changed_since_the_baseline_that_was_accepted() {
     assert!(changed.contains(&format!("{} out of tolerance", out.len())), "{changed}");
     for (nth, difference) in out.iter().enumerate().take(5) {
         let named = format!("{}: {} ", difference["of"], difference["column"]).replace('"', "");
+        let named = named.replace('/', "&#x2f;");
         assert_eq!(changed.contains(&named), nth < 3, "{named}: {changed}");
     }
-    assert!(changed.contains(&format!("{} more: ", out.len() - 3)), "{changed}");
-    assert!(changed.contains("Gone: trials: kinematic-skewed-5.00-r1."), "{changed}");
+    assert!(changed.contains(&format!("{} more are listed by ", out.len() - 3)), "{changed}");
+    assert!(changed.contains("Removed: trials: kinematic-skewed-5.00-r1."), "{changed}");
     assert!(changed.contains("New: trials: kinematic-s"), "{changed}");
 
     folder.write("baseline.json", "{}");
     trilink(folder.path(), &["run"]);
     let broken = first_screen();
-    assert!(broken.contains("baseline.json is no baseline: missing field"), "{broken}");
+    assert!(broken.contains("baseline.json is not a baseline: missing field"), "{broken}");
 }
 
-/// Compares a folder with its own baseline: exit status and what was said.
+/// Compares a folder with its own baseline; returns the exit status, and standard output followed by standard error.
 fn own(folder: &Small, more: &[&str]) -> (Option<i32>, String) {
     let arguments: Vec<&str> = ["compare", "baseline.json"].iter().chain(more).copied().collect();
     let output = trilink(folder.path(), &arguments);
     (output.status.code(), text(&output.stdout) + &text(&output.stderr))
 }
 
-/// A run with its baseline.
+/// Creates a project with a completed run and its baseline.
 fn with_baseline() -> Small {
     let folder = Small::done();
     succeed(folder.path(), &["compare", "--save", "baseline.json", "--quiet"]);
@@ -291,7 +295,7 @@ fn history(folder: &Small) -> Vec<HistoryRow> {
 }
 
 #[test]
-fn tables_that_nobody_should_trust_are_not_compared() {
+fn untrustworthy_tables_are_not_compared() {
     let folder = with_baseline();
     let refused = |arguments: &[&str], said: &str| {
         let (status, found) = own(&folder, arguments);
@@ -314,13 +318,13 @@ fn tables_that_nobody_should_trust_are_not_compared() {
     well();
     let trials = folder.read("derived/trials.parquet");
     folder.write("derived/trials.parquet", &trials[..trials.len() - 1]);
-    refused(&[], "trials.parquet is not as it was written");
+    refused(&[], "trials.parquet has changed since it was written");
     well();
     std::fs::remove_file(folder.place("reports/run.json")).unwrap();
-    refused(&[], "run.json: is not there");
+    refused(&[], "run.json: does not exist");
     well();
 
-    // A run that fails, one that is killed: the history tells of them.
+    // The history lists failed and killed runs.
     let list = folder.read("raw/trials.toml");
     std::fs::remove_file(folder.place("raw/trials.toml")).unwrap();
     assert_eq!(trilink(folder.path(), &["run", "--quiet"]).status.code(), Some(2));
@@ -328,7 +332,7 @@ fn tables_that_nobody_should_trust_are_not_compared() {
     folder.write("raw/trials.toml", list);
     well();
     folder.replace("reports/run.json", "\"status\": \"ok\"", "\"status\": \"running\"");
-    refused(&[], "was killed; needed the results of a run that came to its end");
+    refused(&[], "was killed before it ended; `trilink run` completes and updates the results");
     well();
     let rows = history(&folder);
     let failures: Vec<_> = rows.iter().filter(|row| row.quantity.is_empty()).collect();
@@ -339,12 +343,15 @@ fn tables_that_nobody_should_trust_are_not_compared() {
     let page = text(&folder.read("reports/history.html"));
     assert!(page.contains("status failed\">interrupted<") && page.contains("killed"));
 
-    // Runs that find everything up to date keep the tables young.
+    // Runs that find everything up to date renew the age of the tables.
     let record =
         std::fs::File::options().append(true).open(folder.place("derived/up-to-date.json"));
     let hours = std::time::Duration::from_secs(30 * 3600);
     record.unwrap().set_modified(std::time::SystemTime::now() - hours).unwrap();
-    refused(&["--max-age", "20h"], "last confirmed 30.0 h ago, needed 20 h at most");
+    refused(
+        &["--max-age", "20h"],
+        "the tables were last confirmed to be up to date 30.0 h ago; --max-age allows 20 h",
+    );
     assert_eq!(own(&folder, &["--max-age", "2d"]).0, Some(0));
     std::fs::remove_file(folder.place("reports/compare.json")).unwrap();
     assert!(folder.run().contains("trials: "));
@@ -365,7 +372,7 @@ fn a_comparison_and_a_run_exclude_each_other() {
         assert!(said.contains("derived/.lock: held by ") && said.contains("--wait"), "{said}");
     }
     assert!(!folder.place("other.json").exists() && files() == before);
-    // Somebody else's folder of tables, too.
+    // Another folder of tables is locked, too.
     let elsewhere = with_baseline();
     let derived = folder.place("derived");
     let against = ["compare", "baseline.json", "--against", derived.to_str().unwrap()];
@@ -397,7 +404,7 @@ fn reasons_that_are_given_at_the_same_time_are_all_kept() {
     assert_eq!(reasons_of(history(&folder)), reasons);
     assert!(!folder.place(".writing-killed").exists());
 
-    // Killed between the file and the history: the next comparison completes the history.
+    // If a comparison is killed between writing the file and the history, the next one completes the history.
     let rows = history(&folder);
     let fewer = &rows[..rows.len() - 1];
     let provenance = trilink_tables::Provenance { input: "runs".to_owned() };

@@ -1,6 +1,5 @@
-//! Damage to what a run left and to the places where it writes: a run mends what it can, says
-//! what it cannot, and harms nothing else. Damage to marker files and settings is in
-//! `bad_input.rs`.
+//! Tests of damage to results and to the folders of a run: a run repairs what it can, reports what it cannot repair,
+//! and changes nothing else. Damage to marker files and settings is tested in `bad_input.rs`.
 
 use std::fs;
 use std::path::Path;
@@ -14,18 +13,18 @@ use crate::common::{Small, UP_TO_DATE, assert_same, text, trilink};
 const TRIAL: &str = "kinematic-symmetric-5.00-r1";
 const RECORD: &str = "derived/up-to-date.json";
 
-/// What is done to a file.
+/// Kind of damage to a file.
 #[derive(Debug, Clone, Copy)]
 enum Damage {
     Gone,
     Empty,
     Garbage,
     Half,
-    /// One byte in the middle.
+    /// Changes one byte in the middle of the file.
     Flipped,
-    /// Another file in its place.
+    /// Replaces the file by a copy of another file, given by its path in the project.
     Other(&'static str),
-    /// A folder in its place.
+    /// Replaces the file by a folder.
     Folder,
 }
 
@@ -84,38 +83,74 @@ fn damaged_results_are_made_again() {
     let wheels = format!("derived/wheels/{TRIAL}.parquet");
     let cycles = format!("derived/cycles/{TRIAL}.parquet");
     let cases: [(&str, Damage, &str); 34] = [
-        ("derived/trials.parquet", Gone, "trials.parquet is gone"),
-        ("derived/trials.parquet", Empty, "trials.parquet is not as it was written"),
-        ("derived/trials.parquet", Flipped, "trials.parquet is not as it was written"),
-        ("derived/trials.parquet", Other("derived/fits.parquet"), "trials.parquet is not as"),
-        ("derived/checks.parquet", Half, "checks.parquet is not as it was written"),
-        ("derived/robot_parameters.parquet", Garbage, "robot_parameters.parquet is not as"),
-        (&poses, Gone, "poses/kinematic-symmetric-5.00-r1.parquet is gone"),
-        (&wheels, Garbage, "wheels/kinematic-symmetric-5.00-r1.parquet is not as it was written"),
-        (&cycles, Empty, "cycles/kinematic-symmetric-5.00-r1.parquet is not as it was written"),
-        (&cycles, Flipped, "cycles/kinematic-symmetric-5.00-r1.parquet is not as it was written"),
-        ("derived/poses", Gone, "poses/kinematic-symmetric-5.00-r1.parquet is gone"),
-        ("derived/fits.parquet", Gone, "fits.parquet is gone"),
-        ("derived/starts.parquet", Half, "starts.parquet is not as it was written"),
-        ("derived/profiles.parquet", Garbage, "profiles.parquet is not as it was written"),
-        ("derived/bootstrap.parquet", Empty, "bootstrap.parquet is not as it was written"),
-        ("derived/comparison.parquet", Other("derived/fits.parquet"), "comparison.parquet is not"),
-        ("derived/predictions.parquet", Flipped, "predictions.parquet is not as it was written"),
-        ("reports/figures/fig17.svg", Gone, "figures/fig17.svg is gone"),
-        ("reports/figures/fig17.svg", Flipped, "figures/fig17.svg is not as it was written"),
-        ("reports/figures/fig17.png", Garbage, "figures/fig17.png is not as it was written"),
-        ("reports/figures/fig17.csv", Empty, "figures/fig17.csv is not as it was written"),
-        ("reports/index.html", Gone, "index.html is gone"),
-        ("reports/index.html", Half, "index.html is not as it was written"),
-        ("reports/fits.json", Garbage, "fits.json is not as it was written"),
+        ("derived/trials.parquet", Gone, "trials.parquet no longer exists"),
+        ("derived/trials.parquet", Empty, "trials.parquet has changed since it was written"),
+        ("derived/trials.parquet", Flipped, "trials.parquet has changed since it was written"),
+        (
+            "derived/trials.parquet",
+            Other("derived/fits.parquet"),
+            "trials.parquet has changed since it was written",
+        ),
+        ("derived/checks.parquet", Half, "checks.parquet has changed since it was written"),
+        (
+            "derived/robot_parameters.parquet",
+            Garbage,
+            "robot_parameters.parquet has changed since it was written",
+        ),
+        (&poses, Gone, "poses/kinematic-symmetric-5.00-r1.parquet no longer exists"),
+        (
+            &wheels,
+            Garbage,
+            "wheels/kinematic-symmetric-5.00-r1.parquet has changed since it was written",
+        ),
+        (
+            &cycles,
+            Empty,
+            "cycles/kinematic-symmetric-5.00-r1.parquet has changed since it was written",
+        ),
+        (
+            &cycles,
+            Flipped,
+            "cycles/kinematic-symmetric-5.00-r1.parquet has changed since it was written",
+        ),
+        ("derived/poses", Gone, "poses/kinematic-symmetric-5.00-r1.parquet no longer exists"),
+        ("derived/fits.parquet", Gone, "fits.parquet no longer exists"),
+        ("derived/starts.parquet", Half, "starts.parquet has changed since it was written"),
+        ("derived/profiles.parquet", Garbage, "profiles.parquet has changed since it was written"),
+        ("derived/bootstrap.parquet", Empty, "bootstrap.parquet has changed since it was written"),
+        (
+            "derived/comparison.parquet",
+            Other("derived/fits.parquet"),
+            "comparison.parquet has changed since it was written",
+        ),
+        (
+            "derived/predictions.parquet",
+            Flipped,
+            "predictions.parquet has changed since it was written",
+        ),
+        ("reports/figures/fig17.svg", Gone, "figures/fig17.svg no longer exists"),
+        (
+            "reports/figures/fig17.svg",
+            Flipped,
+            "figures/fig17.svg has changed since it was written",
+        ),
+        (
+            "reports/figures/fig17.png",
+            Garbage,
+            "figures/fig17.png has changed since it was written",
+        ),
+        ("reports/figures/fig17.csv", Empty, "figures/fig17.csv has changed since it was written"),
+        ("reports/index.html", Gone, "index.html no longer exists"),
+        ("reports/index.html", Half, "index.html has changed since it was written"),
+        ("reports/fits.json", Garbage, "fits.json has changed since it was written"),
         ("reports/run.json", Gone, ""),
-        ("reports", Gone, "figures/fig17.svg is gone"),
+        ("reports", Gone, "figures/fig17.svg no longer exists"),
         ("derived", Gone, "new"),
         (RECORD, Gone, "new"),
-        (RECORD, Empty, "up-to-date.json: not a record of trilink"),
-        (RECORD, Garbage, "up-to-date.json: not a record of trilink"),
-        (RECORD, Half, "up-to-date.json: not a record of trilink"),
-        (RECORD, Other("reports/fits.json"), "up-to-date.json: not a record of trilink"),
+        (RECORD, Empty, "up-to-date.json: not a record written by trilink"),
+        (RECORD, Garbage, "up-to-date.json: not a record written by trilink"),
+        (RECORD, Half, "up-to-date.json: not a record written by trilink"),
+        (RECORD, Other("reports/fits.json"), "up-to-date.json: not a record written by trilink"),
         ("derived/.lock", Garbage, ""),
         ("derived/.lock", Gone, ""),
     ];
@@ -134,11 +169,11 @@ fn damaged_results_are_made_again() {
     }
 }
 
-/// A change of the record.
+/// Function that changes `up-to-date.json`, the record of what each result was made from.
 type Change = fn(&mut Value);
 
 #[test]
-fn a_record_that_says_what_is_not_true_is_not_believed() {
+fn a_false_record_is_not_trusted() {
     let expected = Small::done().results();
     let cases: [(&str, Change); 6] = [
         ("a later format", |record| record["format"] = 99.into()),
@@ -173,8 +208,8 @@ fn a_record_that_says_what_is_not_true_is_not_believed() {
 }
 
 #[test]
-fn places_that_cannot_be_written_to_are_named_before_any_work() {
-    let folder_there = ["found a folder, needed a place for a file"];
+fn unwritable_paths_are_reported_before_any_work() {
+    let folder_there = ["found a folder, needed a path for a regular file"];
     let file_there = ["found a file, needed a folder"];
     let in_place_of_files = [
         "derived/trials.parquet",
@@ -209,7 +244,7 @@ fn places_that_cannot_be_written_to_are_named_before_any_work() {
 }
 
 #[test]
-fn a_folder_in_the_place_of_a_trial_s_table_or_a_figure_is_named_and_mended_once_it_is_gone() {
+fn a_folder_in_place_of_a_table_or_figure_is_reported_and_repaired_once_removed() {
     for name in ["derived/poses/kinematic-symmetric-5.00-r1.parquet", "reports/figures/fig17.svg"] {
         let folder = Small::done();
         Damage::Folder.strike(&folder, name);
@@ -227,7 +262,7 @@ fn stages_without_the_tables_before_them_say_which_command_makes_them() {
     for command in ["fit", "report"] {
         let folder = Small::raw();
         let output = trilink(folder.path(), &[command]);
-        let named = ["trials.parquet", "not there", "`trilink ingest` makes it"];
+        let named = ["trials.parquet", "does not exist", "`trilink ingest` creates it"];
         assert_says(&output, 2, &named, command);
     }
 }
@@ -239,7 +274,7 @@ fn trials_and_truth_that_cannot_be_read_are_named() {
         ("raw/trials.toml", Damage::Folder, 2, &["trials.toml: cannot be read"]),
         ("raw/trials.toml", Damage::Garbage, 2, &["trials.toml: cannot be read"]),
         ("raw/trials.toml", Damage::Empty, 2, &["trials.toml", "at least one [[trial]]"]),
-        ("raw/truth.json", Damage::Half, 0, &["truth.json is passed over"]),
+        ("raw/truth.json", Damage::Half, 0, &["truth.json is ignored"]),
         ("raw/truth.json", Damage::Gone, 0, &[]),
     ];
     for (name, damage, status, named) in cases {
@@ -255,7 +290,7 @@ fn trials_and_truth_that_cannot_be_read_are_named() {
 }
 
 #[test]
-fn what_killed_writers_left_is_swept_away_although_all_else_is_up_to_date() {
+fn unfinished_files_are_removed_even_if_everything_is_up_to_date() {
     let folder = Small::done();
     folder.run();
     let table = folder.read(&format!("derived/poses/{TRIAL}.parquet"));
@@ -275,8 +310,8 @@ fn what_killed_writers_left_is_swept_away_although_all_else_is_up_to_date() {
     }
 }
 
-/// Runs the program with files limited to `kib` KiB, which is what a full disk is like: writing
-/// goes on for a while and then fails.
+/// Runs the program with a file-size limit of `kib` KiB, which emulates a full disk: writing succeeds for a while and
+/// then fails.
 #[cfg(unix)]
 fn with_little_room(folder: &Small, kib: u32) -> Output {
     let script = format!("trap '' XFSZ; ulimit -f {}; exec \"$0\" run --force", 2 * kib);
@@ -315,14 +350,14 @@ fn folders_and_files_without_permission_are_named() {
         set(&folder, name, 0o555);
     }
     if fs::write(folder.place("derived/probe"), "").is_ok() {
-        // Who may do everything is not kept from it.
+        // A user with all permissions is not affected.
         for name in ["derived", "reports", "reports/figures"] {
             set(&folder, name, 0o755);
         }
         return;
     }
     let before = folder.results();
-    // Nothing is to be done, so nothing is to be written.
+    // Everything is up to date, so nothing has to be written.
     assert_says(&trilink(folder.path(), &["run"]), 0, &[], "up to date");
     let output = trilink(folder.path(), &["run", "--force"]);
     assert_says(&output, 2, &["derived", "cannot be written"], "a read-only folder");
@@ -348,12 +383,12 @@ fn folders_and_files_without_permission_are_named() {
 fn a_table_that_another_program_wrote_is_read_or_named_but_never_taken_for_the_last_one() {
     let folder = Small::done();
     let before = folder.results();
-    // A fit of a subset, by a script.
+    // Write the table with another provenance, as a script may do.
     let table = Table::read(&folder.place("derived/fits.parquet")).unwrap();
     let provenance = trilink_tables::Provenance { input: "a script".to_owned() };
     table.write(&folder.place("derived/fits.parquet"), &provenance).unwrap();
     let output = trilink(folder.path(), &["run", "--explain"]);
-    assert_says(&output, 0, &["fits.parquet is not as it was written"], "a script's table");
+    assert_says(&output, 0, &["fits.parquet has changed since it was written"], "a script's table");
     assert_same(&folder.results(), &before, "a script's table");
 }
 
@@ -370,7 +405,7 @@ fn a_table_of_which_a_bit_was_changed_is_refused_wherever_it_is_read() {
     ];
     for (name, command) in cases {
         let whole = folder.read(name);
-        // Of rows, of a page's header, of the description of the columns, and of the metadata.
+        // Damage rows, the header of a page, the description of the columns, and the metadata.
         for place in [4, 5, 700, whole.len() / 2, whole.len() - 100, whole.len() - 6] {
             let mut damaged = whole.clone();
             damaged[place] ^= 1;

@@ -1,4 +1,4 @@
-//! The trials that are advised: they shrink the intervals as predicted, more than others do.
+//! Tests of recommended trials: they narrow the confidence intervals as predicted, and more than other trials do.
 
 use std::path::Path;
 
@@ -21,9 +21,10 @@ use crate::common::{noisy_trial, small_run, small_settings, succeed, text, trili
 
 const CAMPAIGN: &str = "kinematic-symmetric";
 const SKID_KG_S: [f64; 3] = [104.0, 34.0, 45.0];
-/// Relative noise of d and v, and of the skid ratios, at 3 rad/s; it goes with the frequency.
+/// Relative noise of d and v, and relative noise of the skid ratios, at a gait frequency of 3 rad/s; both are
+/// proportional to the frequency.
 const NOISE: [f64; 2] = [0.01, 0.03];
-/// Where trials have been made, and where more could be.
+/// Frequencies of the existing trials, rad/s.
 const MADE_RAD_S: [f64; 5] = [2.0, 2.7, 3.4, 4.2, 5.0];
 const CANDIDATES: usize = 12;
 const ADD: usize = 3;
@@ -38,7 +39,7 @@ fn config(model: Model) -> Config {
     config
 }
 
-/// The true motion at a frequency.
+/// Returns `omega_rad_s` together with the metrics of the true motion at this frequency.
 fn motion(omega_rad_s: f64) -> (f64, GaitMetrics) {
     let (mut robot, gait) = Config::default().campaign_setup(CAMPAIGN).unwrap();
     robot.skid_kg_s = SKID_KG_S;
@@ -46,7 +47,7 @@ fn motion(omega_rad_s: f64) -> (f64, GaitMetrics) {
     (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
 }
 
-/// Trials at these frequencies; of each its own noise.
+/// Returns trials at these frequencies with independent noise.
 fn trials(omegas_rad_s: &[f64], seed: u64) -> Vec<TrialRow> {
     trials_with(NOISE, omegas_rad_s, seed)
 }
@@ -88,7 +89,7 @@ fn omegas(advice: &Advice) -> Vec<f64> {
     all.flat_map(|of| vec![of.omega_rad_s; of.repeats as usize]).collect()
 }
 
-/// Means of the logarithms of three half widths, over their coefficients' values: of what was fitted.
+/// Returns the mean logarithm of the relative half widths of the fitted coefficients' confidence intervals.
 fn mean_logarithm(row: &FitRow) -> f64 {
     let of = |parameter: &Parameter| {
         (0.5 * (row.upper[*parameter] - row.lower[*parameter]) / row.parameters[*parameter]).ln()
@@ -113,8 +114,8 @@ fn cancelled_advice_ends_at_once() {
     }
 }
 
-/// Logarithms of how much narrower the intervals of one seed get: as predicted, with the advised trials,
-/// with trials spread evenly.
+/// Returns the logarithms of the factors by which additional trials narrow the confidence intervals, for one random
+/// seed: as predicted, with the recommended trials, and with evenly spread trials. `None` if an interval is unknown.
 fn narrowed(seed: u64) -> Option<[f64; 3]> {
     let config = config(Model::SKID_ROLL);
     let made = trials(&MADE_RAD_S, seed);
@@ -132,7 +133,8 @@ fn narrowed(seed: u64) -> Option<[f64; 3]> {
     all.iter().all(|of| of.is_finite()).then_some(all)
 }
 
-/// Mean factors over seeds, of those whose models all fit.
+/// Returns the geometric means of the three factors whose logarithms `of` returns, over the seeds for which it is not
+/// `None`, and the number of these seeds.
 fn mean_factors(of: fn(u64) -> Option<[f64; 3]>, seeds: u64) -> ([f64; 3], usize) {
     let all: Vec<[f64; 3]> = (0..seeds).into_par_iter().filter_map(of).collect();
     let mean = |i: usize| (all.iter().map(|of| of[i]).sum::<f64>() / all.len() as f64).exp();
@@ -148,20 +150,22 @@ fn advised_trials_shrink_the_intervals_as_predicted_and_more_than_others() {
 
 #[test]
 #[ignore = "takes minutes where nothing is optimised"]
-fn of_thirty_seeds_advised_trials_shrink_the_intervals_as_predicted() {
+fn over_thirty_seeds_recommended_trials_shrink_the_intervals_as_predicted() {
     let ([predicted, found, evenly], count) = mean_factors(narrowed, 30);
     println!("{count} seeds: predicted {predicted:.3}, found {found:.3}, evenly {evenly:.3}");
     assert!((found / predicted - 1.0).abs() < 0.2, "{predicted} {found}");
     assert!(found < evenly && count >= 20, "{predicted} {found} {evenly} {count}");
 }
 
-/// Runs a command on one thread, as many are run at a time; `None` where it fails.
+/// Runs a command on one thread, because many commands run at the same time; returns `None` if it fails.
 fn tried(folder: &Path, arguments: &[&str]) -> Option<String> {
     let output = trilink(folder, &[arguments, &["--threads", "1"]].concat());
     (output.status.code() < Some(2)).then(|| text(&output.stdout))
 }
 
-/// The same as [`narrowed`], of marker files: five trials of the semi-passive robot, and three more.
+/// Returns the logarithms of the factors by which the confidence intervals shrink, like [`narrowed`], but computed from
+/// marker files: five trials of the semi-passive robot, and three additional trials. `None` if a command fails or an
+/// interval is unknown.
 fn narrowed_of_markers(seed: u64) -> Option<[f64; 3]> {
     const CAMPAIGN: &str = "semi-passive-symmetric";
     let folder = tempfile::tempdir().unwrap();
@@ -206,14 +210,14 @@ fn narrowed_of_markers(seed: u64) -> Option<[f64; 3]> {
 
 #[test]
 #[ignore = "ninety runs: minutes"]
-fn of_thirty_nights_advised_trials_shrink_the_intervals_as_predicted() {
+fn over_thirty_simulated_campaigns_recommended_trials_shrink_the_intervals_as_predicted() {
     let ([predicted, found, evenly], count) = mean_factors(narrowed_of_markers, 30);
     println!("{count} seeds: predicted {predicted:.3}, found {found:.3}, evenly {evenly:.3}");
     assert!((found / predicted - 1.0).abs() < 0.2, "{predicted} {found}");
     assert!(found < evenly && count >= 20, "{predicted} {found} {evenly} {count}");
 }
 
-/// The same without skid ratios.
+/// Removes the skid ratios from trials.
 fn of_distance_only(mut rows: Vec<TrialRow>) -> Vec<TrialRow> {
     for row in &mut rows {
         row.metrics.sigma = [f64::NAN; 3];
@@ -223,19 +227,19 @@ fn of_distance_only(mut rows: Vec<TrialRow>) -> Vec<TrialRow> {
 }
 
 #[test]
-fn what_trials_of_one_frequency_do_not_tell_the_advised_ones_tell() {
+fn recommended_trials_identify_what_one_frequency_cannot() {
     const PRECISE: [f64; 2] = [0.001, 0.001];
     let mut config = config(Model::SKID_ROLL);
     config.fit.profiles = true;
-    let free = Free(vec![Quantity::Skid.of(0), Quantity::Skid.of(1)]);
+    let free = Free(vec![Quantity::Skid.parameter(0), Quantity::Skid.parameter(1)]);
     config.campaign.get_mut(CAMPAIGN).unwrap().free.insert(Model::SKID_ROLL, free);
-    // One distance cannot tell two coefficients.
+    // A single distance cannot identify two coefficients.
     let made = of_distance_only(trials_with(PRECISE, &[2.0; 4], 3));
     let known = fitted(&config, &made);
     assert!(!known.0.row.practically_not.is_empty(), "{:?}", known.0.row);
     let advice = advised(&config, &known, Aim::Coefficients(Optimality::Determinant));
-    assert!(!advice.untold.is_empty() && advice.is_best_of_all);
-    for untold in &advice.untold {
+    assert!(!advice.undetermined.is_empty() && advice.is_best_of_all);
+    for untold in &advice.undetermined {
         let trial = untold.trial.as_ref().expect("a trial tells it");
         assert!((trial.omega_rad_s - 2.0).abs() > 0.4, "{untold:?}");
         assert!(untold.deviation_with < 0.5 * untold.deviation, "{untold:?}");
@@ -250,12 +254,13 @@ fn what_trials_of_one_frequency_do_not_tell_the_advised_ones_tell() {
         assert!(half_width < 0.5 * row.parameters[*parameter], "{row:?}");
         let expected = expected.expected_half_width / expected.value;
         let ratio = half_width / row.parameters[*parameter] / expected;
-        assert!((0.4..2.5).contains(&ratio), "{ratio} {row:?}");
+        // The expectation knows the noise; the fit estimates it from a few repeats.
+        assert!((0.4..4.0).contains(&ratio), "{ratio} {row:?}");
     }
 }
 
 #[test]
-fn a_prediction_gets_certain_where_the_trials_are_for_it() {
+fn trials_recommended_for_a_prediction_make_it_more_certain() {
     let config = config(Model::SKID_ROLL);
     let known = fitted(&config, &trials(&MADE_RAD_S, 1));
     let prediction = Prediction::parse("sigma1 at 5.5").unwrap();
@@ -268,7 +273,7 @@ fn a_prediction_gets_certain_where_the_trials_are_for_it() {
     assert_eq!(row.quantity, "sigma1 at 5.5");
     assert!(row.expected_half_width < 0.85 * row.half_width, "{row:?}");
     assert!(row.expected_half_width < 1.02 * row.evenly_half_width, "{row:?}");
-    // The bands of predictions say the same of what is known now.
+    // The bands of predictions agree with the present half widths.
     let input = FitInput::new(&config, CAMPAIGN, Model::SKID_ROLL).unwrap();
     let (fit, data) = &known;
     let half_width = fit.with_bands(&input, data, |bands| {
@@ -287,14 +292,14 @@ fn a_prediction_gets_certain_where_the_trials_are_for_it() {
 }
 
 #[test]
-fn models_are_told_apart_where_they_differ() {
-    // The same law, of which another one holds a coefficient at 50 kg/s.
+fn models_are_discriminated_where_they_differ() {
+    // Two models with the same law, one of which fixes a coefficient at 50 kg/s.
     let held = Model::new("held");
     let [one, other] = [Model::SKID_ROLL, held].map(|model| {
         let mut config = config(model);
         config.fit.bootstrap = 20;
         let Laws { skid, roll } = Laws::SKID_ROLL;
-        let free = Some(Free(vec![Quantity::Skid.of(0), Quantity::Skid.of(1)]));
+        let free = Some(Free(vec![Quantity::Skid.parameter(0), Quantity::Skid.parameter(1)]));
         config.model.insert(held, ModelConfig { skid, roll, input: None, free });
         let known = fitted(&config, &trials_with([0.05, 0.1], &MADE_RAD_S, 1));
         (FitInput::new(&config, CAMPAIGN, model).unwrap(), known)
@@ -309,7 +314,7 @@ fn models_are_told_apart_where_they_differ() {
         })
     };
     let best = of(&candidates(), 1).unwrap().unwrap().unwrap();
-    // No other one tells more.
+    // No other trial discriminates better between the models.
     for candidate in candidates().into_iter().step_by(3) {
         let alone = of(&[candidate], 1).unwrap().unwrap().unwrap();
         assert!(alone.standard_errors <= best.standard_errors * (1.0 + 1e-9));
@@ -319,7 +324,7 @@ fn models_are_told_apart_where_they_differ() {
 }
 
 #[test]
-fn the_command_says_what_it_advises_and_what_is_wrong() {
+fn the_command_prints_its_recommendation_and_errors() {
     let mut settings = small_settings();
     (settings.fit.bootstrap, settings.fit.gait_input) = (60, GaitInput::Measured);
     let folder = small_run(&settings, "1");
@@ -341,10 +346,13 @@ fn the_command_says_what_it_advises_and_what_is_wrong() {
         (all(&["--for", "d"]), "found `d`, needed `METRIC at RAD_S`"),
         (all(&["--for", "speed at 2"]), "sigma0"),
         (all(&["--candidates", "semi-passive-symmetric"]), "no campaign `semi-passive-symmetric`"),
-        (all(&["--tell", "skid-roll"]), "needed another model"),
-        (all(&["--tell", "skid"]), "the models no-skid, skid-roll; list skid under"),
+        (all(&["--tell", "skid-roll"]), "needed a model other than"),
+        (all(&["--tell", "skid"]), "only of no-skid, skid-roll; list skid under"),
         (all(&["--add", "0"]), "0 is not in 1..=50"),
-        (all(&["--omega", "1,2"]), "each of 2 candidates 1 times (--repeats)"),
+        (
+            all(&["--omega", "1,2"]),
+            "trials can be added: each of the 2 candidates up to 1 times (--repeats)",
+        ),
         (
             vec!["design", CAMPAIGN, "--model", "no-skid"],
             "kinematic-symmetric no-skid: the model does not fit",
@@ -362,7 +370,7 @@ fn the_command_says_what_it_advises_and_what_is_wrong() {
     let output = trilink(empty.path(), &begin);
     let stderr = text(&output.stderr);
     assert!(
-        output.status.code() == Some(2) && stderr.contains("fits.parquet: not there"),
+        output.status.code() == Some(2) && stderr.contains("fits.parquet: does not exist"),
         "{stderr}"
     );
 }

@@ -1,5 +1,4 @@
-//! The documents say what is so: their links lead somewhere, and the program knows the commands that
-//! they show.
+//! Tests of the documentation: links lead somewhere, and the program accepts the commands shown.
 
 #![cfg(unix)]
 
@@ -10,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use sqlparser::dialect::DuckDbDialect;
 
-/// The README and the pages of `docs/` with their texts, by their paths.
+/// Returns the README and the pages in `docs/`, indexed by their paths.
 fn documents() -> BTreeMap<PathBuf, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let inside = std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
@@ -19,7 +18,7 @@ fn documents() -> BTreeMap<PathBuf, String> {
     pages.chain([root.join("README.md")]).map(read).collect()
 }
 
-/// The anchor that a heading has on a page.
+/// Returns the anchor of a heading.
 fn anchor(heading: &str) -> String {
     let kept = |c: &char| c.is_alphanumeric() || *c == '-' || *c == '_' || *c == ' ';
     let text: String = heading.to_lowercase().chars().filter(kept).collect();
@@ -29,7 +28,7 @@ fn anchor(heading: &str) -> String {
 #[test]
 fn links_between_documents_lead_somewhere() {
     let documents = documents();
-    // A packed crate has no other crates.
+    // A packaged crate does not contain the other crates.
     let is_packed = !Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz").exists();
     let mut checked = 0;
     for (path, text) in &documents {
@@ -71,14 +70,14 @@ fn the_book_has_every_page() {
     }
 }
 
-/// Blocks of a language in a document.
+/// Returns the code blocks in a document that are written in a language.
 fn blocks<'t>(text: &'t str, language: &str) -> Vec<&'t str> {
     let fence = format!("```{language}\n");
     let starts = text.match_indices(&fence).map(|(start, _)| start + fence.len());
     starts.filter_map(|start| text[start..].split_once("```")).map(|(block, _)| block).collect()
 }
 
-/// Lines of shell in the documents that begin with the program's name, continued ones in one.
+/// Returns the shell lines that begin with the program's name, with continued lines joined.
 fn commands(text: &str) -> Vec<String> {
     let joined: String =
         blocks(text, "sh").iter().map(|block| block.replace("\\\n", " ")).collect();
@@ -86,7 +85,7 @@ fn commands(text: &str) -> Vec<String> {
     lines.map(str::to_owned).collect()
 }
 
-/// What a program says to this input, and whether it ends well.
+/// Returns the output of a program for this input, and whether the program succeeded.
 fn answer(command: &mut Command, input: &str) -> (bool, String) {
     let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = piped.spawn().unwrap();
@@ -124,7 +123,7 @@ fn blocks_of_shell_python_and_sql_are_of_their_language() {
     assert!(counts[0] > 20 && counts[1..].iter().all(|count| *count > 0), "{counts:?}");
 }
 
-/// Puts what `with` has into a table.
+/// Merges the table `with` into the table `into`.
 fn merge(into: &mut toml::Table, with: toml::Table) {
     for (key, value) in with {
         match (into.get_mut(&key), value) {
@@ -183,7 +182,7 @@ fn the_program_knows_every_command_and_option_that_the_documents_show() {
     let mut count = 0;
     for (path, text) in documents() {
         for line in commands(&text) {
-            // Options before --help have to be known and their values valid.
+            // Options before --help are checked: they must exist, with valid values.
             let script = format!("trilink() {{ \"$TRILINK\" \"$@\" --help; }}\n{line}");
             let output = Command::new("sh")
                 .args(["-c", &script])

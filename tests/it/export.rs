@@ -1,4 +1,4 @@
-//! Trials for other viewers, opened by libraries that read what these read.
+//! Tests of exported trials, opened by libraries that read the formats of other viewers.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::common::{Small, succeed, text, trilink};
 
 const TRIAL: &str = "kinematic-symmetric-5.00-r1";
 
-/// An ingested folder; no test changes it.
+/// Returns a shared folder with ingested trials, which no test changes.
 fn ingested() -> &'static Small {
     static FOLDER: OnceLock<Small> = OnceLock::new();
     FOLDER.get_or_init(|| {
@@ -26,7 +26,7 @@ fn exported(format: &str) -> Vec<u8> {
     output.stdout
 }
 
-/// Columns of the exported CSV by name; what is missing is NaN.
+/// Returns the columns of the exported CSV file, indexed by name, with NaN for empty cells.
 fn columns() -> BTreeMap<String, Vec<f64>> {
     let table = text(&exported("csv"));
     let mut rows = table.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
@@ -55,7 +55,7 @@ fn a_table_has_poses_and_markers_by_name_and_unit() {
     let last = frames - 1;
     let elapsed_s = (columns["frame"][last] - columns["frame"][0]) / 120.0;
     assert!((columns["time_s"][last] - elapsed_s).abs() < 1e-9);
-    // Joint 1 lies h before link 0 and l behind link 1.
+    // Joint 1 is a distance h in front of link 0 and a distance l behind link 1.
     let of = |name: &str| columns[name][frames / 2];
     let theta = [of("link0_theta_rad"), of("link1_theta_rad")];
     let x_m = of("link0_x_m") + 0.144 * theta[0].cos() + 0.112 * theta[1].cos();
@@ -84,7 +84,7 @@ fn a_trc_file_is_laid_out_as_opensim_reads_it() {
     assert_eq!(names[10..], ["link0", "link1", "link2", "joint1", "joint2"]);
     let mut empty = 0;
     for (row, line) in lines[6..].iter().enumerate() {
-        // Each line ends with a tab.
+        // Every line ends with a tab.
         assert_eq!(line.len(), 2 + 3 * 15 + 1, "row {row}");
         for (nth, name) in names[..10].iter().enumerate() {
             for (axis, cell) in ["x", "y", "z"].iter().zip(&line[2 + 3 * nth..]) {
@@ -100,7 +100,7 @@ fn a_trc_file_is_laid_out_as_opensim_reads_it() {
     assert!(empty > 10, "{empty}");
 }
 
-/// Records of a part of an MCAP file: their kinds and contents.
+/// Returns the records in a section of an MCAP file, each with its opcode and content.
 fn records(mut bytes: &[u8]) -> Vec<(u8, &[u8])> {
     let mut records = Vec::new();
     while let [kind, rest @ ..] = bytes {
@@ -123,11 +123,11 @@ fn an_mcap_file_has_every_frame_s_transforms_and_points_and_an_index() {
     let inner = bytes.strip_prefix(MAGIC).unwrap().strip_suffix(MAGIC).unwrap();
     let all = records(inner);
     let kinds: Vec<u8> = all.iter().map(|(kind, _)| *kind).collect();
-    // Header, chunk, indices, end of data; schemas, channels, statistics, index of chunks, footer.
+    // Opcodes: header, chunk, message indices, end of data; schemas, channels, statistics, chunk index, footer.
     assert_eq!(kinds, [1, 6, 7, 7, 15, 3, 4, 3, 4, 11, 8, 2]);
     let labels = labels(&columns);
     let (mut links, mut markers) = (0, 0);
-    // A chunk's own fields take 40 bytes.
+    // In a chunk, the fields before the records take 40 bytes.
     for (_, message) in records(&all[1].1[40..]).into_iter().filter(|(kind, _)| *kind == 5) {
         let (row, time_ns) = (number(&message[2..6]) as usize, number(&message[6..14]));
         assert_eq!(time_ns, (1e9 * columns["time_s"][row]).round() as u64);
@@ -136,7 +136,7 @@ fn an_mcap_file_has_every_frame_s_transforms_and_points_and_an_index() {
             continue;
         }
         markers += 1;
-        // The points are the message's last field.
+        // The points are the last field of the message.
         let of = |label: &String| {
             ["x", "y", "z"].map(|axis| columns[&format!("{label}_{axis}_mm")][row])
         };
@@ -194,16 +194,16 @@ fn a_trial_of_two_folders_is_named_by_its_folder() {
     let (status, said) = export(TRIAL);
     assert_eq!(status, Some(2));
     assert!(said.contains("several folders") && said.contains(&format!("raw_{TRIAL}")), "{said}");
-    // Nothing is ingested.
+    // The trial is not ingested.
     for name in [format!("other/{TRIAL}"), format!("other_{TRIAL}")] {
         let (status, said) = export(&name);
         assert_eq!(status, Some(1), "{said}");
-        assert!(said.contains("without poses") && said.contains("not ingested"), "{said}");
+        assert!(said.contains("without poses") && said.contains("not been ingested"), "{said}");
     }
 }
 
 #[test]
-fn of_a_failed_trial_there_are_markers_and_the_reason() {
+fn a_failed_trial_has_markers_and_the_reason() {
     let folder = Small::raw();
     let list = text(&folder.read("raw/trials.toml"));
     let changed = list.split("[[trial]]").map(|entry| match entry.contains(TRIAL) {
@@ -215,7 +215,7 @@ fn of_a_failed_trial_there_are_markers_and_the_reason() {
     let output = trilink(folder.path(), &["export", TRIAL, "--format", "trc"]);
     assert_eq!(output.status.code(), Some(1));
     let said = text(&output.stderr);
-    assert!(said.contains("without poses, because it failed: "), "{said}");
+    assert!(said.contains("without poses, because the trial failed: "), "{said}");
     let trc = text(&folder.read(&format!("{TRIAL}.trc")));
     assert_eq!(trc.lines().nth(2).unwrap().split('\t').nth(3), Some("10"));
 }

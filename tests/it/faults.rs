@@ -1,5 +1,5 @@
-//! What goes wrong around the program: files that cannot be read, that rot, that are no files, or
-//! that are somebody else's. No error becomes a result, and nothing of others is touched.
+//! Tests of faults in the environment: files that are unreadable, corrupted, not regular, or not written by this
+//! program. No error becomes a result, and the files of others are not touched.
 
 #![cfg(unix)]
 use std::fs::{self, File};
@@ -13,7 +13,7 @@ use crate::common::{SMALL, Small, UP_TO_DATE, assert_same, text, trilink};
 const TRIAL: &str = "kinematic-symmetric-5.00-r1";
 const OTHER_FILE: &str = "raw/kinematic-skewed-6.00-r1.csv";
 
-/// What no command takes.
+/// Time limit for a command, after which it counts as blocked.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 fn assert_ends(output: &Output, status: i32, named: &[&str], what: &str) {
@@ -25,7 +25,7 @@ fn assert_ends(output: &Output, status: i32, named: &[&str], what: &str) {
     }
 }
 
-/// Runs the program, which must not wait for anything.
+/// Runs the program, which must end before [`PATIENCE`] is over.
 fn trilink_in_time(folder: &Path, arguments: &[&str]) -> Output {
     let mut run = Command::new(env!("CARGO_BIN_EXE_trilink"))
         .args(arguments)
@@ -45,7 +45,7 @@ fn trilink_in_time(folder: &Path, arguments: &[&str]) -> Output {
     run.wait_with_output().unwrap()
 }
 
-/// Flips a bit in the middle of a file, which keeps its size and time.
+/// Flips a bit in the middle of a file without changing the file's size or modification time.
 fn rot(folder: &Small, name: &str) {
     let place = folder.place(name);
     let time = fs::metadata(&place).unwrap().modified().unwrap();
@@ -56,7 +56,7 @@ fn rot(folder: &Small, name: &str) {
     File::options().write(true).open(&place).unwrap().set_modified(time).unwrap();
 }
 
-/// Puts something else in the place of a file, and puts it back with its time afterwards.
+/// File that has been moved aside, to be replaced by something else and later restored with its modification time.
 struct Aside {
     place: std::path::PathBuf,
     aside: std::path::PathBuf,
@@ -126,7 +126,7 @@ fn a_file_that_could_not_be_read_is_read_again() {
 }
 
 #[test]
-fn rot_that_size_and_time_do_not_tell_is_found_when_the_table_is_read() {
+fn corruption_with_the_same_size_and_time_is_found_when_the_table_is_read() {
     let tables = ["trials", "checks", "robot_parameters", "fits", "bootstrap"];
     let of_all = tables.map(|table| format!("derived/{table}.parquet"));
     let of_trial =
@@ -135,7 +135,7 @@ fn rot_that_size_and_time_do_not_tell_is_found_when_the_table_is_read() {
     for name in of_all.iter().chain(&of_trial) {
         let folder = Small::done();
         rot(&folder, name);
-        // Another trial is redone; and what is drawn of this one.
+        // Only this trial and its figures are recomputed.
         change(&folder, OTHER_FILE);
         for drawn in ["figures/fig11.svg", &format!("trials/{TRIAL}.html")] {
             fs::remove_file(folder.place("reports").join(drawn)).unwrap();
@@ -146,7 +146,7 @@ fn rot_that_size_and_time_do_not_tell_is_found_when_the_table_is_read() {
 }
 
 #[test]
-fn what_the_program_did_not_write_stays() {
+fn files_of_others_are_not_touched() {
     let folder = Small::raw();
     let foreign = [
         "reports/trials/mine.html",
@@ -165,7 +165,7 @@ fn what_the_program_did_not_write_stays() {
             assert_eq!(folder.read(name), b"mine", "{name} after {arguments:?}");
         }
     }
-    // A file that was the program's and that somebody has changed since.
+    // File that the program wrote and somebody has changed since.
     folder.write("reports/figures/fig16.svg", "mine");
     let config = SMALL.split("[campaign.kinematic-skewed]").next().unwrap();
     folder.write("pipeline.toml", config);
@@ -188,15 +188,15 @@ fn synth_leaves_folders_of_others_alone_and_a_killed_one_is_no_folder_of_trials(
     let file = format!("{TRIAL}.csv");
     folder.write(&format!("mine/{file}"), "mine");
     let synth = |place: &str| trilink(folder.path(), &["-q", "synth", place, "--omega", "5"]);
-    assert_ends(&synth("mine"), 2, &["mine", "not made by synth"], "a marker file without a list");
+    assert_ends(&synth("mine"), 2, &["mine", "did not write"], "a marker file without a list");
     assert_eq!(folder.read(&format!("mine/{file}")), b"mine");
     folder.write("list/trials.toml", "[[trial]]\n");
-    assert_ends(&synth("list"), 2, &["list", "not made by synth"], "a list without a truth");
+    assert_ends(&synth("list"), 2, &["list", "did not write"], "a list without a truth");
     folder.write("real/truth.json", "{ \"synthetic\": false }");
     folder.write("real/trials.toml", "[[trial]]\n");
-    assert_ends(&synth("real"), 2, &["real", "not made by synth"], "a truth of real trials");
+    assert_ends(&synth("real"), 2, &["real", "did not write"], "a truth of real trials");
 
-    // What cannot be written in the middle is as good as a kill.
+    // A failed write in the middle of a run is equivalent to a kill.
     let folder = Small::raw();
     fs::remove_file(folder.place(&format!("raw/{file}"))).unwrap();
     fs::create_dir(folder.place(&format!("raw/{file}"))).unwrap();
@@ -208,15 +208,17 @@ fn synth_leaves_folders_of_others_alone_and_a_killed_one_is_no_folder_of_trials(
     folder.run();
 }
 
-/// Puts something in a place.
+/// Function that creates something at a path.
 type Put = fn(&Path);
 
 #[test]
-fn what_is_no_file_or_too_large_is_refused_by_name() {
+fn special_files_and_files_that_are_too_large_are_rejected() {
     let puts: [(&str, Put); 3] = [
         ("found a device or pipe", pipe),
         ("found a device or pipe", |place| symlink("/dev/zero", place).unwrap()),
-        ("found 5368709120 bytes", |place| File::create(place).unwrap().set_len(5 << 30).unwrap()),
+        ("found at least 5368709120 bytes", |place| {
+            File::create(place).unwrap().set_len(5 << 30).unwrap()
+        }),
     ];
     let marker_file = format!("raw/{TRIAL}.csv");
     let expected = Small::done().results();
@@ -239,7 +241,7 @@ fn what_is_no_file_or_too_large_is_refused_by_name() {
         }
         folder.run();
         assert_same(&folder.results(), &expected, found);
-        // What the program writes is written again.
+        // The program writes its own files again.
         let written = [
             "derived/up-to-date.json",
             "derived/fits.parquet",
@@ -247,7 +249,7 @@ fn what_is_no_file_or_too_large_is_refused_by_name() {
             "reports/figures/fig17.svg",
             "reports/index.html",
         ];
-        // Each kind in another place, to be done in time.
+        // Test each kind at other paths, to limit the duration.
         for name in written.into_iter().skip(number).step_by(3) {
             let folder = Small::done();
             fs::remove_file(folder.place(name)).unwrap();
@@ -282,7 +284,7 @@ fn commands_that_have_nothing_to_read_leave_nothing_behind() {
 }
 
 #[test]
-fn files_are_for_those_for_whom_new_files_are() {
+fn files_have_the_permissions_of_new_files() {
     let folder = Small::raw();
     let script = "umask 077; exec \"$0\" run";
     let arguments = ["-c", script, env!("CARGO_BIN_EXE_trilink")];
@@ -310,7 +312,7 @@ fn a_limit_on_the_size_of_files_is_an_error_of_the_file() {
 }
 
 #[test]
-fn who_waits_for_the_lock_ends_at_the_first_signal() {
+fn a_process_waiting_for_the_lock_ends_at_the_first_signal() {
     for (signal, status) in [("INT", 130), ("TERM", 143)] {
         let folder = Small::raw();
         folder.write("derived/.lock", "");
@@ -337,7 +339,7 @@ fn who_waits_for_the_lock_ends_at_the_first_signal() {
     }
 }
 
-/// What the system refuses, and what a moment is for a kill.
+/// System calls, each with the faults to inject: errors that the call returns, or a signal that kills the process.
 const FAULTS: [(&str, &[&str]); 6] = [
     ("openat", &["error=EACCES", "error=EMFILE", "error=EIO"]),
     ("read", &["error=EIO", "signal=KILL"]),
@@ -347,7 +349,8 @@ const FAULTS: [(&str, &[&str]); 6] = [
     ("/^(statx|newfstatat)$", &["error=EIO"]),
 ];
 
-/// Runs the program with a fault at the `nth` call of a kind; `None` if it makes fewer calls.
+/// Runs the program with a fault at the `nth` system call of a kind; returns `None` if the program makes fewer such
+/// calls.
 fn with_fault(
     folder: &Small,
     arguments: &[&str],
@@ -372,7 +375,8 @@ fn with_fault(
     is_struck.then_some(output)
 }
 
-/// Every `stride`th moment of every kind of call, with every fault.
+/// Injects every fault at each system call of every kind, or at every `TRILINK_STRIDE`th call, in a new project each
+/// time; passes the project, the output and a description of the fault to `check`.
 fn at_every_moment(
     arguments: &[&str],
     folder: fn() -> Small,
@@ -397,7 +401,7 @@ fn at_every_moment(
     }
 }
 
-/// A finished folder of which a trial has changed.
+/// Creates a project in which a trial has changed since its results were made.
 fn changed() -> Small {
     let folder = Small::done();
     change(&folder, OTHER_FILE);
@@ -410,7 +414,8 @@ fn without_mine(folder: &Small) -> std::collections::BTreeMap<std::path::PathBuf
     results
 }
 
-/// What a run that is struck at any moment leaves, and what the next one makes of it.
+/// Injects faults into runs; asserts that a run that succeeds despite its fault, and the next run in any case, have the
+/// results of a run from scratch.
 fn run_is_struck(folder: fn() -> Small) {
     let expected = folder().scratch();
     at_every_moment(&["run"], folder, &|folder, output, what| {
@@ -425,13 +430,13 @@ fn run_is_struck(folder: fn() -> Small) {
 
 #[test]
 #[ignore = "needs strace and takes an hour; TRILINK_STRIDE=10 takes every tenth moment"]
-fn an_error_or_a_kill_at_any_moment_of_a_run_is_told_and_mended_by_the_next_one() {
+fn an_error_or_a_kill_at_any_moment_of_a_run_is_reported_and_repaired_by_the_next_one() {
     run_is_struck(changed);
 }
 
 #[test]
 #[ignore = "needs strace and takes an hour; TRILINK_STRIDE=10 takes every tenth moment"]
-fn an_error_or_a_kill_at_any_moment_of_a_first_run_is_told_and_mended_by_the_next_one() {
+fn an_error_or_a_kill_at_any_moment_of_a_first_run_is_reported_and_repaired_by_the_next_one() {
     run_is_struck(Small::raw);
 }
 
@@ -478,8 +483,8 @@ fn an_error_or_a_kill_at_any_moment_of_synth_leaves_no_folder_that_passes_for_tr
 }
 
 #[test]
-fn what_cannot_be_looked_at_is_not_taken_for_absent() {
-    // As without a permission, which whoever runs the tests may have.
+fn inaccessible_files_are_not_mistaken_for_missing_ones() {
+    // Emulates a missing permission, since the user who runs the tests may have all permissions.
     let in_a_circle = |folder: &Small, name: &str| {
         let _ = fs::remove_file(folder.place(name));
         symlink(folder.place(name), folder.place(name)).unwrap();

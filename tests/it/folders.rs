@@ -1,5 +1,5 @@
-//! Many trial folders: one after the other or together they come to the same, nothing of a folder
-//! goes unless somebody says so, and trials of one id are kept apart.
+//! Tests of several trial folders: the results are the same whether they are processed one after the other or together,
+//! results are removed only on request, and trials with the same id are distinguished.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,8 +13,8 @@ const SKEWED: &str = "kinematic-skewed-5.00-r1";
 const OTHER_SKEWED: &str = "kinematic-skewed-6.00-r1";
 const SYMMETRIC: &str = "kinematic-symmetric-5.00-r1";
 
-/// Two nights: of the first the symmetric campaign, of the second the skewed one and the coast-down.
-/// If an id is to be `shared`, both have one trial of the skewed campaign.
+/// Creates two trial folders: the first with the symmetric campaign, the second with the skewed campaign and the
+/// coast-down. If `shared` is true, both contain a trial of the skewed campaign with the same id.
 fn nights(shared: bool) -> Small {
     let folder = Small::raw();
     let whole = text(&folder.read("raw/trials.toml"));
@@ -38,7 +38,7 @@ fn nights(shared: bool) -> Small {
         }
     }
     if shared {
-        // The same recording twice would be a mistake: the first night's is another.
+        // The same recording twice would be a mistake, so the first folder has another one.
         let other = folder.read(&format!("raw/{OTHER_SKEWED}.csv"));
         folder.write(&format!("raw/first/{SKEWED}.csv"), other);
         let list = text(&folder.read("raw/first/trials.toml"));
@@ -90,25 +90,25 @@ fn folders_run_together_or_one_after_the_other_leave_the_same_bytes() {
     folder.replace("pipeline.toml", "[\"raw/first\", \"raw/second\"]", "\"raw/*\"");
     assert_same(&results(&folder, &[&["run"]]), &configured, "a pattern");
     let checked = succeed(folder.path(), &["check"]);
-    assert!(checked.ends_with("5 trials, 0 that cannot be ingested\n"), "{checked}");
+    assert!(checked.ends_with("5 trials, of which 0 cannot be ingested\n"), "{checked}");
     let checked = succeed(folder.path(), &["check", "raw/first"]);
-    assert!(checked.ends_with("2 trials, 0 that cannot be ingested\n"), "{checked}");
-    // One folder alone, with the others' results there.
+    assert!(checked.ends_with("2 trials, of which 0 cannot be ingested\n"), "{checked}");
+    // Run one folder; the results of the others are retained.
     assert_eq!(said(folder.path(), &["run", "raw/first"], 0), "everything was up to date\n");
 }
 
 #[test]
-fn a_trial_stays_until_it_leaves_its_list_or_other_folders_are_to_go() {
+fn a_trial_is_retained_until_it_leaves_its_list_or_other_folders_are_removed() {
     let folder = nights(false);
     results(&folder, &[&["run"]]);
     let list = text(&folder.read("raw/second/trials.toml"));
     let entry = list.split("[[trial]]").find(|entry| entry.contains(SKEWED)).unwrap().to_owned();
     folder.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
     let removed = said(folder.path(), &["run", "raw/first"], 0);
-    assert!(removed.contains(&format!("any more, removed: {SKEWED}\n")), "{removed}");
+    assert!(removed.contains(&format!("no longer in the list of trials: {SKEWED}\n")), "{removed}");
     assert_eq!(rows(&folder).len(), 4);
 
-    // Without a record the tables tell which folders there are.
+    // Without a record, the names of the folders are read from the tables.
     fs::remove_file(folder.place("derived/up-to-date.json")).unwrap();
     succeed(folder.path(), &["run", "raw/first"]);
     assert_eq!(rows(&folder).len(), 4);
@@ -116,17 +116,19 @@ fn a_trial_stays_until_it_leaves_its_list_or_other_folders_are_to_go() {
     expected.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
     assert_same(&folder.results(), &results(&expected, &[&["run"]]), "without a record");
 
-    // A folder that is gone may be on a disk that is not there.
+    // A missing folder may be on a disk that is not mounted.
     fs::rename(folder.place("raw/second"), folder.place("elsewhere")).unwrap();
     let before = folder.results();
     let gone = said(folder.path(), &["run", "raw/first"], 2);
-    let expected = "raw/second: found no trials.toml, needed the folder because derived has tables";
+    let expected = "raw/second: this trial folder has no trials.toml, but derived still contains tables of its trials";
     assert!(gone.contains(expected) && gone.contains("--only"), "{gone}");
     assert_same(&folder.results(), &before, "a folder that is gone");
     let ahead = succeed(folder.path(), &["run", "raw/first", "--only", "--dry-run"]);
     assert!(ahead.contains(&format!("remove trial {OTHER_SKEWED}\n")), "{ahead}");
     let removed = said(folder.path(), &["run", "raw/first", "--only"], 0);
-    assert!(removed.contains("removed: kinematic-coast-down-r1, kinematic-skewed-6.00-r1\n"));
+    assert!(
+        removed.contains("list of trials: kinematic-coast-down-r1, kinematic-skewed-6.00-r1\n")
+    );
     let first = nights(false);
     succeed(first.path(), &["run", "raw/first"]);
     assert_same(&folder.results(), &first.results(), "--only");
@@ -140,20 +142,25 @@ fn an_ignored_recording_is_left_out_although_its_entry_stays() {
     assert!(failed.contains(&format!("failed: {SKEWED}")), "{failed}");
     let ignore = format!("ignore = [\"*\", \"{SKEWED}.csv\"]");
     folder.replace("raw/second/trials.toml", "ignore = [\"*\"]", &ignore);
-    let line = format!("left out, because `ignore` of trials.toml names the file: {SKEWED}\n");
+    let line =
+        format!("trials left out because `ignore` in trials.toml matches their files: {SKEWED}\n");
     let run = said(folder.path(), &["run"], 0);
     assert_eq!(run.matches(&line).count(), 1, "{run}");
     assert!(rows(&folder).iter().all(|row| row.trial != SKEWED));
     assert!(said(folder.path(), &["check"], 0).contains(&line));
     let checked = succeed(folder.path(), &["config", "check"]);
-    assert!(checked.contains(&line) && checked.ends_with("4 trials, 0 that cannot be processed\n"));
-    // As if it had no entry.
+    assert!(
+        checked.contains(&line)
+            && checked.contains("\n4 trials in ")
+            && checked.ends_with(", all readable\n")
+    );
+    // Ignoring a trial has the same effect as removing its entry from the list.
     let other = nights(false);
     let list = text(&other.read("raw/second/trials.toml"));
     let entry = list.split("[[trial]]").find(|entry| entry.contains(SKEWED)).unwrap();
     other.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
     assert_same(&folder.results(), &results(&other, &[&["run"]]), "without the entry");
-    // `explain` says so.
+    // The explanation of the check mentions this advice.
     let advice = succeed(folder.path(), &["explain", "E001"]).replace("\n   ", "");
     assert!(
         advice.contains("`ignore` in `trials.toml`") && advice.contains("`[[trial]]`"),
@@ -167,8 +174,8 @@ fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_pag
     let together = nights(true);
     let told = said(together.path(), &["run"], 0);
     let expected = format!(
-        "several folders have a trial `{SKEWED}`: each of these 2 trials has its folder's name in \
-         front, as `{}` of raw/first\n",
+        "several folders contain a trial `{SKEWED}`: the names of these 2 trials are prefixed with the names of their \
+         folders, such as `{}` in raw/first\n",
         names[0]
     );
     assert!(told.contains(&expected), "{told}");
@@ -192,7 +199,7 @@ fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_pag
     assert!(page.contains("raw&#x2f;first</code>, <code>..&#x2f;raw&#x2f;second"), "both folders");
     assert!(!together.place(&format!("derived/poses/{SKEWED}.parquet")).exists());
 
-    // Whichever came first: names are those of all folders.
+    // In any order of the runs, trials have the same names as in a run of all folders together.
     let expected = together.results();
     let apart = nights(true);
     results(&apart, &[&["run", "raw/second"], &["run", "raw/first"]]);
@@ -212,12 +219,15 @@ fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_pag
         .unwrap();
     }
     let failed = said(twice.path(), &["run", "raw/first", "raw/again/first"], 1);
-    for front in ["raw-first", "again-first"] {
-        let file = format!("failed: {front}_{SKEWED}: the marker file is that of");
-        assert!(failed.contains(&file), "{failed}");
+    for [front, other] in [["raw-first", "again-first"], ["again-first", "raw-first"]] {
+        let reason =
+            format!("failed: {front}_{SKEWED}: trial `{other}_{SKEWED}` has the same marker file");
+        assert!(failed.contains(&reason), "{failed}");
     }
     let calibrated = trilink(together.path(), &["ingest", "--calibrate", SKEWED]);
-    let expected = format!("raw/first, raw/second: found no trial `{SKEWED}`");
+    let expected = format!(
+        "raw/first, raw/second: trial `{SKEWED}` is not in the trials.toml of any of these folders"
+    );
     assert!(text(&calibrated.stderr).contains(&expected), "{}", text(&calibrated.stderr));
     let unlisted = format!("raw/first/{SYMMETRIC}-again.csv");
     together.write(&unlisted, together.read(&format!("raw/first/{SYMMETRIC}.csv")));

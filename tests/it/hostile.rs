@@ -1,5 +1,5 @@
-//! What the fuzz targets do, in small: tables, settings and records with absurd content end in
-//! results or an error, within seconds.
+//! Small-scale version of the fuzz targets: tables, settings and records with absurd content lead to results or an
+//! error within seconds.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::fuzz;
 
-/// The program in a process of its own, so that nothing of it is on the tests' output.
+/// Runs the program in a separate process, so that it does not write to the tests' output.
 fn apart(config: &Path, line: &str) -> i32 {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trilink"));
     command.args(["-q", "-c"]).arg(config).args(line.split(' '));
@@ -16,7 +16,7 @@ fn apart(config: &Path, line: &str) -> i32 {
     status.code().unwrap_or(-1)
 }
 
-/// Bytes that look random, the same every time (Knuth's MMIX generator).
+/// Returns reproducible pseudo-random bytes (Knuth's MMIX generator).
 fn bytes(seed: u64, count: usize) -> Vec<u8> {
     let mut state = seed;
     let mut next = || {
@@ -26,14 +26,15 @@ fn bytes(seed: u64, count: usize) -> Vec<u8> {
     (0..count).map(|_| next()).collect()
 }
 
-/// All commands that read a table, after it was damaged.
+/// Runs all commands that read the table `name`, each after damaging the table by `data`.
 fn damage(name: &str, data: &[u8]) {
     for reader in fuzz::readers(name) {
         fuzz::table(apart, name, reader, data);
     }
 }
 
-/// There is one project, and a lot to do again after some damage.
+/// Asserts that `work`, in the project that the tests share, ends within a minute. A lock admits one test at a time;
+/// the wait for it does not count.
 #[track_caller]
 fn within_seconds(what: &str, work: impl FnOnce()) {
     static PROJECT: Mutex<()> = Mutex::new(());
@@ -45,7 +46,7 @@ fn within_seconds(what: &str, work: impl FnOnce()) {
 
 #[test]
 #[ignore = "for long: TRILINK_HOSTILE=seconds cargo test -p trilink --test it hostile:: -- --ignored --nocapture"]
-fn tables_with_absurd_content_end_so_however_often_they_are_tried() {
+fn many_tables_with_absurd_content_lead_to_results_or_an_error() {
     let seconds = std::env::var("TRILINK_HOSTILE").unwrap().parse().unwrap();
     let (begin, mut seed) = (Instant::now(), 0);
     while begin.elapsed() < Duration::from_secs(seconds) {
@@ -60,8 +61,8 @@ fn tables_with_absurd_content_end_so_however_often_they_are_tried() {
 }
 
 #[test]
-fn every_table_that_there_is_is_tried() {
-    // What is left of the measurements is there for others to look at.
+fn every_table_is_tested() {
+    // Residuals are written only for inspection; no command reads them.
     let mut tried = fuzz::tables();
     tried.push("residuals");
     tried.sort_unstable();

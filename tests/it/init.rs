@@ -1,16 +1,17 @@
-//! The first hour: from marker files alone, by `init`, to a fitted coefficient.
+//! Tests of `init`: from marker files alone to a fitted coefficient.
 
 use std::path::Path;
 
 use serde_json::Value;
 use tempfile::TempDir;
+use trilink_robot::Model;
 use trilink_tables::config::Config;
 use trilink_tables::trial::{TrialKind, TrialList};
 use trilink_tables::{Columns as _, ComparisonRow, FitRow, FitStatus, Outcome, Table};
 
 use crate::common::{succeed, text, trilink};
 
-/// Another robot with other labels and dimensions; both joints are commanded.
+/// Robot whose labels and dimensions differ from the paper's; both joints are commanded.
 const CART: &str = r#"
 [vicon]
 rate_hz = 100.0
@@ -53,19 +54,21 @@ T2 = [20.0, 36.0, 50.0]
 T3 = [45.0, -31.0, 64.0]
 "#;
 
-/// What a person adds to the test's runs so that they are quick. It changes no coefficient.
+/// Settings that make the fits of the tests quick without changing a coefficient.
 const QUICK: &str = "starts = 2\nbootstrap = 2\nprofiles = false\n";
 
-/// What a person writes into the configuration: what no camera sees of the robot.
+/// Entries that the user adds to the configuration: masses and dimensions that no camera sees.
 const EDITED: [&str; 3] =
     ["b_m = 0.075", "mass_kg = [1.6, 0.42, 0.38]", "inertia_kg_m2 = [0.016, 0.0011, 0.0010]"];
 
-/// A folder with the marker files of some trials in `raw/`, and nothing else but `truth.json` beside.
+/// Creates a folder that contains only `truth.json` and, in `raw/`, the marker files of the trials whose names satisfy
+/// `kept`.
 fn recorded(settings: &str, omegas: &str, kept: impl Fn(&str) -> bool) -> TempDir {
     recorded_of("skid-roll", settings, omegas, kept)
 }
 
-/// The same with the motion of a model.
+/// Creates a folder that contains only `truth.json` and, in `raw/`, the marker files of the trials whose names satisfy
+/// `kept` and whose motion follows the model.
 fn recorded_of(model: &str, settings: &str, omegas: &str, kept: impl Fn(&str) -> bool) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
@@ -94,7 +97,7 @@ fn read(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap()
 }
 
-/// Replaces whole lines, each of which begins with a key, by others.
+/// Replaces lines of the form `key = value` in the file `name` by those in `lines` with the same keys.
 fn edit(folder: &Path, name: &str, lines: &[&str]) {
     let mut content: Vec<String> = read(folder, name).lines().map(str::to_owned).collect();
     for line in lines {
@@ -105,7 +108,7 @@ fn edit(folder: &Path, name: &str, lines: &[&str]) {
     std::fs::write(folder.join(name), content.join("\n") + "\n").unwrap();
 }
 
-/// Makes the fits of a configuration quick.
+/// Changes a configuration so that its fits are quick.
 fn quick(folder: &Path) {
     let content = read(folder, "pipeline.toml");
     let content = match content.split_once("[fit]\n") {
@@ -132,7 +135,8 @@ fn truth(folder: &Path) -> Value {
     truth["campaigns"].clone()
 }
 
-/// One campaign's data prefer this model, which fits, and has coefficients within a part of the planted ones.
+/// Asserts that a model is clearly preferred and adequate, and that its free coefficients are within a relative error
+/// `within` of the true values `planted`.
 fn assert_preferred(folder: &Path, model: &str, planted: &Value, within: f64) {
     let table = |name: &str| Table::read(&folder.join("derived").join(name)).unwrap();
     let fits = FitRow::from_table(&table("fits.parquet")).unwrap();
@@ -148,13 +152,13 @@ fn assert_preferred(folder: &Path, model: &str, planted: &Value, within: f64) {
 }
 
 #[test]
-fn a_dry_floor_is_told_as_such_from_marker_files_and_dimensions() {
+fn dry_friction_is_identified_from_marker_files_and_dimensions() {
     let kept = |name: &str| name.starts_with("hook") || name.contains("coast");
     let folder = recorded_of("coulomb", CART, "2,4.5", kept);
     let path = folder.path();
     const GIVEN: [&str; 4] = ["--l-m", "0.13", "--front", "N1"];
     assert!(GIVEN.len() / 2 + EDITED.len() <= 5);
-    // Wheels that stick now and skid to one side then hide where the links point; a coast-down does not.
+    // A mean skid to one side under dry friction biases the links' directions; a coast-down does not have this bias.
     let found = found(path, &[&["raw"][..], &GIVEN].concat(), 0);
     for (joint, sign) in [(0, 1.0), (1, -1.0)] {
         let offset = found["campaigns"][0]["joints"][joint]["offset_deg"].as_f64().unwrap();
@@ -171,30 +175,59 @@ fn a_dry_floor_is_told_as_such_from_marker_files_and_dimensions() {
 fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     let folder = recorded(CART, "2,4.5", |name| name.starts_with("weave"));
     let path = folder.path();
-    // Names that say nothing.
+    // Give the files names without a meaning.
     for (i, name) in names(&path.join("raw")).iter().enumerate() {
         let new = format!("raw/Take {:02}.csv", i + 1);
         std::fs::rename(path.join("raw").join(name), path.join(new)).unwrap();
     }
     let told = succeed(path, &["-q", "init", "raw", "--l-m", "0.13"]);
     assert!(told.contains("middle link: Body-L, Body-R, Body-T"), "{told}");
-    assert!(told.contains("then: trilink check"), "{told}");
+    assert!(told.contains("then run: trilink check"), "{told}");
 
-    // What a person does: the length on the command line above, and the edited lines.
+    // The user gives the length on the command line, and edits the marked lines.
     const GIVEN: [&str; 1] = ["--l-m 0.13"];
     assert!(GIVEN.len() + EDITED.len() <= 5);
-    // Before that nothing is computed with numbers that nobody knows.
+    // Before the edits, commands reject the unknown numbers.
     let unknown = refused(path, &["check"]);
     assert!(unknown.contains("b_m") && unknown.contains("NaN"), "{unknown}");
     edit(path, "pipeline.toml", &EDITED);
     quick(path);
     succeed(path, &["-q", "check"]);
-    succeed(path, &["-q", "run"]);
+    const EXACT: &str = "limits take the robot's declared parameters as exact";
+    assert!(!succeed(path, &["-q", "run"]).contains(EXACT));
 
     assert_preferred(path, "skid-roll", &truth(path)["weave"]["skid_kg_s"], 0.15);
     let config = Config::load(&path.join("pipeline.toml")).unwrap();
     let (robot, gait) = config.campaign_setup("take").unwrap();
-    assert!((robot.h_m - 0.2).abs() < 3e-4, "{}", robot.h_m);
+    assert!((robot.h_m[0] - 0.2).abs() < 3e-4, "{:?}", robot.h_m);
+    // Typical standard uncertainties are written, each marked for review.
+    let laws = config.model[&Model::new("skid-roll")].laws();
+    let robots: Vec<_> = config.robot.values().collect();
+    let deviations = robots[0].errors(laws, &gait).concat();
+    let deviations: Vec<(&str, f64)> =
+        deviations.iter().map(|(of, sd)| (of.name(), (1e7 * sd).round() / 1e7)).collect();
+    let expected = [
+        ("h_m", 5e-4),
+        ("l_m", 5e-4),
+        ("b_m", 1e-3),
+        ("mass0_kg", 0.016),
+        ("mass1_kg", 0.0042),
+        ("mass2_kg", 0.0038),
+        ("inertia0_kg_m2", 8e-4),
+        ("inertia1_kg_m2", 5.5e-5),
+        ("inertia2_kg_m2", 5e-5),
+    ];
+    assert_eq!(deviations, expected);
+    let content = read(path, "pipeline.toml");
+    let (_, table) = content.split_once(".standard_deviation]\n").expect("the table");
+    let lines: Vec<&str> = table.lines().take_while(|line| !line.is_empty()).collect();
+    assert_eq!(lines.len(), 5, "{lines:?}");
+    assert!(lines.iter().all(|line| line.contains("# CHECK: standard uncertainty")), "{lines:?}");
+    // Without any, the terminal says so.
+    let content = lines.iter().fold(content.clone(), |content, line| content.replace(line, ""));
+    std::fs::write(path.join("pipeline.toml"), content).unwrap();
+    let fitted = succeed(path, &["-q", "fit"]);
+    assert!(fitted.contains(EXACT) && fitted.contains(".standard_deviation]"), "{fitted}");
     let [first, second] = gait.joints.map(Option::unwrap);
     for (found, expected_deg) in [
         (first.amplitude_rad, 26.0),
@@ -209,7 +242,7 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
 }
 
 #[test]
-fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
+fn two_campaigns_in_two_folders_with_files_that_are_not_trials() {
     let folder =
         recorded(CART, "2.5,4", |name| name.starts_with("weave") || name.contains("coast"));
     let path = folder.path();
@@ -224,7 +257,7 @@ fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
     for name in names(&hook.path().join("raw")) {
         let mut content = read(hook.path(), &format!("raw/{name}"));
         if name.contains("2.50") {
-            // A subject of another name, and two markers that stand beside the floor.
+            // A subject with another name, and two markers on the floor.
             content = content.replace("Snake:", "Schlange:");
             let beside = |(i, line): (usize, &str)| match i {
                 0 | 1 => format!("{line}\r\n"),
@@ -276,7 +309,7 @@ fn two_campaigns_in_two_folders_beside_what_is_no_trial() {
     assert!(checked.contains("campaign hook: robot snake, gait hook, 2 trials"), "{checked}");
 }
 
-/// Changes the coordinates of each marker in every frame of a file.
+/// Changes the coordinates of each marker in every frame of a marker file.
 fn change(path: &Path, to: impl Fn([f64; 3]) -> [f64; 3]) {
     let content = std::fs::read_to_string(path).unwrap();
     let changed = |(i, line): (usize, &str)| {
@@ -307,18 +340,18 @@ fn files_with_another_axis_up_are_said_to_have_it() {
         ["weave-2.50-r1.csv", "weave-4.00-r1.csv"].map(|of| path.join("raw").join(of));
     let said = |up: &str| {
         format!(
-            "the file's {up} axis points up, not z: the markers stay level along it and move as three \
-             links across it; export with z up"
+            "the file's {up} axis points up instead of its z axis: the coordinates of the markers along {up} hardly \
+             change, and the other two coordinates show three moving links; export with z up"
         )
     };
-    // One of two is left out by its cause.
+    // One of two files is left out, with the cause.
     change(&first, |[x, y, z]| [x, z, -y]);
     let left_out = found(path, &["raw", "--l-m", "0.13", "--front", "N1"], 1);
     assert_eq!(left_out["files"][0]["problem"], said("y"));
     assert_eq!(left_out["files"][1]["problem"], Value::Null);
     std::fs::remove_file(path.join("pipeline.toml")).unwrap();
     std::fs::remove_file(path.join("raw/trials.toml")).unwrap();
-    // Without any other file it is why nothing is written.
+    // If the turned file is the only one, the cause is the reason why nothing is written.
     change(&second, |[x, y, z]| [z, x, y]);
     let refused = refused(path, &["init", "raw"]);
     for (file, up) in [("weave-2.50-r1.csv", "y"), ("weave-4.00-r1.csv", "x")] {
@@ -339,14 +372,17 @@ fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
     let unknown = refused(path, &["init", "raw", "--unit", "km"]);
     assert!(unknown.contains("found `km`, needed mm, cm, m or in"), "{unknown}");
     succeed(path, &["-q", "init", "raw", "--l-m", "0.13", "--unit", "cm"]);
-    assert!(read(path, "pipeline.toml").contains("unit = \"cm\"  # of files that do not say"));
+    assert!(
+        read(path, "pipeline.toml")
+            .contains("unit = \"cm\"  # unit of the files that do not state one")
+    );
     edit(path, "pipeline.toml", &EDITED);
     let config = Config::load(&path.join("pipeline.toml")).unwrap();
-    let h_m = config.robot["snake"].to_robot().h_m;
+    let [h_m, _] = config.robot["snake"].to_robot().h_m;
     assert!((h_m - 0.2).abs() < 1e-3, "{h_m}");
     succeed(path, &["-q", "check"]);
 
-    // A file that says less of itself than it should is marked in the list.
+    // A file that lacks metadata is marked in the list.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     std::fs::write(path.join("pipeline.toml"), CART).unwrap();
@@ -361,14 +397,14 @@ fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
     file[at + 6] = b'X';
     std::fs::write(path.join("raw").join(kept), file).unwrap();
     let found = found(path, &["raw", "--l-m", "0.13"], 0);
-    let told = "unit: found none (POINT:UNITS), took mm (vicon.unit)";
+    let told = "unit: found none (POINT:UNITS), used mm (vicon.unit)";
     let marks = found["marks"].as_array().unwrap();
     assert!(marks.iter().any(|mark| mark["of"] == "file" && mark["text"] == told), "{marks:?}");
     assert!(read(path, "raw/trials.toml").contains(&format!("# CHECK: {told}")));
 }
 
 #[test]
-fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
+fn nothing_is_overwritten_and_errors_are_reported() {
     let folder = recorded(CART, "3", |name| name.starts_with("weave"));
     let path = folder.path();
     std::fs::create_dir(path.join("empty")).unwrap();
@@ -384,9 +420,12 @@ fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
 
     std::fs::write(path.join("pipeline.toml"), "# mine\n").unwrap();
     let there = refused(path, &["init", "raw"]);
-    assert!(there.contains("pipeline.toml: found a file") && there.contains("--force"), "{there}");
+    assert!(
+        there.contains("pipeline.toml: file already exists") && there.contains("--force"),
+        "{there}"
+    );
     assert_eq!(read(path, "pipeline.toml"), "# mine\n");
-    // A list that is there stays, and is read.
+    // An existing list is read, but not changed.
     let list = "[[trial]]\nid = \"a\"\nfile = \"weave-3.00-r1.csv\"\nkind = \"gait\"\ncampaign = \"mine\"\nomega_rad_s = 3.0\n";
     std::fs::write(path.join("raw/trials.toml"), list).unwrap();
     let elsewhere = found(path, &["raw", "--out", "config", "--front", "T1"], 0);
@@ -396,14 +435,14 @@ fn nothing_is_overwritten_and_what_cannot_be_done_is_said() {
     assert_eq!(read(path, "raw/trials.toml"), list);
     let written = read(path, "config/pipeline.toml");
     assert!(written.contains("raw = \"../raw\""), "{written}");
-    // Of one frequency nobody knows whether a joint is passive, and l is as far as the wheels show it.
+    // A single frequency does not show whether a joint is passive, and l is estimated from the wheels.
     let marks = elsewhere["marks"].as_array().unwrap();
     let marked =
         |of: &str| marks.iter().filter(|mark| mark["text"].as_str().unwrap().contains(of)).count();
-    assert_eq!((marked("--l-m"), marked("one frequency"), marked("front link")), (1, 1, 0));
+    assert_eq!((marked("--l-m"), marked("a single frequency"), marked("front link")), (1, 1, 0));
 
     succeed(path, &["-q", "init", "raw", "--force"]);
-    assert!(read(path, "pipeline.toml").starts_with("# Begun by"));
+    assert!(read(path, "pipeline.toml").starts_with("# Created by"));
     assert!(read(path, "raw/trials.toml").contains("campaign = \"mine\""));
 }
 
@@ -419,17 +458,17 @@ fn a_passive_joint_is_found_and_its_parameters_are_measured() {
     };
     assert_eq!([kind("gait"), kind("joint-release"), kind("coast-down")], [2, 1, 1]);
     let doubts = read(path, "pipeline.toml");
-    assert!(doubts.contains("# CHECK: joint 2 is taken for passive"), "{doubts}");
+    assert!(doubts.contains("# CHECK: joint 2 is taken as passive"), "{doubts}");
     edit(path, "pipeline.toml", &EDITED);
     succeed(path, &["-q", "check"]);
 }
 
 #[test]
-fn a_coast_down_says_where_the_links_point_that_every_gait_bends() {
+fn a_coast_down_determines_directions_that_gaits_with_offsets_bias() {
     let kept = |name: &str| name.starts_with("hook") || name.contains("coast");
     let folder = recorded(CART, "3", kept);
     let path = folder.path();
-    let marked = "wheels that skid to one side";
+    let marked = "mean skid to one side";
     let straight = found(path, &["raw", "--l-m", "0.13", "--front", "N1"], 0);
     for (joint, offset_deg) in [(0, 35.0), (1, -35.0)] {
         let found = straight["campaigns"][0]["joints"][joint]["offset_deg"].as_f64().unwrap();

@@ -1,4 +1,4 @@
-//! Looking into tables, by command line and from Python.
+//! Tests of table inspection from the command line, Python and R.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use crate::common::{small_run, small_settings, succeed, text, trilink};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A folder with tables; no test changes it.
+/// Returns a shared folder with tables, which no test changes.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER.get_or_init(|| small_run(&small_settings(), "1")).path()
@@ -84,7 +84,7 @@ fn the_schema_has_types_units_meanings_and_where_the_table_comes_from() {
     );
     assert_eq!(
         line("free"),
-        "free text parameters that were fitted, or commands of a gait that varied"
+        "free text free parameters of the fit, or the commands that the optimisation varies"
     );
     assert_eq!(line("trilink.version:"), format!("trilink.version: {}", env!("CARGO_PKG_VERSION")));
     assert!(line("trilink.input:").len() > 20, "{schema}");
@@ -148,8 +148,11 @@ fn a_table_is_found_by_path_and_one_that_is_not_there_by_its_nearest_name() {
     let by_path = inspect(&[path.to_str().unwrap(), "--csv"]);
     assert_eq!(by_path, inspect(&["trials", "--csv"]));
     let message = refused(&["trails"]);
-    assert!(message.contains("no table and no file `trails`; did you mean `trials`?"), "{message}");
-    assert!(message.contains("holds alternative_fits, bootstrap, checks,"), "{message}");
+    assert!(
+        message.contains("`trails` is neither a table nor a file; did you mean `trials`?"),
+        "{message}"
+    );
+    assert!(message.contains("contains alternative_fits, bootstrap, checks,"), "{message}");
     let message = refused(&["poses/kinematic-symetric-3.90-r1"]);
     let named = "did you mean `poses/kinematic-symmetric-3.90-r1`?";
     assert!(message.contains(named), "{message}");

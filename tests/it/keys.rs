@@ -1,5 +1,5 @@
-//! Every key of `pipeline.toml`, changed in turn: a run after the change leaves the bytes of a run
-//! from scratch, and a run after that has nothing to do.
+//! Tests that change every key of `pipeline.toml` in turn: a run after the change gives the same bytes as a run from
+//! scratch, and a second run has nothing to do.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use trilink_tables::config::Config;
 
 use crate::common::{SMALL, Small, assert_same, succeed};
 
-/// Values of keys whose next best value would not be valid.
+/// Changed values of those keys for which an automatically chosen value would be invalid.
 const OTHERS: [(&str, &str); 13] = [
     ("vicon.unit", "\"cm\""),
     ("vicon.ignore", "[\"V_*\"]"),
@@ -25,11 +25,11 @@ const OTHERS: [(&str, &str); 13] = [
     ("campaign.kinematic-symmetric.gait", "\"skewed\""),
     ("campaign.kinematic-symmetric.models", "[\"skid\", \"no-skid\"]"),
     ("campaign.kinematic-symmetric.free.skid", "[\"skid1\", \"skid2\"]"),
-    // Integers in a list of numbers are numbers, too.
+    // Lists of numbers may contain integers, too.
     ("fit.seed", "2"),
 ];
 
-/// A folder of few short trials with everything made of them.
+/// Creates a folder with a few short trials and all results.
 fn base() -> Small {
     let folder = Small(tempfile::tempdir().unwrap());
     let start = SMALL.find("[campaign.kinematic-skewed]").unwrap();
@@ -39,7 +39,7 @@ fn base() -> Small {
         small + "[campaign.kinematic-symmetric.free]\nskid = [\"skid0\"]\n",
     );
     succeed(folder.path(), &["-q", "synth", "raw", "--omega", "5,6", "--seed", "1"]);
-    // All keys stand in the file.
+    // The file contains all keys.
     let mut config = Config::load(&folder.place("pipeline.toml")).unwrap();
     let paths = &mut config.paths;
     for path in paths.raw.iter_mut().chain([&mut paths.derived, &mut paths.reports]) {
@@ -55,7 +55,7 @@ fn rerun(folder: &Small) -> Finished {
     run(&config, RerunOptions::default(), false, &()).unwrap()
 }
 
-/// Dotted names of all keys that have a value, but for the places of files.
+/// Returns the dotted names of all keys that have a value, except those for paths.
 fn keys(table: &Table, prefix: &str) -> Vec<String> {
     let key = |(name, value): (&String, &Value)| match value {
         Value::Table(inner) => keys(inner, &format!("{prefix}{name}.")),
@@ -84,7 +84,7 @@ fn changed(key: &str, value: &Value) -> Value {
     }
 }
 
-/// Another value of a model's key, with which what it leaves free stays known.
+/// Returns a value other than `value` for a key of a model, so that the model's free parameters stay valid.
 fn of_model(value: &Value) -> Value {
     match value {
         Value::Array(free) if free.len() > 1 => vec![free[1].clone()].into(),
@@ -101,7 +101,7 @@ fn of_model(value: &Value) -> Value {
     }
 }
 
-/// The file with another value of a key.
+/// Returns the configuration file with another value for a key.
 fn with_change(table: &Table, key: &str) -> String {
     let mut table = table.clone();
     let (parents, name) = key.rsplit_once('.').unwrap();
@@ -115,7 +115,8 @@ fn with_change(table: &Table, key: &str) -> String {
     toml::to_string(&table).unwrap()
 }
 
-/// What a run from scratch leaves; in the same folder, whose path stands in messages.
+/// Removes the results in a folder and returns the results of a new run in the same folder, whose path appears in
+/// messages.
 fn scratch(folder: &Small) -> BTreeMap<PathBuf, Vec<u8>> {
     for made in ["derived", "reports"] {
         std::fs::remove_dir_all(folder.place(made)).unwrap();
@@ -143,7 +144,7 @@ fn every_key_changed_in_turn_gives_the_bytes_of_a_run_from_scratch() {
         let mut results = folder.results();
         assert!(rerun(&folder).was_up_to_date, "{key}");
         if ["compare.", "optimise."].iter().any(|of| key.starts_with(of)) {
-            // No stage reads it; the page prints it.
+            // No stage reads this key, but the page prints it.
             assert!(finished.stages.iter().all(|stage| stage.redone.is_empty()), "{key}");
             let page = Path::new("reports/index.html");
             results.insert(page.to_owned(), before[page].clone());

@@ -1,5 +1,5 @@
-//! A run that is killed at any moment: no table is unreadable, and the next run leaves what an
-//! undisturbed one would have left.
+//! Tests of runs that are killed at any moment: no table is unreadable, and the next run gives the same results as an
+//! undisturbed run.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -11,7 +11,7 @@ use trilink_tables::Table;
 
 use crate::common::{Small, assert_same, text, trilink};
 
-/// What a run is killed at, and how it is begun.
+/// Kinds of runs that are killed: name, and arguments of the program.
 const RUNS: [(&str, &[&str]); 3] =
     [("the first", &["run"]), ("a changed trial's", &["run"]), ("a forced", &["run", "--force"])];
 
@@ -20,7 +20,7 @@ fn folder(kind: usize) -> Small {
         0 => Small::raw(),
         1 => {
             let folder = Small::done();
-            // The trial is another recording now, and one is gone.
+            // One trial now has another recording, and one is removed.
             let name = "raw/kinematic-symmetric-5.00-r1.csv";
             let recorded = text(&folder.read(name));
             let cut = recorded.lines().take(900).collect::<Vec<_>>().join("\r\n") + "\r\n";
@@ -64,7 +64,7 @@ fn kill(number: usize, seed: u64) {
         let (name, arguments) = RUNS[kind];
         let folder = folder(kind);
         let moment = lasts[kind].mul_f64(random.random_range(0.0..1.0));
-        // Twice, now and then: what is left by one is found by the next.
+        // Sometimes two runs are killed in succession, so that the second one finds what the first one has left.
         for _ in 0..1 + shot % 2 {
             let mut run = Command::new(env!("CARGO_BIN_EXE_trilink"))
                 .args(arguments)

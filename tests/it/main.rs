@@ -1,4 +1,4 @@
-//! The whole program, run as its users run it. One binary, since each would link polars anew.
+//! Black-box tests of the program. They share one binary, because each separate binary would link polars again.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 

@@ -1,12 +1,12 @@
-//! Mistakes that laboratories make in the configuration, in the list and in a recording: each is
-//! named by its cause, and none ends as if all were well, on the whole way from files to the page.
+//! Tests of mistakes that laboratories make in the configuration, in the list of trials and in recordings: the program
+//! names the cause of each, and none passes for a success anywhere from the marker files to the report page.
 
 use rayon::prelude::*;
 use trilink_robot::rotated;
 
 use crate::common::{Small, text, trilink};
 
-/// Of the repository's own.
+/// Configuration at the root of the repository.
 const CONFIGURATION: &str = include_str!("../../pipeline.toml");
 const LIST: &str = "raw/trials.toml";
 const SYMMETRIC: [&str; 3] =
@@ -15,7 +15,7 @@ const SKEWED: [&str; 3] =
     ["kinematic-skewed-4.00-r1", "kinematic-skewed-5.00-r1", "kinematic-skewed-6.00-r1"];
 const COAST: &str = "kinematic-coast-down-r1";
 
-/// A mistake, and what the program must say of it.
+/// Mistake in a project, and the strings that the program's output must contain.
 struct Mistake {
     name: &'static str,
     make: fn(&Small),
@@ -26,12 +26,13 @@ const fn mistake(name: &'static str, make: fn(&Small), words: &'static [&'static
     Mistake { name, make, words }
 }
 
-/// Mistakes for which the page is looked at, too: of each way to end one.
+/// Names of mistakes for which the report page is also checked: one for each way in which the program can end.
 const ON_THE_PAGE: [&str; 3] = ["the sign of a phase", "a file that the list lacks", TURNED];
 const TURNED: &str = "links turned by five degrees";
-const NO_FIT: &str = "No model of this campaign has a fit.";
+const NO_FIT: &str = "No model could be fitted to this campaign.";
 
-/// Three frequencies of the paper's campaigns, of whose fits little is asked, and the other trials.
+/// Creates trials of all of the paper's campaigns at three frequencies, their coast-downs and joint releases, and a
+/// configuration for quick fits.
 fn all_campaigns() -> Small {
     let night = Small(tempfile::tempdir().expect("a temporary folder"));
     let small = [
@@ -50,7 +51,7 @@ fn all_campaigns() -> Small {
     night
 }
 
-/// A night of a small laboratory: three frequencies of two campaigns, and a coast-down.
+/// Creates the trials of a small laboratory: three frequencies in each of two campaigns, and a coast-down.
 fn night() -> Small {
     let night = all_campaigns();
     let list = text(&night.read(LIST));
@@ -70,27 +71,27 @@ fn every() -> impl Iterator<Item = &'static str> {
     SYMMETRIC.into_iter().chain(SKEWED).chain([COAST])
 }
 
-/// Changes the configuration.
+/// Replaces the first occurrence of `old` in the configuration with `new`.
 fn configure(night: &Small, old: &str, new: &str) {
     night.replace("pipeline.toml", old, new);
 }
 
-/// Changes the list wherever it says something.
+/// Replaces every occurrence of `old` in the list of trials with `new`.
 fn list(night: &Small, old: &str, new: &str) {
     let content = text(&night.read(LIST));
     assert!(content.contains(old), "{content}");
     night.write(LIST, content.replace(old, new));
 }
 
-/// Changes the lines of a marker file.
+/// Changes the lines of a marker file by `change`, which receives the index and the text of each line.
 fn record(night: &Small, trial: &str, change: impl Fn(usize, &str) -> String) {
     let content = text(&night.read(&entry(trial)));
     let lines = content.lines().enumerate().map(|(i, line)| change(i, line) + "\n");
     night.write(&entry(trial), lines.collect::<String>());
 }
 
-/// Changes the rows of a marker file, given without their frame numbers, which are then anew one after the
-/// other.
+/// Changes the rows of a marker file, which are passed without their frame numbers; the new rows are numbered
+/// consecutively.
 fn rows(night: &Small, trial: &str, change: fn(Vec<&str>) -> Vec<&str>) {
     let content = text(&night.read(&entry(trial)));
     let is_row =
@@ -104,7 +105,7 @@ fn rows(night: &Small, trial: &str, change: fn(Vec<&str>) -> Vec<&str>) {
     night.write(&entry(trial), header + &numbered.collect::<String>());
 }
 
-/// Averages every coordinate of a marker file over nine frames, twice, across gaps, which stay.
+/// Smooths every coordinate in a marker file twice with a nine-frame moving average; gaps are retained.
 fn smooth(night: &Small, trial: &str) {
     const REACH: usize = 4;
     let content = text(&night.read(&entry(trial)));
@@ -140,7 +141,7 @@ fn smooth(night: &Small, trial: &str) {
     night.write(&entry(trial), header.chain(rows).collect::<String>());
 }
 
-/// Changes all positions of a marker file.
+/// Changes all marker positions in the marker file of a trial by `change`.
 fn positions(night: &Small, trial: &str, change: fn([f64; 3]) -> [f64; 3]) {
     record(night, trial, |_, line| {
         let cells: Vec<&str> = line.split(',').collect();
@@ -159,7 +160,8 @@ fn positions(night: &Small, trial: &str, change: fn([f64; 3]) -> [f64; 3]) {
     });
 }
 
-/// The tables `[markers.*]`, each changed.
+/// Changes all marker positions in the tables `[markers.*]` of the configuration by `change`, which receives the index
+/// of the link, the label and the position (mm) of each marker.
 fn layout(night: &Small, change: impl Fn(usize, &str, [f64; 3]) -> [f64; 3]) {
     let content = text(&night.read("pipeline.toml"));
     let mut link = None;
@@ -181,7 +183,7 @@ fn layout(night: &Small, change: impl Fn(usize, &str, [f64; 3]) -> [f64; 3]) {
     night.write("pipeline.toml", changed);
 }
 
-/// Exchanges the names of two tables.
+/// Swaps the names of two tables in the configuration.
 fn exchange(night: &Small, a: &str, b: &str) {
     configure(night, a, "[exchanged]");
     configure(night, b, a);
@@ -193,7 +195,7 @@ const SKEWED_2: &str = "joint2 = { offset_deg = -45.0, amplitude_deg = 30.0, pha
 const SYMMETRIC_1: &str = "joint1 = { offset_deg = 0.0, amplitude_deg = 30.0, phase_deg = 0.0 }";
 const SYMMETRIC_2: &str = "joint2 = { offset_deg = 0.0, amplitude_deg = 30.0, phase_deg = -90.0 }";
 
-/// Changes the lines of both joints of a gait.
+/// Replaces `old` by `new` in the configuration's lines for both joints of a gait.
 fn gait(night: &Small, lines: [&str; 2], old: &str, new: &str) {
     assert!(lines.iter().any(|line| line.contains(old)), "{old}");
     let both = lines.join("\n");
@@ -201,11 +203,16 @@ fn gait(night: &Small, lines: [&str; 2], old: &str, new: &str) {
 }
 
 const MISTAKES: &[Mistake] = &[
-    // The gait.
+    // Mistakes in the gait.
     mistake(
         "the sign of a phase",
         |night| gait(night, [SYMMETRIC_1, SYMMETRIC_2], "phase_deg = -90.0", "phase_deg = 90.0"),
-        &["joint 2: measured phase -9", "configured 90", "is its sign wrong?", "phase_deg = -90"],
+        &[
+            "joint 2: measured phase -9",
+            "configured 90",
+            "is the sign of the phase wrong?",
+            "phase_deg = -90",
+        ],
     ),
     mistake(
         "the sign of a phase of bent links",
@@ -217,18 +224,23 @@ const MISTAKES: &[Mistake] = &[
         ],
     ),
     mistake(
-        "joints exchanged",
+        "joints swapped",
         |night| {
             gait(night, [SKEWED_1, SKEWED_2], "joint1", "joint3");
             configure(night, SKEWED_2, &SKEWED_2.replace("joint2", "joint1"));
             configure(night, "joint3", "joint2");
         },
-        &["joints 1 and 2 are exchanged", "exchange joint1 and joint2"],
+        &["joints 1 and 2 are swapped", "swap joint1 and joint2"],
     ),
     mistake(
         "the sign of an offset",
         |night| gait(night, [SKEWED_1, SKEWED_2], "offset_deg = -45.0", "offset_deg = 45.0"),
-        &["joint 2: measured offset -4", "configured 45", "is its sign wrong?", "offset_deg = -45"],
+        &[
+            "joint 2: measured offset -4",
+            "configured 45",
+            "is the sign of the offset wrong?",
+            "offset_deg = -45",
+        ],
     ),
     mistake(
         "a joint that turns the other way",
@@ -240,17 +252,22 @@ const MISTAKES: &[Mistake] = &[
                 "offset_deg = 45.0, amplitude_deg = 30.0, phase_deg = 90.0",
             );
         },
-        &["joint 2: measured offset -4", "does the joint turn the other way?"],
+        &["joint 2: measured offset -4", "does the joint turn in the opposite direction?"],
     ),
     mistake(
         "an amplitude in radians",
         |night| gait(night, [SKEWED_1, SKEWED_2], "amplitude_deg = 30.0", "amplitude_deg = 0.5236"),
-        &["measured amplitude +3", "configured 0.5236", "is it in radians?", "amplitude_deg = 30"],
+        &[
+            "measured amplitude +3",
+            "configured 0.5236",
+            "is the amplitude in radians?",
+            "amplitude_deg = 30",
+        ],
     ),
     mistake(
         "a phase in radians",
         |night| gait(night, [SYMMETRIC_1, SYMMETRIC_2], "-90.0", "-1.5708"),
-        &["joint 2: measured phase -9", "configured -1.5708", "is it in radians?"],
+        &["joint 2: measured phase -9", "configured -1.5708", "is the phase in radians?"],
     ),
     mistake(
         "a gait in radians",
@@ -261,7 +278,12 @@ const MISTAKES: &[Mistake] = &[
             gait(night, lines, "30.0", "0.5236");
             configure(night, "0.5236, phase_deg = -90.0", "0.5236, phase_deg = -1.5708");
         },
-        &["are they in radians?", "configured 0.7854", "offset_deg = 45", "amplitude_deg = 30"],
+        &[
+            "are all angles in radians?",
+            "configured 0.7854",
+            "offset_deg = 45",
+            "amplitude_deg = 30",
+        ],
     ),
     mistake(
         "an amplitude from peak to peak",
@@ -271,7 +293,7 @@ const MISTAKES: &[Mistake] = &[
         &[
             "measured amplitude +",
             "configured 60",
-            "is it from peak to peak?",
+            "is the amplitude a peak-to-peak value?",
             "amplitude_deg = 30",
         ],
     ),
@@ -289,10 +311,10 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "gait.symmetric.joint1.amplitude_deg",
-            "found -30.0, needed 0.1 to 179 degrees (is it 30, and the phase off by 180?)",
+            "found -30.0, needed 0.1 to 179 degrees (is the amplitude 30, with the phase shifted by 180 degrees?)",
         ],
     ),
-    // The list.
+    // Mistakes in the list.
     mistake(
         "frequencies in Hz",
         |night| {
@@ -314,27 +336,29 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a slow frequency in Hz",
         |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 0.006"),
-        &["found 0.006, needed a frequency from 0.01 to 1000 rad/s (is it in Hz? then 0.0377"],
+        &[
+            "found 0.006, needed a frequency from 0.01 to 1000 rad/s (is the value in Hz? then 0.0377",
+        ],
     ),
     mistake(
         "a frequency in degrees per second",
         |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 2291.83"),
-        &["found 2291.83", "(is it in degrees per second? then 40.0000 is right)"],
+        &["found 2291.83", "(is the value in degrees per second? then 40.0000 is correct)"],
     ),
     mistake(
         "the rate in kHz",
         |night| configure(night, "rate_hz = 120.0", "rate_hz = 0.12"),
-        &["vicon.rate_hz", "needed 1 to 10000 Hz (is it in kHz? then 120"],
+        &["vicon.rate_hz", "needed 1 to 10000 Hz (is the value in kHz? then 120"],
     ),
     mistake(
         "a gap in milliseconds",
         |night| configure(night, "max_gap_s = 0.1", "max_gap_s = 100"),
-        &["ingest.max_gap_s", "needed 0 to 60 seconds (is it in milliseconds? then 0.1"],
+        &["ingest.max_gap_s", "needed 0 to 60 seconds (is the value in milliseconds? then 0.1"],
     ),
     mistake(
         "the frequency of one trial",
         |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 4.7"),
-        &["found 4.0", "commanded 4.7 rad/s", "else set omega_rad_s = 4.0"],
+        &["measured 4.0", "commanded 4.7 rad/s", "otherwise set omega_rad_s = 4.0"],
     ),
     mistake(
         "the rate",
@@ -344,19 +368,19 @@ const MISTAKES: &[Mistake] = &[
             }
             configure(night, "rate_hz = 120.0", "rate_hz = 60.0");
         },
-        &["factor 0.500", "the rate is wrong: set vicon.rate_hz = 12", "3 of 3 trials"],
+        &["factor 0.500", "the frame rate is wrong: set vicon.rate_hz = 12", "3 of 3 trials"],
     ),
     mistake(
         "the rate in the configuration alone",
         |night| configure(night, "rate_hz = 120.0", "rate_hz = 100.0"),
-        &["found a frame rate of 120 Hz, needed 100 Hz", "3 of 3 trials"],
+        &["the file's frame rate is 120 Hz, but vicon.rate_hz is 100", "3 of 3 trials"],
     ),
     mistake(
         "another campaign's trials",
         |night| {
             list(night, "campaign = \"kinematic-symmetric\"", "campaign = \"kinematic-skewed\"")
         },
-        &["do what campaign `kinematic-symmetric` commands, not `kinematic-skewed`"],
+        &["follow the command of campaign `kinematic-symmetric`, not of `kinematic-skewed`"],
     ),
     mistake(
         "trials of a commanded joint in a campaign in which it is passive",
@@ -365,7 +389,7 @@ const MISTAKES: &[Mistake] = &[
             list(night, "campaign = \"kinematic-symmetric\"", new);
         },
         &[
-            "do what campaign `kinematic-symmetric` commands, not `semi-passive-symmetric`",
+            "follow the command of campaign `kinematic-symmetric`, not of `semi-passive-symmetric`",
             "3 of 3",
         ],
     ),
@@ -378,17 +402,17 @@ const MISTAKES: &[Mistake] = &[
                 "file = \"kinematic-skewed-4.00-r1.csv\"",
             )
         },
-        &["the marker file is that of `kinematic-skewed-4.00-r1`, too"],
+        &["`kinematic-skewed-4.00-r1` has the same marker file"],
     ),
     mistake(
         "a copy of another trial's file",
         |night| night.write(&entry(SYMMETRIC[1]), night.read(&entry(SYMMETRIC[0]))),
-        &["the marker file is that of `kinematic-symmetric-4.00-r1`, too"],
+        &["`kinematic-symmetric-4.00-r1` has the same marker file"],
     ),
     mistake(
         "a file that the list lacks",
         |night| night.write("raw/forgotten.csv", night.read(&entry(SYMMETRIC[0]))),
-        &["folder raw: 1 marker file is not in trials.toml: `forgotten.csv`"],
+        &["folder raw: 1 marker file is not listed in trials.toml: `forgotten.csv`"],
     ),
     mistake(
         "[trial] for [[trial]]",
@@ -403,7 +427,10 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a file's name",
         |night| list(night, "file = \"kinematic-skewed-4.00", "file = \"kinematic-skewed-4,00"),
-        &["no such file", "1 marker file is not in trials.toml: `kinematic-skewed-4.00-r1.csv`"],
+        &[
+            "no such file",
+            "1 marker file is not listed in trials.toml: `kinematic-skewed-4.00-r1.csv`",
+        ],
     ),
     mistake(
         "a coast-down among the trials of a gait",
@@ -414,8 +441,8 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "kinematic-coast-down-r1",
-            "joints that swing by at most 0.",
-            "is kind right in trials.toml",
+            "joints swing by at most 0.",
+            "is `kind` correct in trials.toml",
         ],
     ),
     mistake(
@@ -424,28 +451,39 @@ const MISTAKES: &[Mistake] = &[
             let old = "kind = \"gait\"\ncampaign = \"kinematic-skewed\"\nomega_rad_s = 4.0";
             list(night, old, "kind = \"coast-down\"\nrobot = \"kinematic\"");
         },
-        &["kinematic-skewed-4.00-r1", "the robot is bent by 5", "is kind right in trials.toml"],
+        &[
+            "kinematic-skewed-4.00-r1",
+            "the largest mean joint angle while the robot coasts is 5",
+            "is `kind` correct in trials.toml",
+        ],
     ),
-    // The layout.
+    // Mistakes in the marker layout.
     mistake(
         "a mirrored layout",
         |night| layout(night, |_, _, [x, y, z]| [x, -y, z]),
-        &["the markers of every link lie as in a mirror", "change the sign of every y"],
+        &["the markers of every link are mirrored", "reverse the sign of every y"],
     ),
     mistake(
         "one mirrored link",
         |night| layout(night, |link, _, [x, y, z]| if link == 1 { [x, -y, z] } else { [x, y, z] }),
-        &["the markers of link 1 lie as in a mirror", "markers.link1"],
+        &["the markers of link 1 are mirrored", "markers.link1"],
     ),
     mistake(
         "tables of front and rear exchanged",
         |night| exchange(night, "[markers.link1]", "[markers.link2]"),
-        &["the markers of markers.link2 are those of link 1", "exchange these tables", "3 of 3"],
+        &[
+            "markers.link2 lists the markers of link 1",
+            "rename each of these tables after the link whose markers it lists",
+            "3 of 3",
+        ],
     ),
     mistake(
         "tables of middle and front exchanged",
         |night| exchange(night, "[markers.link0]", "[markers.link1]"),
-        &["the markers of markers.link1 are those of link 0", "exchange these tables"],
+        &[
+            "markers.link1 lists the markers of link 0",
+            "rename each of these tables after the link whose markers it lists",
+        ],
     ),
     mistake(
         "positions of front and rear exchanged",
@@ -460,12 +498,12 @@ const MISTAKES: &[Mistake] = &[
                 _ => place,
             });
         },
-        &["the positions in markers.link1 and markers.link2 are exchanged"],
+        &["the positions in markers.link1 and markers.link2 are swapped"],
     ),
     mistake(
         "a link's x to the rear",
         |night| layout(night, |link, _, [x, y, z]| if link == 2 { [-x, -y, z] } else { [x, y, z] }),
-        &["link 2 points backwards", "change the signs of x and y in markers.link2"],
+        &["link 2 points backwards", "reverse the signs of x and y in markers.link2"],
     ),
     mistake(
         "two labels exchanged",
@@ -474,25 +512,33 @@ const MISTAKES: &[Mistake] = &[
             configure(night, "F3 = [", "F1 = [");
             configure(night, "F9 = [", "F3 = [");
         },
-        &["labels of link 1 are exchanged", "F3 is at the place of", "F1 is at the place of"],
+        &[
+            "labels of link 1 are swapped",
+            "F3 is at the configured position of",
+            "F1 is at the configured position of",
+        ],
     ),
     mistake(
         "a digit of a place",
         |night| configure(night, "M2 = [95.0", "M2 = [59.0"),
-        &["M2` of link 0 is measured at x = 9", "configured at 59, -40", "markers.link0"],
+        &[
+            "M2` of link 0 is configured at x = 59, y = -40 mm",
+            "measured at x = 9",
+            "markers.link0",
+        ],
     ),
     mistake(
         "a layout in metres",
         |night| layout(night, |_, _, place| place.map(|mm| 1e-3 * mm)),
         &[
             "key `markers.link0`",
-            "needed two markers at least 5 mm apart in the plane, in millimetres (are they in metres?)",
+            "needed two markers at least 5 mm apart in the plane, in millimetres (are the positions in metres?)",
         ],
     ),
     mistake(
         "a layout in centimetres",
         |night| layout(night, |_, _, place| place.map(|mm| 0.1 * mm)),
-        &["as far apart as in [markers]", "[markers] is in centimetres"],
+        &["as far apart as in [markers]", "the positions in [markers] are in centimetres"],
     ),
     mistake(
         "one table in centimetres",
@@ -511,30 +557,30 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "campaign kinematic-symmetric: 3 of 3 trials: joint 1: measured offset",
-            "markers.link1 turned",
+            "are the positions in markers.link0 or markers.link1 rotated?",
         ],
     ),
     mistake(
         "a label that the files do not have",
         |night| configure(night, "F1 = [", "front1 = ["),
-        &["found no marker `front1`, needed by markers.link1", "3 of 3"],
+        &[
+            "the file has no marker `front1`, which markers.link1 of pipeline.toml requires",
+            "3 of 3",
+        ],
     ),
     mistake(
         "a label with a colon without quotes",
         |night| configure(night, "F1 = [", "Snake:F1 = ["),
-        &["pipeline.toml, line ", "a key such as `\"Snake:M1\"` stands in quotes"],
+        &["pipeline.toml, line ", "a key such as `\"Snake:M1\"` needs quotes"],
     ),
-    // The robot.
+    // Mistakes in the robot.
     mistake(
         "h and l exchanged",
         |night| {
-            configure(
-                night,
-                "h_m = 0.144             # half the length of the middle link\nl_m = 0.112",
-                "h_m = 0.112\nl_m = 0.144",
-            )
+            configure(night, "l_m = 0.112", "l_m = 0.144");
+            configure(night, "h_m = 0.144", "h_m = 0.112");
         },
-        &["h_m and l_m are exchanged", "set h_m = 0.144"],
+        &["h_m and l_m are swapped", "set h_m = 0.144"],
     ),
     mistake(
         "a wrong length",
@@ -544,7 +590,7 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a length 3 mm off",
         |night| configure(night, "l_m = 0.112", "l_m = 0.115"),
-        &["of link 1, configured at -115.0, 0.0", "set l_m = 0.112"],
+        &["in the frame of link 1, but configured at x = -115.0, y = 0.0 mm", "set l_m = 0.112"],
     ),
     mistake(
         "a layout turned by two degrees",
@@ -555,9 +601,9 @@ const MISTAKES: &[Mistake] = &[
             });
         },
         &[
-            "joint 1 is at -11",
-            "of link 1, configured at -112.0, 0.0",
-            "turn the positions by -1.9",
+            "joint 1 is measured at x = -11",
+            "in the frame of link 1, but configured at x = -112.0, y = 0.0 mm",
+            "rotate the positions by -1.9",
         ],
     ),
     mistake(
@@ -565,20 +611,20 @@ const MISTAKES: &[Mistake] = &[
         |night| configure(night, "h_m = 0.144", "h_m = 144"),
         &[
             "robot.kinematic.h_m",
-            "found 144.0, needed 0.001 to 100 metres (is it in millimetres? then 0.144",
+            "found 144.0, needed 0.001 to 100 metres (is the value in millimetres? then 0.144",
         ],
     ),
     mistake(
         "a length in centimetres",
         |night| configure(night, "l_m = 0.112", "l_m = 11.2"),
-        &["l_m of the robot: measured 11", "(is it in centimetres?)", "set l_m = 0.112"],
+        &["l_m of the robot: measured 11", "(is this value in centimetres?)", "set l_m = 0.112"],
     ),
     mistake(
         "masses in grams",
         |night| configure(night, "mass_kg = [1.04, 0.2, 0.2]", "mass_kg = [1040, 200, 200]"),
         &[
             "robot.kinematic.inertia_kg_m2",
-            "found 0.0086 beside a mass_kg of 1040 of link 0, 0.0200 times h_m",
+            "found 0.0086 with a mass_kg of 1040 for link 0, that is, a radius of gyration of 0.0200 times h_m",
             "needed a radius of gyration of 0.05 to 3 times h_m (is mass_kg in grams?)",
         ],
     ),
@@ -590,8 +636,8 @@ const MISTAKES: &[Mistake] = &[
             configure(night, "inertia_kg_m2 = [86e-4, 5e-4, 5e-4]", grams);
         },
         &[
-            "kinematic-coast-down-r1.csv: W022 robot-parameters: sum c_R is measured ",
-            "times as much: probably mass_kg is in grams",
+            "kinematic-coast-down-r1.csv: W022 robot-parameters: sum c_R is measured",
+            "times the configured one: probably mass_kg is in grams",
         ],
     ),
     mistake(
@@ -600,7 +646,7 @@ const MISTAKES: &[Mistake] = &[
             let centimetres = "inertia_kg_m2 = [86.0, 5.0, 5.0]";
             configure(night, "inertia_kg_m2 = [86e-4, 5e-4, 5e-4]", centimetres);
         },
-        &["(is it in kg cm^2? then 0.0086", "robot.kinematic.inertia_kg_m2"],
+        &["(is the value in kg cm^2? then 0.0086", "robot.kinematic.inertia_kg_m2"],
     ),
     mistake(
         "a standard deviation in millimetres",
@@ -611,24 +657,25 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "robot.kinematic.standard_deviation.l_m",
-            "found 4.4643 times l_m, needed at most l_m itself, in its unit",
+            "found 4.4643 times l_m, needed a standard deviation that is not larger than the value of l_m, in the \
+             same unit",
         ],
     ),
-    // The recording.
+    // Mistakes in recordings.
     mistake(
         "a mirrored recording",
         |night| every().for_each(|trial| positions(night, trial, |[x, y, z]| [x, -y, z])),
-        &["the markers of every link lie as in a mirror", "or of an axis of the file"],
+        &["the markers of every link are mirrored", "the sign of one of its axes"],
     ),
     mistake(
         "metres that are called millimetres",
         |night| every().for_each(|trial| positions(night, trial, |mm| mm.map(|mm| 1e-3 * mm))),
-        &["the file's numbers are metres, not millimetres", "3 of 3"],
+        &["the file's positions are in metres, not in millimetres", "3 of 3"],
     ),
     mistake(
         "y up",
         |night| every().for_each(|trial| positions(night, trial, |[x, y, z]| [y, z, x])),
-        &["the file's y axis points up, not z", "export with z up", "3 of 3"],
+        &["the file's y axis points up instead of its z axis", "export with z up", "3 of 3"],
     ),
     mistake(
         "z down",
@@ -636,7 +683,7 @@ const MISTAKES: &[Mistake] = &[
         &["z axis points down", "export with z up"],
     ),
     mistake(
-        "rows that were deleted, and the others numbered anew",
+        "rows that were deleted, and the others renumbered",
         |night| {
             for trial in SYMMETRIC {
                 rows(night, trial, |mut rows| {
@@ -647,7 +694,7 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "3 of 3 trials: the robot jumps by ",
-            "frames were missing there: were rows deleted, and the others numbered anew?",
+            "frames may be missing: were rows deleted and the others renumbered?",
         ],
     ),
     mistake(
@@ -665,7 +712,7 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "3 of 3 trials: the robot jumps by ",
-            "was the robot or a camera knocked? Cycles in which it jumps do not count",
+            "was the robot or a camera knocked? Cycles with a jump are not used",
         ],
     ),
     mistake(
@@ -675,7 +722,7 @@ const MISTAKES: &[Mistake] = &[
                 rows(night, trial, |rows| (0..rows.len()).map(|i| rows[i - i % 2]).collect());
             }
         },
-        &["3 of 3 trials: 50.0 % of the rows repeat the one before to the last digit"],
+        &["3 of 3 trials: 50.0 % of the rows repeat the preceding row to the last digit"],
     ),
     mistake(
         "coordinates that were smoothed before the export",
@@ -688,7 +735,7 @@ const MISTAKES: &[Mistake] = &[
             let content = night.read(&entry(SYMMETRIC[1]));
             night.write(&entry(SYMMETRIC[1]), &content[..content.len() / 2 - 7]);
         },
-        &["kinematic-symmetric-5.00-r1.csv, line ", "is the copy complete?"],
+        &["kinematic-symmetric-5.00-r1.csv, line ", "is the copy of the file complete?"],
     ),
     mistake(
         "a row with a cell too many",
@@ -712,7 +759,7 @@ const MISTAKES: &[Mistake] = &[
                 });
             }
         },
-        &["found 6 of the 10 markers of pipeline.toml's [markers] missing", "3 of 3 trials"],
+        &["6 of the 10 markers of pipeline.toml's [markers] are not in the file", "3 of 3 trials"],
     ),
     mistake(
         "an export of devices",
@@ -724,11 +771,11 @@ const MISTAKES: &[Mistake] = &[
         |night| {
             record(night, SYMMETRIC[2], |i, line| if i > 150 { String::new() } else { line.into() })
         },
-        &["kinematic-symmetric-6.00-r1", "periods of motion, needed at least 2"],
+        &["kinematic-symmetric-6.00-r1", "periods of motion, but at least 2 are needed"],
     ),
 ];
 
-/// What is wrong with how the program ends with a mistake.
+/// Lists how the outcome of the program with a mistake differs from the expected outcome.
 fn shortcomings(sound: &Small, Mistake { name, make, words }: &Mistake) -> Vec<String> {
     let night = sound.copy();
     make(&night);
@@ -747,14 +794,14 @@ fn shortcomings(sound: &Small, Mistake { name, make, words }: &Mistake) -> Vec<S
     for word in words.iter().filter(|word| !ingest.contains(**word)) {
         must(false, &format!("not said {word:?}"), &ingest);
     }
-    // What cannot be ingested is not run either.
+    // Trials that fail `check` fail `run`, too.
     if status == Some(2) {
         must(said("run") == (status, ingest), "`run` says something else", "");
         return wrong;
     }
     let named = ingest.lines().filter(|line| line.starts_with("campaign "));
     let named: Vec<&str> = named.collect();
-    // No trial of these has results.
+    // None of these trials has results.
     let is_lost = |campaign: &&str| {
         ingest.contains(&format!("campaign {campaign}3 of 3"))
             && ingest.contains(&format!("  failed: {}-", campaign.trim_end_matches(": ")))
@@ -816,7 +863,7 @@ fn mistakes_about_a_passive_joint_are_named() {
             |night| put(night, "kinematic-symmetric", "semi-passive-symmetric"),
             &[
                 "kinematic-symmetric-5.00-r1: ",
-                "do what campaign `kinematic-symmetric` commands, not `semi-passive-symmetric`",
+                "follow the command of campaign `kinematic-symmetric`, not of `semi-passive-symmetric`",
             ],
         ),
         mistake(
@@ -824,7 +871,7 @@ fn mistakes_about_a_passive_joint_are_named() {
             |night| put(night, "semi-passive-symmetric", "kinematic-symmetric"),
             &[
                 "semi-passive-symmetric-5.00-r1: ",
-                "do what campaign `semi-passive-symmetric` commands, not `kinematic-symmetric`",
+                "follow the command of campaign `semi-passive-symmetric`, not of `kinematic-symmetric`",
             ],
         ),
         mistake(
@@ -833,7 +880,11 @@ fn mistakes_about_a_passive_joint_are_named() {
                 configure(night, "stiffness_nm_rad = 0.137", "stiffness_nm_rad = 137.0");
                 configure(night, "damping_nm_s_rad = 0.006", "damping_nm_s_rad = 6.0");
             },
-            &["semi-passive-joint-release-r1", "0.001", ": probably it is configured in N mm"],
+            &[
+                "semi-passive-joint-release-r1",
+                "0.001",
+                ": probably the configured value is in N mm",
+            ],
         ),
         mistake(
             "a spring and a damper per degree",
@@ -841,7 +892,7 @@ fn mistakes_about_a_passive_joint_are_named() {
                 configure(night, "stiffness_nm_rad = 0.137", "stiffness_nm_rad = 2.39e-3");
                 configure(night, "damping_nm_s_rad = 0.006", "damping_nm_s_rad = 1.05e-4");
             },
-            &["semi-passive-joint-release-r1", ": probably it is configured per degree"],
+            &["semi-passive-joint-release-r1", ": probably the configured value is per degree"],
         ),
     ];
     assert_all_are_named(&night, &mistakes);

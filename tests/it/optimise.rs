@@ -1,4 +1,4 @@
-//! Optimal gaits: none nearby or elsewhere is better, and what they are said to be they are.
+//! Tests of optimal gaits: no other gait is better, and the reported values are correct.
 
 use std::process::Output;
 
@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde_json::Value;
 use trilink_base::cancel::CancelToken;
-use trilink_fit::optimise::{Bounds, Command, Found, Objective, Search, Shown};
+use trilink_fit::optimise::{Bounds, Command, MapOverlay, Objective, Search, SearchResult};
 use trilink_mechanics::{Laws, Problem, Solver};
 use trilink_robot::Model;
 use trilink_synth::{Recipe, synthesise};
@@ -18,7 +18,7 @@ use crate::common::fitted::{CAMPAIGN, folder};
 use crate::common::{succeed, text, trilink};
 
 const CAMPAIGNS: [&str; 3] = ["kinematic-symmetric", "kinematic-skewed", "semi-passive-symmetric"];
-/// By how much no other gait may be better, relative.
+/// Maximum relative improvement that another gait may achieve over an optimum.
 const BETTER: f64 = 1e-6;
 
 fn bounds() -> Bounds {
@@ -33,7 +33,7 @@ fn bounds() -> Bounds {
     }
 }
 
-fn run(search: &Search) -> Found {
+fn run(search: &Search) -> SearchResult {
     search.run(&CancelToken::default()).unwrap()
 }
 
@@ -42,8 +42,8 @@ fn problem(campaign: &str) -> Problem {
     Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.0 }
 }
 
-/// What an objective comes to with these values of the commands; nothing outside the bounds and where there is no
-/// motion.
+/// Returns the objective for these values of the free commands; `None` outside the bounds or if the model has no
+/// periodic solution.
 fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
     let mut problem = search.problem.clone();
     for (command, value) in search.free.iter().zip(values) {
@@ -70,7 +70,7 @@ fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
     Some(search.objective.value(metrics.d_m, metrics.v_m_s, work_j))
 }
 
-/// The better of two values of an objective.
+/// Returns the better of two values of an objective.
 fn better(objective: Objective, a: f64, b: f64) -> f64 {
     if objective.is_minimised() { a.min(b) } else { a.max(b) }
 }
@@ -113,7 +113,7 @@ fn no_point_of_a_grid_is_better_for_any_objective() {
     });
 }
 
-/// Differential evolution, `rand/1/bin`.
+/// Maximises or minimises the objective by differential evolution, `rand/1/bin`, and returns the best value.
 ///
 /// Reference: R. Storn and K. Price, *Differential evolution*, J. Global Optim. 11 (1997) 341-359.
 fn evolve(search: &Search, ranges: &[[f64; 2]], generations: usize) -> f64 {
@@ -152,7 +152,7 @@ fn evolve(search: &Search, ranges: &[[f64; 2]], generations: usize) -> f64 {
 }
 
 #[test]
-fn an_evolution_over_five_commands_finds_nothing_better() {
+fn differential_evolution_over_five_commands_finds_no_better_gait() {
     for (objective, generations) in [(Objective::Speed, 25), (Objective::WorkPerMetre, 25)] {
         let problem = problem("kinematic-skewed");
         let mut free = Command::all(&problem.gait);
@@ -174,7 +174,8 @@ fn an_evolution_over_five_commands_finds_nothing_better() {
     }
 }
 
-/// Neither is one harmonic better, nor what is about the optimum within the limits, nor an evolution.
+/// The optimum with two harmonics is at least as good as the optimum with one harmonic, as random gaits near it, and
+/// as the best gait that differential evolution finds.
 #[test]
 fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
     let cases =
@@ -184,7 +185,7 @@ fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
         let gait = problem.gait;
         let free = Command::all(&gait);
         let one = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
-        let two = Search { free: Command::with_seconds(free, &gait), ..one.clone() };
+        let two = Search { free: Command::with_second_harmonics(free, &gait), ..one.clone() };
         assert_eq!(two.free.len(), 10);
         let (found, of_two) = (run(&one), run(&two));
         let best = of_two.best().unwrap();
@@ -256,7 +257,7 @@ fn a_printed_gait_with_two_harmonics_is_read_again() {
 }
 
 #[test]
-fn what_changes_at_an_optimum_within_the_ranges_is_of_second_order() {
+fn changes_at_an_interior_optimum_are_of_second_order() {
     let problem = problem("semi-passive-symmetric");
     let free = vec![Command::Omega];
     let objective = Objective::Speed;
@@ -273,9 +274,10 @@ fn what_changes_at_an_optimum_within_the_ranges_is_of_second_order() {
     assert!((3.5..4.5).contains(&omega), "{omega}");
 }
 
-/// The rear joint of the skewed gait goes beyond the largest angle and does not vary.
+/// In the skewed gait, the rear joint exceeds the maximum angle, and its commands are not among those that the search
+/// varies.
 #[test]
-fn a_limit_that_nothing_which_varies_can_keep_is_none() {
+fn a_limit_that_no_free_command_can_satisfy_is_ignored() {
     let problem = problem("kinematic-skewed");
     let free = vec![Command::Omega, Command::Joint(0, 1)];
     for objective in Objective::ALL {
@@ -289,7 +291,7 @@ fn a_limit_that_nothing_which_varies_can_keep_is_none() {
 }
 
 #[test]
-fn limits_of_power_and_torque_are_kept_and_named() {
+fn limits_of_power_and_torque_are_satisfied_and_reported() {
     let problem = problem("kinematic-symmetric");
     let free = Command::all(&problem.gait);
     let objective = Objective::Speed;
@@ -349,17 +351,17 @@ fn a_gait_that_is_pasted_gives_the_same_numbers() {
 
 #[test]
 fn fitted_coefficients_are_those_of_the_preferred_model() {
-    let line =
-        ["optimise", CAMPAIGN, "--maximise", "v", "--free", "omega", "--starts", "2", "--json"];
+    let line = ["optimise", CAMPAIGN, "--maximise", "v", "--free", "omega", "--starts", "2"];
     let found = |more: &[&str]| {
-        let output = trilink(folder(), &[&line[..], more].concat());
+        let any_omega = ["--omega", "0.5..12", "--json"];
+        let output = trilink(folder(), &[&line[..], &any_omega, more].concat());
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{said}");
         let rows: Vec<Value> = serde_json::from_str(&text(&output.stdout)).unwrap();
         (rows[0].clone(), said)
     };
     let (best, said) = found(&["--fitted", "--replicates", "4"]);
-    assert!(said.contains("skid-roll, which the comparison of the fits prefers"), "{said}");
+    assert!(said.contains("skid-roll, the preferred model of the comparison"), "{said}");
     assert_eq!(best["model"], "skid-roll");
     let number = |row: &Value, name: &str| row[name].as_f64().unwrap();
     for name in ["value", "omega_rad_s"] {
@@ -370,10 +372,10 @@ fn fitted_coefficients_are_those_of_the_preferred_model() {
     assert_eq!([&best["replicates"], &best["best_in"], &best["not_reached"]], [4, 4, 0]);
     assert!((-1e-6..1e-3).contains(&number(&best, "regret_hi")), "{best}");
     let (named, said) = found(&["--fitted", "--model", "skid-roll", "--replicates", "0"]);
-    assert!(best["value"] == named["value"] && !said.contains("prefers"), "{said}");
+    assert!(best["value"] == named["value"] && !said.contains("preferred"), "{said}");
     assert_eq!(named["no_interval"], "no-replicates");
     assert!(named["value_lo"].is_null() && named["replicates"].is_null(), "{named}");
-    // The trials were made with these.
+    // The trials were synthesised with these coefficients.
     let (known, _) = found(&["--model", "skid-roll", "--set", "skid_kg_s=104,34,45"]);
     let v = |row: &Value| row["v_m_s"].as_f64().unwrap();
     assert!((v(&best) / v(&known) - 1.0).abs() < 0.01, "{best} {known}");
@@ -394,7 +396,7 @@ fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
         let rows: Vec<Value> = serde_json::from_str(&printed).unwrap();
         (rows, said)
     };
-    let beyond = "omega 9 rad/s (trials 1 to 5)";
+    let beyond = "omega 9 rad/s (trials cover 1 to 5)";
     let own = tempfile::tempdir().unwrap();
     let [table, figure] =
         ["o.csv", "o.svg"].map(|name| own.path().join(name).display().to_string());
@@ -416,6 +418,13 @@ fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
     let (rows, said) = found(&within);
     assert_eq!((&rows[0]["extrapolated"], &rows[0]["beyond_trials"]), (&false.into(), &"".into()));
     assert!(!said.contains("extrapolated"), "{said}");
+    // Without a range, the search hardly leaves that of the trials.
+    let (rows, said) = found(&["--free", "omega"]);
+    assert!(said.contains("the search stays within 0.833 to 6.000 rad/s"), "{said}");
+    let omega_rad_s = rows[0]["omega_rad_s"].as_f64().unwrap();
+    assert!((0.833..=6.0 + 1e-9).contains(&omega_rad_s), "{}", rows[0]);
+    let (_, said) = found(&["--free", "amplitude1", "--omega", "4"]);
+    assert!(said.contains("the search stays within amplitudes of 25.0 to 36.0 degrees"), "{said}");
     let front = ["--pareto", "v", "--free", "omega", "--omega", "1..9", "--json"];
     let (printed, said) = run(&front);
     let rows: Vec<Value> = serde_json::from_str(&printed).unwrap();
@@ -425,7 +434,7 @@ fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
     }
     let is_any = rows.iter().any(|row| row["extrapolated"] == true);
     assert_eq!(said.contains("extrapolated"), is_any, "{said}");
-    // Configured coefficients are no extrapolation.
+    // Configured coefficients have no range of fitted trials, so nothing is extrapolated.
     let configured = ["optimise", CAMPAIGN, "--model", "skid-roll", "--maximise", "d", "--json"];
     let printed = succeed(folder(), &[&configured[..], &free, &["--starts", "2"]].concat());
     let rows: Vec<Value> = serde_json::from_str(&printed).unwrap();
@@ -433,7 +442,7 @@ fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
 }
 
 #[test]
-fn what_varies_is_named_with_its_unit_too() {
+fn free_commands_may_be_named_with_their_units() {
     let folder = tempfile::tempdir().unwrap();
     let line =
         ["optimise", "kinematic-skewed", "--model", "skid-roll", "--maximise", "d", "--json"];
@@ -462,7 +471,7 @@ fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
     let found = run(&search);
     let best = found.best().unwrap();
     let model = Model::new("skid-roll");
-    let shown = Shown { present: Some(best), ..Shown::default() };
+    let shown = MapOverlay { present: Some(best), ..MapOverlay::default() };
     let map = search.map(("any", model), best, shown, &CancelToken::default()).unwrap();
     let of = |point: MapPoint| map.iter().filter(move |row| row.point == point);
     assert!(map.iter().all(|row| row.x_command == "omega" && row.y_command.is_empty()));
@@ -484,7 +493,7 @@ fn a_figure_shows_the_optimum_among_the_gaits_around_it() {
 }
 
 #[test]
-fn what_cannot_be_searched_is_refused_by_name() {
+fn invalid_searches_are_rejected_with_the_cause() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |arguments: &[&str], named: &[&str]| {
         let line = [&["optimise"], arguments].concat();
@@ -501,40 +510,43 @@ fn what_cannot_be_searched_is_refused_by_name() {
     refused(&with(&["--minimise", "d"]), &["found `d`", "`work-per-metre`"]);
     refused(&of, &["--maximise"]);
     refused(&[of[0], "--maximise", "v"], &["--model"]);
-    refused(&with(&["--maximise", "v", "--fitted"]), &["fits.parquet: not there; `trilink run`"]);
+    refused(
+        &with(&["--maximise", "v", "--fitted"]),
+        &["fits.parquet: does not exist; `trilink run`"],
+    );
     refused(&with(&["--maximise", "v", "--free", "phase1"]), &["only the difference"]);
     refused(&with(&["--maximise", "v", "--free", "omga"]), &["`omga`", "did you mean `omega`"]);
     refused(
         &with(&["--maximise", "v", "--free", "amplitudes"]),
-        &["--omega: needed one frequency"],
+        &["--omega: found a range, needed one frequency"],
     );
     refused(&with(&["--maximise", "v", "--omega", "6..2"]), &["the lower number first"]);
     refused(&with(&["--maximise", "v", "--angle-deg", "500"]), &["optimise.angle_deg", "179"]);
     refused(&["elsewhere", "--model", "skid", "--maximise", "v"], &["elsewhere"]);
     refused(
         &["semi-passive-symmetric", "--model", "skid-roll", "--maximise", "v", "--free", "phase2"],
-        &["the phase of the only commanded joint changes nothing"],
+        &["the phase of the only commanded joint has no effect on the motion"],
     );
-    // Without friction nothing takes work.
+    // Without friction the actuators do no work.
     refused(
         &["kinematic-skewed", "--model", "no-skid", "--maximise", "d-per-work", "--starts", "2"],
-        &["no search found a motion within the bounds on which the actuators do work"],
+        &["no search found a motion that is within the bounds and in which the actuators do work"],
     );
 }
 
 #[test]
-fn no_gait_of_a_grid_is_better_in_both_than_a_front() {
+fn no_gait_of_a_grid_dominates_a_pareto_front() {
     let free = vec![Command::Omega, Command::Joint(0, 1)];
     let objective = Objective::Speed;
     let problem = problem("kinematic-symmetric");
     let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
     let other = Objective::WorkPerMetre;
     let front = search.front(other, &CancelToken::default()).unwrap();
-    assert!(front.len() > 8 && front.iter().all(|of| of.counts()), "{}", front.len());
+    assert!(front.len() > 8 && front.iter().all(|of| of.is_reachable()), "{}", front.len());
     let both = |v: f64, work_per_metre: f64| [v, -work_per_metre];
     let of_front: Vec<[f64; 2]> =
         front.iter().map(|of| both(of.value, of.value_of(other))).collect();
-    // From the fastest to the cheapest.
+    // The front is sorted from the fastest gait to the one that needs the least work.
     assert!(of_front.is_sorted_by(|a, b| a[0] > b[0] && a[1] < b[1]), "{of_front:?}");
     let Bounds { omega_rad_s, amplitude_rad, rate_rad_s, .. } = bounds();
     let at = |[low, high]: [f64; 2], part: usize| low + (high - low) * part as f64 / 14.0;
@@ -550,7 +562,7 @@ fn no_gait_of_a_grid_is_better_in_both_than_a_front() {
         let Ok(metrics) = solver.solve(&problem, 1e-9) else { continue };
         let work_j = solver.work_and_loss_j().unwrap()[1];
         let found = both(metrics.v_m_s, work_j / metrics.d_m);
-        // Between two of its gaits the front is no better than the better of them in each.
+        // Between two gaits of the front, no gait is better than both in either objective.
         let is_covered = of_front.windows(2).any(|pair| {
             found[0] <= pair[0][0] * (1.0 + BETTER) && found[1] <= pair[1][1] * (1.0 - BETTER)
         });
@@ -559,7 +571,7 @@ fn no_gait_of_a_grid_is_better_in_both_than_a_front() {
 }
 
 #[test]
-fn what_must_not_be_worse_limits_a_search() {
+fn a_constraint_on_another_objective_limits_a_search() {
     let free = vec![Command::Omega];
     let objective = Objective::WorkPerMetre;
     let problem = problem("kinematic-symmetric");
@@ -576,7 +588,7 @@ fn what_must_not_be_worse_limits_a_search() {
 }
 
 #[test]
-fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
+fn saved_optima_are_on_the_page_until_the_model_is_fitted_again() {
     let folder = tempfile::tempdir().unwrap();
     let home = folder.path();
     let mut config = Config::default();
@@ -597,7 +609,8 @@ fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
     assert!(!page().contains("Best gaits"));
     let line = ["optimise", "semi-passive-symmetric", "--fitted", "--model", "skid-roll", "--free"];
     let keep = |what: &[&str]| {
-        succeed(home, &[&line[..], &["omega", "--starts", "2", "--keep"], what].concat());
+        let search = ["omega", "--omega", "0.5..12", "--starts", "2", "--keep"];
+        succeed(home, &[&line[..], &search, what].concat());
     };
     keep(&["--maximise", "v"]);
     keep(&["--minimise", "work-per-metre", "--replicates", "0"]);
@@ -613,26 +626,28 @@ fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
         let [had, fitted] = [&rows[0], &fits[0]].map(|row| row[name].as_f64().unwrap());
         assert!((had / fitted - 1.0).abs() < 1e-9, "{name}: {had} {fitted}");
     }
-    // What was kept changes nothing but the page.
+    // Saved optima change nothing but the page.
     let figure = home.join("reports/figures/semi-passive-symmetric-optima.svg");
     assert!(!figure.exists());
     succeed(home, &["run"]);
     let text = page();
-    assert!(text.contains("Best gaits") && !text.contains("fitted no more"), "{text}");
+    assert!(text.contains("Best gaits") && !text.contains("Outdated"), "{text}");
     assert!(
-        text.contains("Best in 4 of 4 replicates") && text.contains("no replicates were asked")
+        text.contains("This gait is best in 4 of 4 replicates")
+            && text.contains("no replicates were requested")
     );
     assert!(figure.is_file());
-    // The trials are of 2 to 5 rad/s.
+    // The trials cover 2 to 5 rad/s.
     assert_eq!(of("extrapolated"), [false, true]);
     let beyond = "Extrapolated beyond the trials of the fit:</strong> omega 0.675 rad";
     assert_eq!(text.matches("Extrapolated").count(), 1, "{text}");
     assert!(text.contains(beyond), "{text}");
     let said = text_of(&trilink(home, &["run"]));
     assert!(said.contains("everything was up to date"), "{said}");
-    // Second harmonics have limits, too; here the joint's largest angle tells them in every replicate.
+    // Second harmonics have intervals, too; here the maximum angle of the joint determines them in every replicate.
     let more = ["--free", "omega,second2", "--starts", "2", "--replicates", "4", "--json"];
-    let rows = succeed(home, &[&line[..line.len() - 1], &["--maximise", "v"], &more].concat());
+    let ranges = ["--maximise", "v", "--omega", "0.5..12", "--amplitude-deg", "5..60"];
+    let rows = succeed(home, &[&line[..line.len() - 1], &ranges, &more].concat());
     let rows: Vec<Value> = serde_json::from_str(&rows).unwrap();
     assert_eq!(rows[0]["at_bound"], "angle2");
     for (name, wide) in [
@@ -645,15 +660,15 @@ fn what_is_kept_is_on_the_page_until_the_model_is_fitted_anew() {
         let is_held = low <= value && value <= high && wide.contains(&(high - low));
         assert!(is_held, "{name}: {low} {value} {high}");
     }
-    // Of other coefficients.
+    // Optima for other coefficients.
     config.fit.gait_input = match config.fit.gait_input {
         GaitInput::Commanded => GaitInput::Measured,
         GaitInput::Measured => GaitInput::Commanded,
     };
     write(&config);
     succeed(home, &["run"]);
-    assert!(page().contains("fitted no more") && !figure.exists());
-    // The page is there without a table that cannot be used.
+    assert!(page().contains("Outdated") && !figure.exists());
+    // The page is written even if one table cannot be used.
     std::fs::copy(home.join("derived/starts.parquet"), home.join("derived/optima.parquet"))
         .unwrap();
     succeed(home, &["run"]);

@@ -1,4 +1,4 @@
-//! Fits of tables that were made elsewhere.
+//! Tests of fits to tables that other programs made.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -10,7 +10,7 @@ use trilink_tables::{Columns, Comparison, ComparisonRow, FitRow, PredictionRow, 
 
 use crate::common::{files, small_run, small_settings, succeed, text, trilink};
 
-/// A folder with tables of ingested trials, which no test changes but by adding tables beside them.
+/// Returns a folder with tables of ingested trials, to which tests only add other tables.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     let run = || {
@@ -26,7 +26,8 @@ fn rows<T: Columns>(path: &str) -> Vec<T> {
     T::from_table(&Table::read(&folder().join(path)).unwrap()).unwrap()
 }
 
-/// What a fit of this CSV says on standard error; its tables are in `name`.
+/// Fits the trials of a CSV table and writes the results to the folder `name`; returns the exit status and the text on
+/// stderr.
 fn fit(name: &str, csv: &str) -> (Option<i32>, String) {
     let table = format!("{name}.csv");
     std::fs::write(folder().join(&table), csv).unwrap();
@@ -65,9 +66,9 @@ fn with_d_and_v_alone_the_fit_says_what_is_missing_and_has_no_intervals() {
     let (status, said) = fit("two", csv);
     assert_eq!(status, Some(0), "{said}");
     for part in [
-        "column `colour` is not read",
-        "the objective lacks sigma0, sigma1, sigma2: no trial has it",
-        "no confidence limits, because no cycles, repeats or standard errors tell the noise of d, v",
+        "column `colour` is ignored",
+        "the objective needs metrics that no trial provides: sigma0, sigma1, sigma2",
+        "no confidence limits, because there are no cycles, repeats or standard errors from which to estimate the noise of d, v",
     ] {
         assert!(said.contains(part), "{part}: {said}");
     }
@@ -123,21 +124,21 @@ fn all_mistakes_of_a_table_are_named_at_once() {
     let (status, said) = fit("wrong", csv);
     assert_eq!(status, Some(2));
     for part in [
-        "column `omega_rad_s`: found no such column, needed the trial's frequency; is it `omega`?",
+        "column `omega_rad_s` not found; expected a column that contains each trial's frequency; is `omega` meant?",
         "line 2, column `campaign`: found `kinematic-symetric`, needed one of kinematic-symmetric; \
          did you mean `kinematic-symmetric`?",
-        "line 3, column `d_m`: found `much`, needed a number that is not below 0",
+        "line 3, column `d_m`: found `much`, needed a non-negative number",
         "line 4, column `cycles`: found `3.5`, needed a whole number",
-        "line 4, column `trial`: found `b`, the name of line 3, too, needed another one",
-        "line 5, columns `d_m`, `v_m_s`: found nothing above 0, needed one of them",
-        "line 6: found 7 fields, needed 6",
+        "line 4, column `trial`: found `b`, which is also the name of the trial in line 3",
+        "line 5, columns `d_m`, `v_m_s`: neither contains a value above 0, but at least one of them must",
+        "line 6: found 7 fields, but the header has 6",
     ] {
         assert!(said.contains(part), "{part}: {said}");
     }
     assert!(!folder().join("wrong").exists());
 }
 
-/// What is read off a figure, changed by a mistake.
+/// Returns a CSV table with values read off a figure; `change` alters each row to imitate a mistake.
 fn figure(columns: &str, change: fn([f64; 3]) -> Vec<f64>) -> String {
     let rows = [[1.5, 0.458, 0.109], [2.5, 0.471, 0.188], [3.9, 0.478, 0.297], [5.2, 0.481, 0.398]];
     let row = |of: [f64; 3]| {
@@ -152,8 +153,12 @@ fn numbers_in_other_units_are_named_by_the_mistake() {
     const ALL: &str = "omega_rad_s,d_m,v_m_s";
     type Mistake = (&'static str, fn([f64; 3]) -> Vec<f64>, &'static str);
     let mistakes: [Mistake; 15] = [
-        (ALL, |[omega, d, v]| vec![omega / TAU, d, v], "found a v of 6.2"),
-        (ALL, |[omega, d, v]| vec![omega / TAU, d, v], "needed 1: is omega_rad_s in Hz?"),
+        (ALL, |[omega, d, v]| vec![omega / TAU, d, v], "but v is 6.2"),
+        (
+            ALL,
+            |[omega, d, v]| vec![omega / TAU, d, v],
+            "times that quotient (median of 4 rows): is omega_rad_s in Hz?",
+        ),
         (
             ALL,
             |[omega, d, v]| vec![omega * 9.5493, d, v],
@@ -164,40 +169,49 @@ fn numbers_in_other_units_are_named_by_the_mistake() {
         (
             ALL,
             |[omega, d, v]| vec![omega, 1000.0 * d, 1000.0 * v],
-            "line 2, column `d_m`: found `458`, needed 2.5600 at most: is it in centimetres or millimetres? (4 rows)",
+            "line 2, column `d_m`: found `458`, but values above 2.5600 are implausible: is the value in centimetres \
+             or millimetres? (4 rows)",
         ),
-        (ALL, |[omega, d, v]| vec![omega, v, d], "are these columns exchanged?"),
-        (ALL, |[omega, d, v]| vec![omega, d, 1.2 * v], "leave v_m_s out if it is another speed"),
+        (ALL, |[omega, d, v]| vec![omega, v, d], "are these columns swapped?"),
+        (
+            ALL,
+            |[omega, d, v]| vec![omega, d, 1.2 * v],
+            "omit column `v_m_s` if it contains another speed",
+        ),
         (
             ALL,
             |[omega, d, v]| vec![omega, d, if omega > 5.0 { 0.938 } else { v }],
-            "line 5, columns `d_m`, `v_m_s`: found `0.481` and `0.938` at 5.2 rad/s, needed a v that is d over the \
-             period, 0.398",
+            "line 5, columns `d_m`, `v_m_s`: found `0.481` and `0.938` at 5.2 rad/s, but v should be d divided by the \
+             period, that is, 0.398",
         ),
         (
             "omega_rad_s,v_m_s",
             |[omega, _, v]| vec![omega / TAU, v],
-            "column `v_m_s`: found `0.109`, needed 0.0973 at most: is it in cm/s or mm/s, or omega_rad_s in Hz?",
+            "column `v_m_s`: found `0.109`, but values above 0.0973 are implausible: is the value in cm/s or mm/s, or \
+             is omega_rad_s in Hz?",
         ),
         (
             "omega_rad_s,d_m,sigma1",
             |[omega, d, _]| vec![omega, d, 12.5],
-            "column `sigma1`: found `12.5`, needed 3.0000 at most: is it in percent? (4 rows)",
+            "column `sigma1`: found `12.5`, but values above 3.0000 are implausible: is the value in percent? (4 rows)",
         ),
         (
             "omega_rad_s,d_m,sigma1_se",
             |[omega, d, _]| vec![omega, d, 2.5],
-            "column `sigma1_se`: found `2.5`, needed 1.0000 at most: is it in percent? (4 rows)",
+            "column `sigma1_se`: found `2.5`, but values above 1.0000 are implausible: is the value in percent? (4 \
+             rows)",
         ),
         (
             "omega_rad_s,d_m,d_m_se",
             |[omega, d, _]| vec![omega, d, 2.0],
-            "found 4.2152 times `d_m`, the median of 4 rows, needed 1 at most: is it in millimetres or percent?",
+            "the standard errors are 4.2152 times the values in `d_m` (median of 4 rows), but should be smaller than \
+             these: are they in millimetres or percent?",
         ),
         (
             "omega_rad_s,d_m,phi1_amplitude_rad",
             |[omega, d, _]| vec![omega, d, 28.6],
-            "column `phi1_amplitude_rad`: found `28.6`, needed 3.1416 at most: is it in degrees? (4 rows)",
+            "column `phi1_amplitude_rad`: found `28.6`, but values above 3.1416 are implausible: is the value in \
+             degrees? (4 rows)",
         ),
         (
             "omega_rad_s,d_m",
@@ -219,7 +233,7 @@ fn the_tables_of_ingested_trials_are_not_replaced() {
         trilink(folder(), &["fit", "--trials", "derived/trials.parquet", "--into", "derived"]);
     assert_eq!(output.status.code(), Some(2));
     let said = text(&output.stderr);
-    assert!(said.contains("derived: found the place of ingested trials"), "{said}");
+    assert!(said.contains("derived: this folder holds the ingested trials"), "{said}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What docs/nightly.md says of running every night, tried.
+//! Tests of the instructions for nightly runs in docs/nightly.md.
 
 #![cfg(unix)]
 
@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use crate::common::{small_run, small_settings, succeed, text};
 
-/// The document's blocks of a kind.
+/// Returns the code blocks in docs/nightly.md that are written in a language.
 fn blocks(kind: &str) -> Vec<String> {
     let document = std::fs::read_to_string("docs/nightly.md").unwrap();
     let begins = format!("```{kind}\n");
@@ -15,7 +15,8 @@ fn blocks(kind: &str) -> Vec<String> {
     parts.map(|part| part.split("```").next().unwrap().to_owned()).collect()
 }
 
-/// A home with the program where cargo puts it and a laboratory's folder with a baseline.
+/// Creates a home directory that contains the program, at the path where cargo installs it, and a project folder `lab`,
+/// whose results have been saved as the baseline of later comparisons.
 fn home() -> tempfile::TempDir {
     let home = tempfile::tempdir().unwrap();
     let lab = small_run(&small_settings(), "1");
@@ -27,14 +28,14 @@ fn home() -> tempfile::TempDir {
     home
 }
 
-/// The times and the command of the line for cron.
+/// Returns the schedule and the command of the documented crontab line.
 fn cron_line() -> (String, String) {
     let [line] = &blocks("crontab")[..] else { panic!("one block for cron") };
     let (times, command) = line.trim().split_at(line.find("cd ").unwrap());
     (times.to_owned(), command.to_owned())
 }
 
-/// A night by cron, in its empty environment, after what a shell does `before`.
+/// Runs the documented crontab command in an empty environment, after the shell commands `before`.
 fn cron_night(home: &Path, before: &str) -> Output {
     let command = cron_line().1;
     Command::new("/bin/sh")
@@ -47,8 +48,8 @@ fn cron_night(home: &Path, before: &str) -> Output {
         .unwrap()
 }
 
-/// A night by systemd: the service's commands as systemd reads them, one after the other as long
-/// as they succeed.
+/// Runs the commands of the documented systemd service one after the other until one fails, each after the shell
+/// commands `before`; returns the output of the last command that was run.
 fn systemd_night(home: &Path, before: &str) -> Output {
     let unit = &blocks("ini")[0];
     let mut last = None;
@@ -96,7 +97,7 @@ fn systemd_takes_the_timer_and_the_service() {
     for unit in &units {
         let name = unit.lines().next().unwrap().trim_start_matches("# ");
         let path = home.path().join(name);
-        // Whoever verifies has another home than the one that is tried.
+        // The home folder of the user who verifies differs from that of the test.
         std::fs::write(&path, unit.replace("%h", home.path().to_str().unwrap())).unwrap();
         paths.push(path);
     }
@@ -117,7 +118,7 @@ fn systemd_takes_the_timer_and_the_service() {
     assert_eq!(night.status.code(), Some(0), "{}", text(&night.stderr));
 }
 
-/// Kills a run when it says that it has begun.
+/// Shell script that kills a run once the run reports that it has started.
 const KILLED: &str = r#"#!/bin/sh
 real=$(dirname "$0")/real
 [ "$1" = run ] || exec "$real" "$@"
@@ -127,7 +128,7 @@ kill -9 $pid; wait $pid
 "#;
 
 #[test]
-fn no_night_on_which_something_failed_reports_success() {
+fn no_nightly_run_with_a_failure_reports_success() {
     type Night = fn(&Path, &str) -> Output;
     let nights: [(&str, Night); 2] = [("cron", cron_night), ("systemd", systemd_night)];
     let rerun = "rm -f \"$HOME/lab/derived/fits.parquet\"";
@@ -169,7 +170,7 @@ fn no_night_on_which_something_failed_reports_success() {
 fn the_workflow_names_files_that_are_there() {
     let workflow = std::fs::read_to_string(".github/workflows/nightly.yml").unwrap();
     assert!(workflow.contains("compare docs/demo-baseline.json"));
-    // A step that fails fails the workflow, and the steps behind it do not run.
+    // A failed step fails the workflow, and later steps do not run.
     for swallows in ["continue-on-error", "||", "set +e"] {
         assert!(!workflow.contains(swallows), "{swallows}");
     }

@@ -1,4 +1,4 @@
-//! Fitted coefficients in `trilink simulate`, its sensitivities and budgets of uncertainty.
+//! Tests of fitted coefficients in `trilink simulate`, of its sensitivities, and of uncertainty budgets.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use trilink_tables::{
 use crate::common::fitted::{CAMPAIGN, OMEGAS, fitted, folder};
 use crate::common::{succeed, text, trilink};
 
-/// What `simulate` says of the fitted campaign, as JSON, and beside it.
+/// Returns the JSON output of `simulate` for the fitted campaign, and what it wrote to stderr.
 fn simulate(folder: &Path, arguments: &[&str]) -> (Vec<Value>, String) {
     let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--json"];
     let output = trilink(folder, &[&begin[..], arguments].concat());
@@ -45,7 +45,7 @@ fn fitted_motions_and_their_intervals_are_those_of_the_predictions() {
         }
     }
     assert_eq!(compared, 18);
-    // The settings go first: of another coefficient nothing is known, of another gait all is.
+    // Settings override fits: a coefficient that is set has no uncertainty, but the gait may be set freely.
     let (other, _) =
         simulate(folder(), &["--omega", "3", "--fitted", "--bands", "--set", "amplitude1_deg=25"]);
     assert!(other[0]["lower"]["d_m"].as_f64() < other[0]["d_m"].as_f64(), "{other:?}");
@@ -62,7 +62,7 @@ fn fitted_motions_and_their_intervals_are_those_of_the_predictions() {
 }
 
 #[test]
-fn without_a_fit_it_says_what_to_do_and_with_a_doubtful_one_what_is_in_doubt() {
+fn a_missing_fit_has_advice_and_a_doubtful_fit_a_warning() {
     let empty = tempfile::tempdir().unwrap();
     let refused = |folder: &Path, model: &str| {
         let output =
@@ -71,13 +71,19 @@ fn without_a_fit_it_says_what_to_do_and_with_a_doubtful_one_what_is_in_doubt() {
         text(&output.stderr)
     };
     let said = refused(empty.path(), "skid");
-    assert!(said.contains("fits.parquet: not there; `trilink run` or `trilink fit`"), "{said}");
+    assert!(
+        said.contains("fits.parquet: does not exist; `trilink run` or `trilink fit`"),
+        "{said}"
+    );
     let said = refused(folder(), "skid");
-    assert!(said.contains("has of campaign kinematic-symmetric the models skid-roll"), "{said}");
+    assert!(
+        said.contains("no fit of skid to campaign kinematic-symmetric, only of skid-roll"),
+        "{said}"
+    );
     assert!(said.contains("list skid under campaign.kinematic-symmetric.models"), "{said}");
     let doubtful = fitted(0.0);
     let (answers, said) = simulate(doubtful.path(), &["--omega", "3", "--fitted", "--bands"]);
-    assert!(said.contains("nothing tells whether the model fits its trials"), "{said}");
+    assert!(said.contains("it is not known whether the model fits the trials"), "{said}");
     assert!(answers[0]["fit"]["adequate"].is_null());
     assert!(answers[0]["no_interval"].as_str().unwrap().contains("noise"), "{answers:?}");
 }
@@ -95,7 +101,7 @@ fn rows(folder: &Path, arguments: &[&str]) -> (Vec<SensitivityRow>, String) {
 }
 
 #[test]
-fn the_parts_of_a_budget_of_uncertainty_add_up() {
+fn the_contributions_to_an_uncertainty_budget_add_up() {
     let (found, printed) = rows(folder(), &["--omega", "3"]);
     let l = found.iter().find(|row| row.parameter == "l_m" && row.metric == "d_m").unwrap();
     assert_eq!((l.standard_deviation, l.parameter_value), (0.0005, 0.112));
@@ -111,7 +117,7 @@ fn the_parts_of_a_budget_of_uncertainty_add_up() {
             let known = own().filter(|row| row.known_from.is_some());
             let sum: f64 = known.clone().map(|row| row.variance_part).sum();
             assert!((sum - 1.0).abs() < 1e-9, "{metric}: {sum}");
-            // What varies together may be more or less than its parts.
+            // The variance of correlated parameters may differ from the sum of their variances.
             let alone: f64 = known.map(|row| row.contribution.powi(2)).sum();
             let deviation = own().next().unwrap().metric_deviation;
             assert!(deviation > 0.0 && alone > 0.0);
@@ -122,8 +128,8 @@ fn the_parts_of_a_budget_of_uncertainty_add_up() {
     }
     let fitted = of_fit.iter().filter(|row| row.known_from.is_some_and(|of| of.name() == "fitted"));
     assert_eq!(fitted.count(), 3 * SENSITIVE_METRICS.len());
-    // Where the fit follows the length, a part of what that is off by cancels; all in all it is the
-    // width of the interval, but for what neighbouring frequencies disagree on.
+    // The fit depends on the length, so that part of the effect of an error in the length cancels. The total agrees
+    // with the width of the interval, except for differences between neighbouring frequencies.
     let (answers, _) = simulate(folder(), &["--omega", "3", "--fitted", "--bands"]);
     let width = answers[0]["upper"]["sigma"][1].as_f64().unwrap()
         - answers[0]["lower"]["sigma"][1].as_f64().unwrap();
@@ -141,7 +147,7 @@ fn sensitivities_are_printed_as_csv_and_json_and_drawn() {
     let json = succeed(own.path(), &[&begin[..], &["--json"]].concat());
     let json: Vec<Value> = serde_json::from_str(&json).unwrap();
     assert_eq!(csv.lines().count(), json.len() + 1);
-    // No coefficient without its law, and no sums.
+    // Only coefficients in the model's laws are listed, and no sums.
     let is_roll = |row: &&Value| row["parameter"].as_str().unwrap().starts_with("roll");
     assert_eq!(json.iter().filter(is_roll).count(), 0);
     let of = |model: &str, parameter: &str, metric: &str, key: &str| {
@@ -172,7 +178,7 @@ fn sensitivities_are_printed_as_csv_and_json_and_drawn() {
     }
     let output = trilink(own.path(), &[&one[..], &["--figure", "s.bmp"]].concat());
     assert_eq!(output.status.code(), Some(2));
-    // Both joints through the straight line: det W_b = 0 without condition (5).
+    // Both joint angles pass 0: det W_b = 0 without condition (5).
     let singular = ["simulate", CAMPAIGN, "--model", "no-skid", "--omega", "3", "--sensitivities"];
     let output = trilink(own.path(), &[&singular[..], &["--set", "amplitude1_deg=31"]].concat());
     assert_eq!(output.status.code(), Some(1));
@@ -182,12 +188,13 @@ fn sensitivities_are_printed_as_csv_and_json_and_drawn() {
 #[test]
 fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
     let (answers, said) = simulate(folder(), &["--omega", "3,12", "--fitted", "--bands"]);
-    let beyond = "omega 12 rad/s (trials 1 to 5)";
+    let beyond = "omega 12 rad/s (trials cover 1 to 5)";
     let of = |answer: &Value| (answer["extrapolated"].clone(), answer["beyond_trials"].clone());
     assert_eq!(of(&answers[0]), (Value::from(false), Value::from("")));
     assert_eq!(of(&answers[1]), (Value::from(true), Value::from(beyond)));
     let warning = format!(
-        "warning: {CAMPAIGN} skid-roll: extrapolated beyond the trials of the fit, 1 of 2 motions: {beyond}"
+        "warning: {CAMPAIGN} skid-roll: 1 of 2 motions are extrapolated beyond the trials of the \
+         fit: {beyond}"
     );
     assert!(said.contains(&warning), "{said}");
     let (within, said) = simulate(folder(), &["--omega", "1,5", "--fitted"]);
@@ -197,17 +204,20 @@ fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
     let (other, said) = simulate(folder(), &gait);
     assert_eq!(
         other[0]["beyond_trials"],
-        "amplitude1 45 degrees (trials 30), offset2 20 degrees (trials 0)"
+        "amplitude1 45 degrees (trials cover only 30), offset2 20 degrees (trials cover only 0)"
     );
-    assert!(said.contains("offset2 20 degrees (trials 0)"), "{said}");
-    // Of coefficients that are not fitted there is nothing to say.
+    assert!(said.contains("offset2 20 degrees (trials cover only 0)"), "{said}");
+    // Coefficients that are not fitted get no note about extrapolation.
     let (configured, _) = simulate(folder(), &["--omega", "12"]);
     assert!(configured[0].get("extrapolated").is_none(), "{configured:?}");
 
     let begin = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "12"];
     let begin = [&begin[..], &["--fitted"]].concat();
     let printed = succeed(folder(), &begin);
-    assert!(printed.contains("stable, from rest after 3 cycles, extrapolated"), "{printed}");
+    assert!(
+        printed.contains("stable, reached from rest after 3 cycles, extrapolated"),
+        "{printed}"
+    );
     let own = tempfile::tempdir().unwrap();
     let file = |name: &str| own.path().join(name).display().to_string();
     let [csv, trajectory, page] = ["s.csv", "t.csv", "p.html"].map(file);
@@ -225,7 +235,9 @@ fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
     let output = trilink(folder(), &line);
     let said = text(&output.stderr);
     assert!(
-        said.contains("the fit: a trial: omega 8 rad/s (trials 1 to 5); d at 9: omega 9 rad/s"),
+        said.contains(
+            "the fit: a trial: omega 8 rad/s (trials cover 1 to 5); d at 9: omega 9 rad/s"
+        ),
         "{said}"
     );
     let advice: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
@@ -236,8 +248,11 @@ fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
     let line = ["branches", CAMPAIGN, "--fitted", "--over", "omega_rad_s=4..6", "--json"];
     let output = trilink(folder(), &line);
     let said = text(&output.stderr);
-    assert!(said.contains("skid-roll, which the comparison of the fits prefers"), "{said}");
-    assert!(said.contains("omega 5.") && said.contains("to 6 rad/s (trials 1 to 5)"), "{said}");
+    assert!(said.contains("skid-roll, the preferred model of the comparison"), "{said}");
+    assert!(
+        said.contains("omega 5.") && said.contains("to 6 rad/s (trials cover 1 to 5)"),
+        "{said}"
+    );
     let points: Vec<Value> = serde_json::from_str(&text(&output.stdout)).unwrap();
     for point in &points {
         let is_beyond = point["value"].as_f64().unwrap() > 5.0 * 1.005;
@@ -246,17 +261,17 @@ fn a_motion_beyond_the_trials_of_its_fit_says_so_wherever_it_is_written() {
 }
 
 #[test]
-fn without_the_trials_it_is_not_known_what_is_beyond_them() {
+fn without_the_trials_extrapolation_is_unknown() {
     let own = fitted(0.002);
     std::fs::remove_file(own.path().join("fits/trials.parquet")).unwrap();
     let (answers, said) = simulate(own.path(), &["--omega", "12", "--fitted"]);
     assert!(answers[0]["extrapolated"].is_null(), "{answers:?}");
     let why = answers[0]["beyond_trials"].as_str().unwrap();
     assert!(
-        why.starts_with("not known: ") && why.ends_with("trials.parquet is not there"),
+        why.starts_with("not known: ") && why.ends_with("trials.parquet does not exist"),
         "{why}"
     );
-    assert!(said.contains("what the trials of the fit cover is not known"), "{said}");
+    assert!(said.contains("the range of the trials of the fit is not known"), "{said}");
 }
 
 #[test]
@@ -266,8 +281,8 @@ fn coefficients_that_are_not_the_fitted_ones_are_said_to_be_starting_values() {
         assert_eq!(output.status.code(), Some(0), "{line:?}: {}", text(&output.stderr));
         text(&output.stderr)
     };
-    let starting = "not fitted, but starting values of the configuration: skid0_kg_s, skid1_kg_s, skid2_kg_s; \
-                    --fitted takes those that ";
+    let starting = "the configured starting values of these parameters are used instead of fitted values: skid0_kg_s, \
+                    skid1_kg_s, skid2_kg_s; use --fitted for the fitted values in ";
     let simulate = ["simulate", CAMPAIGN, "--model", "skid-roll", "--omega", "3"];
     let optimise =
         ["optimise", CAMPAIGN, "--model", "skid-roll", "--maximise", "v", "--free", "omega"];
@@ -275,19 +290,19 @@ fn coefficients_that_are_not_the_fitted_ones_are_said_to_be_starting_values() {
     let empty = tempfile::tempdir().unwrap();
     for line in [&simulate[..], &[&optimise[..], &["--starts", "2"]].concat(), &branches] {
         let found = said(folder(), line);
-        assert!(found.contains(starting) && found.contains("fits.parquet has"), "{found}");
+        assert!(found.contains(starting) && found.contains("fits.parquet"), "{found}");
         assert_eq!(said(empty.path(), line), "", "{line:?}");
         let fitted = said(folder(), &[line, &["--fitted"]].concat());
         assert!(!fitted.contains("starting values"), "{fitted}");
     }
-    // What is said on the command line is not of the configuration.
+    // Values from the command line are not values of the configuration.
     let one = said(folder(), &[&simulate[..], &["--set", "skid0_kg_s=90"]].concat());
-    assert!(one.contains("configuration: skid1_kg_s, skid2_kg_s;"), "{one}");
+    assert!(one.contains("fitted values: skid1_kg_s, skid2_kg_s;"), "{one}");
     let all = said(folder(), &[&simulate[..], &["--set", "skid_kg_s=90,30,40"]].concat());
     assert!(!all.contains("starting values"), "{all}");
     let other = said(folder(), &["simulate", CAMPAIGN, "--model", "coulomb", "--omega", "3"]);
-    assert!(other.contains("has fits of skid-roll, not of coulomb"), "{other}");
-    // Nothing of it is fitted.
+    assert!(other.contains("contains fits of skid-roll, but none of coulomb"), "{other}");
+    // The model has no fit.
     let none = said(folder(), &["simulate", CAMPAIGN, "--model", "no-skid", "--omega", "3"]);
     assert_eq!(none, "");
 }
@@ -323,7 +338,7 @@ fn every_name_that_sensitivities_print_is_one_that_settings_take() {
     for (setting, named) in [
         ("mass0_kg=1,2", "--set mass0_kg=1,2: found a list of length 2, needed a number"),
         ("skid_kg_s=1,2,3,4", "found a list of length 4, needed a list of length 3"),
-        ("omega_rad_s=2", "--set omega_rad_s=2: the frequency has an option of its own, --omega"),
+        ("omega_rad_s=2", "--set omega_rad_s=2: set the frequency with the option --omega instead"),
     ] {
         let output = trilink(empty.path(), &[&line[..], &[setting]].concat());
         assert_eq!(output.status.code(), Some(2));

@@ -1,5 +1,5 @@
-//! An ingest and a bootstrap in parts: joined they are the bytes of undivided ones, and what cannot
-//! be joined is named.
+//! Tests of ingests and bootstraps in shards: merged shards give the same bytes as an undivided stage; unusable shards
+//! are reported.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +11,7 @@ use trilink_tables::Table;
 
 use crate::common::{Small, assert_same, succeed, temporary, text, trilink};
 
-/// Nine trials; of one the marker file is empty.
+/// Creates a project with nine trials, one of which has an empty marker file.
 fn project() -> Small {
     static MADE: OnceLock<Small> = OnceLock::new();
     let made = MADE.get_or_init(|| {
@@ -26,7 +26,7 @@ fn project() -> Small {
     made.copy()
 }
 
-/// The tables that an undivided ingest of the project leaves.
+/// Returns the tables of an ingest of all trials without shards.
 fn undivided() -> &'static BTreeMap<PathBuf, Vec<u8>> {
     static MADE: OnceLock<BTreeMap<PathBuf, Vec<u8>>> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -36,7 +36,7 @@ fn undivided() -> &'static BTreeMap<PathBuf, Vec<u8>> {
     })
 }
 
-/// Runs the program, which must end with a status; gives what it wrote to either output.
+/// Runs the program, asserts its exit status, and returns standard output followed by standard error.
 fn said(folder: &Small, arguments: &[&str], status: i32) -> String {
     let output = trilink(folder.path(), arguments);
     let said = text(&output.stdout) + &text(&output.stderr);
@@ -60,14 +60,14 @@ fn home(number: usize, of: usize) -> String {
     format!("shards/{number}-of-{of}")
 }
 
-/// Ingests a part in the project itself.
-fn make_part(folder: &Small, number: usize, of: usize) {
+/// Ingests one shard in the project itself, not in a copy of it.
+fn make_shard(folder: &Small, number: usize, of: usize) {
     let part = format!("{number}/{of}");
     let output = trilink(folder.path(), &["-q", "ingest", "--shard", &part, "--into", "shards"]);
     assert!(output.status.code() < Some(2), "{}", text(&output.stderr));
 }
 
-/// The project with parts that were each made in a copy that has another name, with another
+/// Creates a project with `of` shards, each computed in a copy of the project under another name and with another
 /// number of threads.
 fn with_parts(of: usize) -> Small {
     let folder = project();
@@ -77,12 +77,12 @@ fn with_parts(of: usize) -> Small {
         let arguments = ["--threads", &threads, "ingest", "--shard", &part, "--into", "shards"];
         let output = trilink(copy.path(), &arguments);
         let (said, told) = (text(&output.stdout), text(&output.stderr));
-        // A part with a failed trial ends as an ingest with one does.
+        // A shard with a failed trial has the same exit status as an ingest with one.
         let failed = i32::from(!said.contains(" 0 failed"));
         assert_eq!(output.status.code(), Some(failed), "{told}");
-        assert!(said.ends_with(&format!("; part {part} in {home}\n")), "{said}");
+        assert!(said.ends_with(&format!("; shard {part} in {home}\n")), "{said}");
         let steps = told.lines().filter(|line| line.starts_with("ingest "));
-        assert!(steps.clone().all(|line| line.contains(&format!(", part {part}"))), "{told}");
+        assert!(steps.clone().all(|line| line.contains(&format!(", shard {part}"))), "{told}");
         assert_eq!(said.split(' ').next().unwrap(), steps.count().to_string(), "{said}");
         for nothing in ["derived", "reports"] {
             assert!(!copy.place(nothing).exists(), "{nothing}");
@@ -94,7 +94,7 @@ fn with_parts(of: usize) -> Small {
 }
 
 #[test]
-fn parts_of_any_number_joined_are_the_bytes_of_one_run() {
+fn any_number_of_merged_shards_has_the_bytes_of_one_run() {
     for of in [1, 2, 7, 12] {
         let folder = with_parts(of);
         let status = said(&folder, &["merge", "shards", "--status"], 0);
@@ -105,7 +105,7 @@ fn parts_of_any_number_joined_are_the_bytes_of_one_run() {
         assert_same(&folder.results(), undivided(), &format!("{of} parts"));
         let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
         assert!(!ahead.contains("trial "), "{ahead}");
-        // Again, where everything is there.
+        // Merge again into existing tables.
         said(&folder, &["merge", "shards"], 1);
         assert_same(&folder.results(), undivided(), &format!("{of} parts again"));
         if of == 7 {
@@ -116,7 +116,7 @@ fn parts_of_any_number_joined_are_the_bytes_of_one_run() {
 }
 
 #[test]
-fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() {
+fn unusable_shards_are_reported_and_made_again_give_the_bytes_of_one_run() {
     let whole = with_parts(3);
     let name = home(2, 3);
     let place = |folder: &Small| folder.place(&name);
@@ -140,14 +140,14 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
     };
     let configure = |folder: &Small| {
         folder.replace("pipeline.toml", "[fit]", "[ingest]\nskip_cycles = 3\n[fit]");
-        make_part(folder, 2, 3);
+        make_shard(folder, 2, 3);
         folder.replace("pipeline.toml", "[ingest]\nskip_cycles = 3\n[fit]", "[fit]");
     };
     let list_less = |folder: &Small| {
         let list = text(&folder.read("raw/trials.toml"));
         let last = list.rfind("[[trial]]").unwrap();
         folder.write("raw/trials.toml", &list[..last]);
-        make_part(folder, 2, 3);
+        make_shard(folder, 2, 3);
         folder.write("raw/trials.toml", &list);
     };
     let of_program = |folder: &Small| {
@@ -168,24 +168,28 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
     };
     let double = |folder: &Small| copy_folder(&place(folder), &folder.place("shards/again"));
     let divide = |folder: &Small| {
-        make_part(folder, 2, 4);
+        make_shard(folder, 2, 4);
         remove(folder);
     };
     type Fault<'f> = (&'f dyn Fn(&Small), &'f str, bool);
     let faults: [Fault; 13] = [
         (&remove, "missing", true),
-        (&kill, "unfinished: no manifest.json", true),
-        (&rot, ".parquet is not as it was written", false),
-        (&lose, ".parquet is gone", false),
+        (&kill, "unfinished: manifest.json, which is written last, is missing", true),
+        (&rot, ".parquet has changed since it was written", false),
+        (&lose, ".parquet no longer exists", false),
         (&cut, "manifest.json: damaged: EOF", false),
         (&of_format, "manifest.json: found format 7, needed 2", false),
-        (&of_none, "manifest.json: damaged: found part `1-of-0`, needed one such as", false),
+        (&of_none, "manifest.json: damaged: found shard `1-of-0`, needed one such as", false),
         (&escape, "manifest.json: found file ../poses/", false),
-        (&configure, "made with another configuration, or of other trials", false),
-        (&list_less, "made with another configuration, or of other trials", false),
-        (&of_program, "made by another program (version ", false),
-        (&double, "part 2/3 is there twice: remove one", false),
-        (&divide, "part 2/4 of another division than most parts", false),
+        (&configure, "made with a different configuration or from different trials", false),
+        (&list_less, "made with a different configuration or from different trials", false),
+        (&of_program, "made by a different build of trilink (version ", false),
+        (&double, "shard 2/3 overlaps another shard; remove one of them", false),
+        (
+            &divide,
+            "shard 2/4 comes from a different division into shards than most of the other shards",
+            false,
+        ),
     ];
     for (fault, problem, may_be_left_out) in faults {
         let folder = whole.copy();
@@ -196,11 +200,14 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         let refused = said(&folder, &["merge", "shards"], 2);
         assert!(refused.contains(problem), "{problem}: {refused}");
         assert!(refused.contains(&format!("\n  {name}: ")), "{problem}: {refused}");
-        assert!(refused.ends_with("\nto do again: --array=2\n"), "{problem}: {refused}");
+        assert!(refused.ends_with("\nmake them again with --array=2\n"), "{problem}: {refused}");
         assert!(!folder.place("derived").exists(), "{problem}");
         if may_be_left_out {
             let joined = said(&folder, &["merge", "shards", "--allow-missing"], 1);
-            assert!(joined.contains("parts are missing, to do again: --array=2\n"), "{joined}");
+            assert!(
+                joined.contains("shards are missing; make them again with --array=2\n"),
+                "{joined}"
+            );
             let mut left = folder.results();
             let poses = |files: &BTreeMap<PathBuf, Vec<u8>>| {
                 files.keys().filter(|name| name.starts_with("derived/poses")).count()
@@ -215,14 +222,14 @@ fn parts_that_cannot_be_joined_are_named_and_redone_give_the_bytes_of_one_run() 
         for other in ["again", "2-of-4"] {
             let _ = fs::remove_dir_all(folder.place("shards").join(other));
         }
-        make_part(&folder, 2, 3);
+        make_shard(&folder, 2, 3);
         said(&folder, &["merge", "shards"], 1);
         assert_same(&folder.results(), undivided(), problem);
     }
 }
 
 #[test]
-fn a_part_that_is_killed_is_unfinished_and_one_at_a_time_works_on_it() {
+fn a_killed_shard_is_unfinished_and_one_process_at_a_time_uses_it() {
     let folder = project();
     let begin = || {
         let arguments = ["--threads", "1", "ingest", "--shard", "1/1", "--into", "shards"];
@@ -236,29 +243,33 @@ fn a_part_that_is_killed_is_unfinished_and_one_at_a_time_works_on_it() {
         assert!(run.try_wait().unwrap().is_none(), "it ended before it was killed");
     }
     let held = said(&folder, &["ingest", "--shard", "1/1", "--into", "shards"], 2);
-    assert!(held.contains("held by process") && held.contains("--wait waits for it"), "{held}");
+    assert!(
+        held.contains("held by process")
+            && held.contains("with --wait, the command waits until the lock is released"),
+        "{held}"
+    );
     run.kill().unwrap();
     run.wait().unwrap();
     let refused = said(&folder, &["merge", "shards"], 2);
     assert!(refused.contains("shards/1-of-1: unfinished"), "{refused}");
-    // Nothing else is there to join.
+    // The incomplete shard is the only one.
     said(&folder, &["merge", "shards", "--allow-missing"], 2);
     assert!(!folder.place("derived").exists());
-    make_part(&folder, 1, 1);
+    make_shard(&folder, 1, 1);
     said(&folder, &["merge", "shards"], 1);
     assert_same(&folder.results(), undivided(), "after the kill");
 }
 
 #[test]
-fn there_are_no_parts_beside_the_division_and_no_tables_of_other_folders() {
+fn invalid_shards_and_tables_of_other_folders_are_rejected() {
     let folder = project();
     for (part, needed) in [
-        ("0/8", "found `0/8`, needed a part from 1/8 to 8/8"),
-        ("9/8", "found `9/8`, needed a part from 1/8 to 8/8"),
-        ("3", "found `3`, needed a part such as 3/8"),
-        ("1/0", "found `1/0`, needed a part such as 3/8"),
-        ("-1/8", "found `-1/8`, needed a part such as 3/8"),
-        ("1/100001", "of 100000 at most"),
+        ("0/8", "found `0/8`, needed a shard from 1/8 to 8/8"),
+        ("9/8", "found `9/8`, needed a shard from 1/8 to 8/8"),
+        ("3", "found `3`, needed a shard such as 3/8"),
+        ("1/0", "found `1/0`, needed a shard such as 3/8"),
+        ("-1/8", "found `-1/8`, needed a shard such as 3/8"),
+        ("1/100001", "at most 100000 shards"),
     ] {
         let shard = format!("--shard={part}");
         let refused = said(&folder, &["ingest", &shard, "--into", "shards"], 2);
@@ -267,9 +278,12 @@ fn there_are_no_parts_beside_the_division_and_no_tables_of_other_folders() {
     said(&folder, &["ingest", "--shard", "1/8"], 2);
     assert!(!folder.place("shards").exists());
     let refused = said(&folder, &["merge", "raw"], 2);
-    assert!(refused.contains("raw: found no parts, needed those that"), "{refused}");
+    assert!(
+        refused.contains("raw: contains no shards; `trilink ingest --shard 3/8 --into raw`"),
+        "{refused}"
+    );
 
-    // The trials of one folder, in parts, do not remove those of another one.
+    // Merging the shards of one folder does not remove the trials of another folder.
     copy_folder(&folder.place("raw"), &folder.place("other"));
     said(&folder, &["ingest"], 1);
     let before = folder.results();
@@ -278,13 +292,16 @@ fn there_are_no_parts_beside_the_division_and_no_tables_of_other_folders() {
         trilink(folder.path(), &["-q", "ingest", "other", "--shard", &part, "--into", "shards"]);
     }
     let refused = said(&folder, &["merge", "shards"], 2);
-    assert!(refused.contains("derived: found tables of trials of raw, needed only"), "{refused}");
+    assert!(
+        refused.contains("derived: contains tables for trials in raw, but the shards cover only"),
+        "{refused}"
+    );
     assert_same(&folder.results(), &before, "another folder");
     fs::remove_dir_all(folder.place("derived")).unwrap();
     said(&folder, &["merge", "shards"], 1);
 }
 
-/// Two campaigns with seven replicates, ingested.
+/// Creates a project with two ingested campaigns and a bootstrap of seven replicates.
 fn ingested() -> Small {
     static MADE: OnceLock<Small> = OnceLock::new();
     let made = MADE.get_or_init(|| {
@@ -302,7 +319,7 @@ fn fit_part(folder: &Small, numbers: &str, threads: &str) -> String {
 }
 
 #[test]
-fn replicates_of_any_parts_joined_are_the_bytes_of_one_bootstrap() {
+fn merged_replicates_of_any_shards_have_the_bytes_of_one_bootstrap() {
     let one = ingested();
     succeed(one.path(), &["-q", "fit"]);
     let expected = one.results();
@@ -310,7 +327,8 @@ fn replicates_of_any_parts_joined_are_the_bytes_of_one_bootstrap() {
     let limits = predictions.values::<f64>("d_m_hi").unwrap();
     assert!(limits.iter().any(|limit| limit.is_finite()), "the replicates give intervals");
     let folder = ingested();
-    // Three models, driven either way; the symmetric measured gaits have no motion without skid.
+    // Three models with the commanded and with the measured gait; the symmetric measured gait allows no motion without
+    // skid.
     for (numbers, threads, count) in [("0..1", "1", 5), ("1..5", "2", 20), ("5..7", "3", 10)] {
         let copy = ingested();
         let before = copy.results();
@@ -335,12 +353,12 @@ fn replicates_of_any_parts_joined_are_the_bytes_of_one_bootstrap() {
 }
 
 #[test]
-fn replicates_that_cannot_be_joined_are_named() {
+fn unusable_shards_of_replicates_are_reported() {
     let folder = ingested();
     for (numbers, needed) in [
-        ("3..3", "found `3..3`, needed replicates such as 0..500"),
-        ("0-3", "found `0-3`, needed replicates such as 0..500"),
-        ("0..8", "replicates 0..8: found `fit.bootstrap` = 7, needed 8 at least"),
+        ("3..3", "found `3..3`, needed a range of replicates such as 0..500"),
+        ("0-3", "found `0-3`, needed a range of replicates such as 0..500"),
+        ("0..8", "replicates 0..8: found `fit.bootstrap` = 7, needed at least 8"),
     ] {
         let arguments = ["fit", "--replicates", numbers, "--into", "shards"];
         let refused = said(&folder, &arguments, 2);
@@ -348,7 +366,10 @@ fn replicates_that_cannot_be_joined_are_named() {
     }
     let raw = Small::raw();
     let refused = said(&raw, &["fit", "--replicates", "0..3", "--into", "shards"], 2);
-    assert!(refused.contains("trials.parquet: not there; `trilink ingest` makes it"), "{refused}");
+    assert!(
+        refused.contains("trials.parquet: does not exist; `trilink ingest` creates it"),
+        "{refused}"
+    );
     assert!(!raw.place("shards").exists() && !folder.place("shards").exists());
 
     fit_part(&folder, "2..4", "2");
@@ -356,30 +377,34 @@ fn replicates_that_cannot_be_joined_are_named() {
     let status = said(&folder, &["merge", "shards", "--status"], 1);
     assert!(status.contains("shards/replicates-0-2: missing\n"), "{status}");
     assert!(status.ends_with("--replicates 0..2,4..7\n"), "{status}");
-    // Fewer replicates are no bootstrap of seven.
+    // Fewer than seven replicates cannot be merged into a bootstrap of seven.
     for arguments in [&["merge", "shards"][..], &["merge", "shards", "--allow-missing"]] {
         let refused = said(&folder, arguments, 2);
         assert!(refused.contains("shards/replicates-4-7: missing\n"), "{refused}");
-        assert!(refused.ends_with("to do again: --replicates 0..2,4..7\n"), "{refused}");
+        assert!(refused.ends_with("make them again with --replicates 0..2,4..7\n"), "{refused}");
     }
     fit_part(&folder, "0..3", "2");
     let refused = said(&folder, &["merge", "shards"], 2);
-    assert!(refused.contains("replicates 2..4 is there twice: remove one"), "{refused}");
+    assert!(
+        refused.contains("replicates 2..4 overlaps another shard; remove one of them"),
+        "{refused}"
+    );
     fs::remove_dir_all(folder.place("shards/replicates-0-3")).unwrap();
     fit_part(&folder, "0..2", "2");
     folder.replace("pipeline.toml", "bootstrap = 7", "bootstrap = 3");
     let refused = said(&folder, &["merge", "shards"], 2);
-    assert!(refused.contains("replicates 2..4, needed those of 0 to 3"), "{refused}");
+    let needed = "needed replicates within 0..3, the range given by `fit.bootstrap`";
+    assert!(refused.contains(&format!("found replicates 2..4, {needed}")), "{refused}");
     folder.replace("pipeline.toml", "bootstrap = 3", "bootstrap = 4");
     let status = said(&folder, &["merge", "shards", "--status"], 0);
     assert_eq!(status.lines().count(), 2, "{status}");
     folder.replace("pipeline.toml", "starts = 1", "starts = 2");
     let refused = said(&folder, &["merge", "shards"], 2);
-    assert_eq!(refused.matches("made with another configuration, or of other").count(), 2);
+    assert_eq!(refused.matches("made with a different configuration or from").count(), 2);
     folder.replace("pipeline.toml", "starts = 2", "starts = 1");
     assert_same(&folder.results(), &before, "refused");
     folder.replace("raw/trials.toml", "id = \"kinematic-skewed-6.00-r1\"", "id = \"another\"");
     succeed(folder.path(), &["-q", "ingest"]);
     let refused = said(&folder, &["merge", "shards"], 2);
-    assert_eq!(refused.matches("made with another configuration, or of other").count(), 2);
+    assert_eq!(refused.matches("made with a different configuration or from").count(), 2);
 }

@@ -1,8 +1,8 @@
-//! What campaigns of one robot share, as commands make, keep and redo it.
+//! Tests of fits to several campaigns of one robot: made, retained and recomputed by commands.
 
 use crate::common::{Small, assert_same, succeed, text, trilink};
 
-/// Two campaigns of one robot, with one model in common.
+/// Creates a project with two campaigns of one robot that share a model.
 fn project() -> Small {
     let folder = Small::raw();
     folder.replace("pipeline.toml", "models = [\"skid\"]", "models = [\"skid-roll\"]");
@@ -17,7 +17,7 @@ fn ask(folder: &Small) {
 }
 
 #[test]
-fn what_campaigns_share_is_made_kept_and_redone() {
+fn shared_fits_are_made_retained_and_recomputed() {
     let folder = project();
     folder.run();
     let before = folder.results();
@@ -32,7 +32,10 @@ fn what_campaigns_share_is_made_kept_and_redone() {
         "{said}"
     );
     assert_same(&folder.results(), &folder.scratch(), "asked for");
-    assert!(text(&folder.read("reports/index.html")).contains("One robot, one floor, one law?"));
+    assert!(
+        text(&folder.read("reports/index.html"))
+            .contains("Joint fits: one friction law for all campaigns of a robot?")
+    );
     assert_eq!(succeed(folder.path(), &["run", "--dry-run", "--explain"]), "");
     folder.replace("pipeline.toml", "weights = { d = 10.0", "weights = { d = 9.0");
     let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
@@ -48,7 +51,7 @@ fn what_campaigns_share_is_made_kept_and_redone() {
 }
 
 #[test]
-fn replicates_in_parts_joined_are_the_bytes_of_one_fit_with_what_is_shared() {
+fn merged_shards_of_replicates_have_the_bytes_of_one_fit_with_shared_fits() {
     let folder = project();
     ask(&folder);
     succeed(folder.path(), &["-q", "ingest"]);
@@ -62,16 +65,16 @@ fn replicates_in_parts_joined_are_the_bytes_of_one_fit_with_what_is_shared() {
 }
 
 #[test]
-fn a_robot_that_has_nothing_to_share_is_an_error() {
+fn a_robot_without_common_models_is_an_error() {
     for (robot, needed) in [
         ("\"kinematik\"", "did you mean `kinematic`?"),
         ("[]", "at least one robot"),
         ("[\"kinematic\", \"kinematic\"]", "each robot once"),
-        ("\"semi-passive\"", "a robot of at least two campaigns"),
-        ("\"kinematic\"", "all campaigns list a model that has something free"),
+        ("\"semi-passive\"", "a robot with at least two campaigns"),
+        ("\"kinematic\"", "a robot whose campaigns all list the same model with a free"),
         ("3", "the name of a robot or a list of names"),
     ] {
-        // Its campaigns have no model in common.
+        // The robot's campaigns have no common model.
         let folder = Small::raw();
         ask(&folder);
         folder.replace("pipeline.toml", "robot = \"kinematic\"", &format!("robot = {robot}"));

@@ -1,4 +1,4 @@
-//! `trilink simulate`, seen from the command line.
+//! Tests of `trilink simulate` on the command line.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -19,7 +19,7 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
     (found - known).abs() <= relative * known.abs()
 }
 
-/// What `simulate --json` answers.
+/// Returns the solutions that `simulate --json` prints.
 fn simulate(campaign: &str, model: &str, omega: &str, settings: &[&str]) -> Vec<Value> {
     let folder = empty_folder();
     let mut arguments = vec!["simulate", campaign, "--model", model, "--omega", omega, "--json"];
@@ -31,7 +31,7 @@ fn simulate(campaign: &str, model: &str, omega: &str, settings: &[&str]) -> Vec<
     serde_json::from_str(&stdout).expect("an array")
 }
 
-/// Fields of a line; a quoted one may hold commas.
+/// Splits a CSV line into fields; quoted fields may contain commas.
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut quoted) = (vec![String::new()], false);
     for character in line.chars() {
@@ -55,7 +55,7 @@ fn simulate_meets_every_skid_roll_row_of_the_reference() {
         let answers = simulate(&row[0], &row[1], &row[3], &settings);
         let [answer] = &answers[..] else { panic!("{} answers", answers.len()) };
         let known = |i: usize| row[i].parse::<f64>().expect("a number");
-        // A commanded joint swings as it is told, by 30 degrees.
+        // A commanded joint swings with its amplitude of 30 degrees.
         let alpha1_deg = if row[9].is_empty() { 30.0 } else { known(9) };
         for (name, found, known) in [
             ("omega_rad_s", &answer["omega_rad_s"], known(3)),
@@ -113,13 +113,13 @@ fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
 }
 
 #[test]
-fn a_robot_that_cannot_skid_goes_as_far_at_every_frequency() {
+fn without_skid_the_displacement_does_not_depend_on_frequency() {
     for (campaign, known) in [("kinematic-symmetric", 0.663466), ("kinematic-skewed", 0.122405)] {
         let answers = simulate(campaign, "no-skid", "0.5,2,6", &[]);
         assert_eq!(answers.len(), 3);
         for answer in answers {
             let d_m = answer["d_m"].as_f64().expect("a number");
-            // The known values have six digits.
+            // The reference values have six digits.
             assert!((d_m - known).abs() < 0.5e-6 + 1e-6 * known, "{campaign}: {d_m}");
             assert_eq!(answer["sigma"], serde_json::json!([0.0, 0.0, 0.0]));
         }
@@ -141,7 +141,7 @@ fn a_motion_that_has_lost_its_symmetry_says_so_and_where_it_goes_from_rest() {
         ["simulate", "semi-passive-symmetric", "--model", "skid-roll", "--omega", "11.5"];
     let arguments = [&arguments[..], &["--set", settings[0], settings[1]]].concat();
     let table = succeed(empty_folder().path(), &arguments);
-    let says = "symmetry-broken: one of two that are each other's mirror image, from rest after";
+    let says = "symmetry-broken: one of two mirror-image motions, reached from rest after";
     assert!(table.contains(says), "{table}");
 }
 
@@ -231,9 +231,9 @@ fn the_numbers_of_a_gait_can_be_set_of_commanded_joints() {
     for (campaign, setting, named) in [
         ("kinematic-symmetric", "amplitud1_deg=20", "did you mean `amplitude1_deg`?"),
         ("kinematic-symmetric", "skid_kgs=20", "did you mean `skid_kg_s`?"),
-        ("kinematic-symmetric", "phase2_deg=x", "found `x`, needed a number of degrees"),
+        ("kinematic-symmetric", "phase2_deg=x", "found `x`, needed a number (in degrees)"),
         ("kinematic-symmetric", "amplitude2_deg=200", "joint2.amplitude_deg`: found 200.0"),
-        ("kinematic-symmetric", "offset3_deg=2", "or of the gait `offset1_deg`"),
+        ("kinematic-symmetric", "offset3_deg=2", "or one of the keys of the gait, `offset1_deg`"),
         ("semi-passive-symmetric", "offset1_deg=2", "joint 1, which is passive"),
     ] {
         let motion = ["simulate", campaign, "--model", "skid", "--omega", "3", "--set", setting];
@@ -270,7 +270,7 @@ fn a_second_harmonic_is_one_in_the_file_and_in_settings_and_counts() {
     let output = trilink(folder.path(), &motion);
     let stderr = text(&output.stderr);
     assert!(stderr.contains("gait.ours.joint1.phase2_deg"), "{stderr}");
-    assert!(stderr.contains("amplitude2_deg beside it"), "{stderr}");
+    assert!(stderr.contains("needed amplitude2_deg as well"), "{stderr}");
 }
 
 #[test]
@@ -316,7 +316,8 @@ fn a_trajectory_is_written_as_its_file_s_ending_says() {
     }
     let output = trilink(folder.path(), &[&motion[..], &["t.xlsx"]].concat());
     assert_eq!(output.status.code(), Some(2));
-    let named = "--trajectory: found `t.xlsx`, needed a file that ends in .parquet, .csv or .json";
+    let named = "--trajectory: found `t.xlsx`, needed a file name that ends in .parquet, .csv or \
+                 .json";
     assert!(text(&output.stderr).contains(named), "{}", text(&output.stderr));
 }
 
@@ -331,7 +332,7 @@ fn a_frequency_list_ends_where_its_option_does() {
 }
 
 #[test]
-fn whoever_reads_the_results_may_stop_before_their_end() {
+fn a_reader_may_close_the_pipe_before_the_end_of_the_results() {
     let folder = empty_folder();
     let mut child = Command::new(env!("CARGO_BIN_EXE_trilink"))
         .args(["simulate", "kinematic-skewed", "--model", "no-skid", "--omega", "0.5..6/2000"])
@@ -362,7 +363,7 @@ fn a_model_of_one_s_own_moves_by_its_laws() {
 }
 
 #[test]
-fn dry_friction_is_in_newtons_or_a_part_of_the_load() {
+fn dry_friction_is_in_newtons_or_a_fraction_of_the_load() {
     let d_m = |settings: &[&str]| {
         let answers = simulate("kinematic-symmetric", "coulomb", "3.9", settings);
         answers[0]["d_m"].as_f64().unwrap()
@@ -370,7 +371,7 @@ fn dry_friction_is_in_newtons_or_a_part_of_the_load() {
     let limit = &simulate("kinematic-symmetric", "coulomb", "3.9", &[])[0]["sharp_limit"];
     let limit = &["metrics", "uncertainty"].map(|of| limit[of]["d_m"].as_f64().unwrap());
     assert!((0.4518 - limit[0]).abs() < limit[1] && limit[1] < 1e-3, "{limit:?}");
-    // As an independent program has it with these coefficients.
+    // Values computed by an independent program for these coefficients.
     let known = d_m(&[]);
     assert!(near(known, 0.4477698751, 1e-6), "{known}");
     assert_eq!(d_m(&["skid_dry_n=1.8,0.9,0.9", "transition_m_s=0.005"]), known);
@@ -381,7 +382,7 @@ fn dry_friction_is_in_newtons_or_a_part_of_the_load() {
 }
 
 #[test]
-fn what_a_robot_does_not_say_and_a_law_needs_is_named() {
+fn parameters_that_a_law_needs_and_a_robot_lacks_are_reported() {
     let folder = empty_folder();
     let own = "[model.ours]\nskid = \"stribeck\"\nroll = \"none\"\n";
     std::fs::write(folder.path().join("pipeline.toml"), own).unwrap();
@@ -397,7 +398,7 @@ fn what_a_robot_does_not_say_and_a_law_needs_is_named() {
 }
 
 #[test]
-fn unknown_names_are_answered_with_the_nearest_known_one() {
+fn unknown_names_are_answered_with_the_most_similar_known_one() {
     let folder = empty_folder();
     for (campaign, model, near) in [
         ("kinematic-symetric", "no-skid", "did you mean `kinematic-symmetric`?"),
@@ -412,7 +413,7 @@ fn unknown_names_are_answered_with_the_nearest_known_one() {
     }
 }
 
-/// What `--trajectory` writes, and what else is said.
+/// Returns the rows that `simulate --trajectory` writes, and standard error.
 fn trajectory(folder: &Path, arguments: &[&str]) -> (Vec<TrajectoryRow>, String) {
     let output =
         trilink(folder, &[&["simulate"], arguments, &["--trajectory", "t.parquet"]].concat());
@@ -422,8 +423,8 @@ fn trajectory(folder: &Path, arguments: &[&str]) -> (Vec<TrajectoryRow>, String)
     (TrajectoryRow::from_table(&table).expect("with the documented columns"), stderr)
 }
 
-/// Integral over the rows' time by the trapezoidal rule, which is exact to many digits for
-/// a whole period.
+/// Returns the time integral of a quantity over the rows by the trapezoidal rule, which is exact to many digits for a
+/// whole period.
 fn integral(rows: &[TrajectoryRow], of: impl Fn(&TrajectoryRow) -> f64) -> f64 {
     rows.windows(2)
         .map(|pair| 0.5 * (of(&pair[0]) + of(&pair[1])) * (pair[1].time_s - pair[0].time_s))
@@ -443,14 +444,14 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
         let answers = simulate(campaign, model, "3.9", &[]);
         let number = |key: &str| answers[0][key].as_f64().expect("a number");
         let (rows, stderr) = trajectory(folder.path(), &arguments);
-        assert!(stderr.contains("t.parquet: 241 moments"), "{stderr}");
+        assert!(stderr.contains("t.parquet: 241 samples"), "{stderr}");
         assert_eq!(rows.len(), 241);
         let (first, last) = (&rows[0], &rows[240]);
         assert_eq!((first.time_s, first.x_m, first.y_m, first.theta_rad), (0.0, 0.0, 0.0, 0.0));
         assert!(near(last.time_s, std::f64::consts::TAU / 3.9, 1e-12));
         assert!(near(last.x_m.hypot(last.y_m), number("d_m"), 1e-8), "{campaign} {model}");
         assert!((last.theta_rad - number("dtheta_rad")).abs() < 1e-8);
-        // What is periodic comes back.
+        // Periodic quantities return to their initial values.
         for of in [
             |row: &TrajectoryRow| row.phi_rad[0],
             |row: &TrajectoryRow| row.phi_rad[1],
@@ -462,7 +463,7 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
             let size = rows.iter().map(|row| of(row).abs()).fold(1e-6, f64::max);
             assert!((of(first) - of(last)).abs() <= 1e-6 * size, "{campaign} {model}");
         }
-        // Rates are those of the coordinates, and power is what the answer's work is of.
+        // Velocities are derivatives of the coordinates, and the integral of the power equals the work that the solver reports.
         let moved = integral(&rows, |row| row.x_rate_m_s);
         assert!((moved - last.x_m).abs() < 1e-4 * number("d_m"), "{moved} {}", last.x_m);
         let (work, loss) =
@@ -470,7 +471,7 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
         let scale = number("work_j").abs().max(1e-3);
         assert!((work - number("work_j")).abs() < 1e-6 * scale, "{campaign} {model}: {work}");
         assert!((loss - work).abs() < 1e-6 * scale, "{campaign} {model}: {loss} {work}");
-        // Friction is against motion; constraints keep the wheels from skidding.
+        // Friction opposes the motion; constraints keep the wheels from skidding.
         for row in &rows {
             assert!(row.forces.roll_n[0] * row.roll_m_s[0] <= 0.0);
             assert!(model != "skid-roll" || row.forces.lateral_n[0] * row.skid_m_s[0] <= 0.0);
@@ -489,7 +490,7 @@ fn several_frequencies_are_one_table() {
 }
 
 #[test]
-fn from_rest_the_answer_says_after_how_many_cycles_and_the_trajectory_is_the_way_there() {
+fn from_rest_the_answer_has_the_settling_cycles_and_the_trajectory_the_transient() {
     let folder = empty_folder();
     let rest = ["semi-passive-symmetric", "--model", "skid-roll", "--omega", "6", "--from-rest"];
     let answers = succeed(folder.path(), &[&["simulate"], &rest[..], &["--json"]].concat());
@@ -503,7 +504,7 @@ fn from_rest_the_answer_says_after_how_many_cycles_and_the_trajectory_is_the_way
 
     let (rows, _) = trajectory(folder.path(), &rest);
     assert_eq!(rows.len(), 240 * (cycles + 1) + 1);
-    // At rest but for the commanded joint, which starts with its command.
+    // Everything is at rest except the commanded joint, which starts with its command.
     assert_eq!(
         (rows[0].roll_m_s[0], rows[0].phi_rad[0], rows[0].phi_rate_rad_s[0]),
         (0.0, 0.0, 0.0)
@@ -515,7 +516,7 @@ fn from_rest_the_answer_says_after_how_many_cycles_and_the_trajectory_is_the_way
     assert!(!near(of_cycle(0), d_m, 0.1) && near(of_cycle(cycles), d_m, 0.02));
 
     let text = succeed(folder.path(), &[&["simulate"], &rest[..]].concat());
-    assert!(text.contains(&format!("stable, from rest after {cycles} cycles")), "{text}");
+    assert!(text.contains(&format!("stable, reached from rest after {cycles} cycles")), "{text}");
 }
 
 #[test]
@@ -525,7 +526,7 @@ fn a_motion_that_the_robot_does_not_reach_is_said_to_be_one() {
     let damping = ["--set", "stiffness_nm_rad=0.188", "--set", "damping_nm_s_rad=0.001"];
     let arguments = [&["simulate"], &lightly[..], &damping[..]].concat();
     let table = succeed(folder.path(), &arguments);
-    assert!(table.contains("stable, but from rest the robot does not settle"), "{table}");
+    assert!(table.contains("stable, but starting from rest, the robot does not settle"), "{table}");
     let output = trilink(folder.path(), &[&arguments[..], &["--from-rest", "--json"]].concat());
     assert_eq!(output.status.code(), Some(1));
     let answers: Value = serde_json::from_str(&text(&output.stdout)).expect("JSON");
@@ -536,12 +537,12 @@ fn a_motion_that_the_robot_does_not_reach_is_said_to_be_one() {
 }
 
 #[test]
-fn unbounded_constraint_forces_are_missing_and_said_to_be() {
+fn unbounded_constraint_forces_are_left_empty_with_a_message() {
     let folder = empty_folder();
     let (rows, stderr) =
         trajectory(folder.path(), &["kinematic-symmetric", "--model", "no-skid", "--omega", "4"]);
     assert!(stderr.contains("det W_b = 0"), "{stderr}");
-    // The gait passes phi1 = phi2 twice a cycle, where samples are.
+    // The gait passes phi1 = phi2 twice per cycle, at sampled times.
     let missing: Vec<usize> =
         (0..rows.len()).filter(|&i| rows[i].forces.lateral_n[0].is_nan()).collect();
     assert_eq!(missing, [30, 150]);
@@ -568,14 +569,14 @@ fn a_trajectory_that_cannot_be_written_is_an_error_and_leaves_nothing() {
     }
 }
 
-/// What the script of a page that `--page` wrote is given.
+/// Returns the data of the replay script in a page written by `simulate --page`.
 fn replay_of(page: &str) -> Value {
     let start = "<script type=\"application/json\">";
     let from = page.find(start).expect("a replay") + start.len();
     serde_json::from_str(&page[from..][..page[from..].find("</script>").unwrap()]).expect("JSON")
 }
 
-/// Whole numbers from their differences, in SI units.
+/// Returns the running sums of integers, converted from units of 1e-4 to SI units.
 fn sums(differences: &Value) -> Vec<f64> {
     let mut sum = 0;
     let mut add = |step: &Value| {
@@ -586,7 +587,7 @@ fn sums(differences: &Value) -> Vec<f64> {
 }
 
 #[test]
-fn a_page_plays_the_way_from_rest_with_its_forces_and_needs_nothing_else() {
+fn a_page_animates_the_transient_with_its_forces_and_needs_no_other_file() {
     let folder = empty_folder();
     let motion = ["kinematic-skewed", "--model", "skid-roll", "--omega", "3.9"];
     let arguments = [&["simulate"], &motion[..], &["--json", "--page", "motion.html"]].concat();
@@ -601,7 +602,7 @@ fn a_page_plays_the_way_from_rest_with_its_forces_and_needs_nothing_else() {
     let settled = answers[0]["cycles_to_settle"].as_u64().expect("it settles") as usize;
     let frames = 299 / (settled + 2);
     assert_eq!(time_s.len(), frames * (settled + 2) + 1);
-    assert!(page.contains(&format!("shown are {} cycles, {frames} frames each.", settled + 2)));
+    assert!(page.contains(&format!("shows {} cycles of {frames} frames each.", settled + 2)));
 
     let stride = 240_usize.div_ceil(frames);
     let samples = (frames * stride).to_string();
@@ -634,7 +635,7 @@ fn a_page_plays_the_way_from_rest_with_its_forces_and_needs_nothing_else() {
     }
     let work_j = column(&of("Work of the actuators"), 0)[(settled + 1) * frames];
     assert!(near(work_j, integral(&rows, |row| row.forces.power_w), 1e-3), "{work_j}");
-    // Forces of both kinds are drawn to one scale.
+    // Both kinds of forces are drawn to the same scale.
     let [across, along] = ["Skid friction", "Roll friction"].map(of);
     assert!(across["arrow"].as_f64() > Some(0.0) && across["arrow"] == along["arrow"]);
     assert_eq!((&across["across"], &along["across"]), (&true.into(), &false.into()));
@@ -644,7 +645,7 @@ fn a_page_plays_the_way_from_rest_with_its_forces_and_needs_nothing_else() {
 }
 
 #[test]
-fn a_page_is_of_one_motion_that_there_is() {
+fn a_page_needs_a_single_motion_that_exists() {
     let folder = empty_folder();
     let several = ["simulate", "kinematic-skewed", "--model", "skid", "--omega", "3.9,4"];
     let output = trilink(folder.path(), &[&several[..], &["--page", "motion.html"]].concat());

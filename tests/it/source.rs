@@ -1,4 +1,4 @@
-//! What decides whether a stage's own source has changed: `build.rs` on this workspace.
+//! Tests of the source hashes of the stages: `build.rs` applied to this workspace.
 
 #[allow(dead_code)]
 #[path = "../../build.rs"]
@@ -17,7 +17,7 @@ fn packages() -> Packages {
 #[test]
 fn a_stage_is_its_crate_and_those_that_it_depends_on() {
     if !Path::new("crates").is_dir() {
-        // A packed source has them from the registry.
+        // In a packaged crate, the workspace crates come from the registry.
         return;
     }
     let packages = packages();
@@ -27,7 +27,7 @@ fn a_stage_is_its_crate_and_those_that_it_depends_on() {
     for name in ["trilink-robot", "trilink-mocap", "trilink-tables", "polars", "nalgebra"] {
         assert!(has("trilink-ingest", name), "{name}");
     }
-    // A change of the solver or of the report redoes no trial, nor does a crate that only tests use.
+    // A change to the solver, to the report, or to a crate that only tests use makes no trial stale.
     for name in ["trilink-mechanics", "trilink-fit", "trilink-report", "trilink-synth", "clap"] {
         assert!(!has("trilink-ingest", name), "{name}");
     }

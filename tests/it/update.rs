@@ -1,4 +1,4 @@
-//! What a second run does: exactly what changed, with the bytes of a run from scratch.
+//! Tests of incremental runs: exactly what has changed is recomputed, with the same bytes as in a run from scratch.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -13,11 +13,11 @@ const SYMMETRIC_FILE: &str = "raw/kinematic-symmetric-5.00-r1.csv";
 const SKEWED_FITS: [&str; 1] = ["kinematic-skewed skid"];
 const SYMMETRIC_FITS: [&str; 2] = ["kinematic-symmetric no-skid", "kinematic-symmetric skid-roll"];
 const COAST: &str = "kinematic-coast-down-r1";
-/// Of all trials, fits and figures.
+/// Number of trials in the project.
 const TRIALS: usize = 5;
 const FITS: usize = 3;
 
-/// What the last run redid in its stages.
+/// Returns the names of the targets that the last run recomputed, one list per stage.
 fn redone(folder: &Small) -> [Vec<String>; 3] {
     let record: Value = serde_json::from_slice(&folder.read("reports/run.json")).unwrap();
     std::array::from_fn(|stage| {
@@ -26,7 +26,7 @@ fn redone(folder: &Small) -> [Vec<String>; 3] {
     })
 }
 
-/// Times and numbers of all files and folders, which change when they are written.
+/// Returns the modification times and inode numbers of all files and folders, which change when they are written.
 fn stamps(folder: &Path) -> BTreeMap<PathBuf, (SystemTime, u64)> {
     #[cfg(unix)]
     use std::os::unix::fs::MetadataExt as _;
@@ -41,7 +41,7 @@ fn stamps(folder: &Path) -> BTreeMap<PathBuf, (SystemTime, u64)> {
         let number = metadata.ino();
         #[cfg(not(unix))]
         let number = 0;
-        // The record's time is that of the last look.
+        // The modification time of the record is the time of the last check.
         if !path.ends_with("up-to-date.json") {
             found.insert(path, (metadata.modified().unwrap(), number));
         }
@@ -53,7 +53,7 @@ fn lines(text: &str) -> Vec<&str> {
     text.lines().collect()
 }
 
-/// Changes a number of a marker file by the last digit.
+/// Changes the last digit of a number in a marker file.
 fn change_marker_file(folder: &Small, name: &str) {
     let content = text(&folder.read(name));
     let row = content.lines().nth(40).unwrap();
@@ -64,7 +64,7 @@ fn change_marker_file(folder: &Small, name: &str) {
 }
 
 #[test]
-fn an_unchanged_run_writes_nothing_and_says_what_the_first_one_said() {
+fn an_unchanged_run_writes_nothing_and_prints_the_same() {
     let folder = Small::raw();
     let first = folder.run();
     let before = stamps(folder.path());
@@ -90,7 +90,7 @@ fn a_changed_marker_file_redoes_its_trial_its_campaign_s_fits_and_their_figures(
         fits,
         SYMMETRIC_FITS.map(|fit| format!("perhaps fit {fit}: if trial {SYMMETRIC} changes"))
     );
-    assert!(ahead.contains("perhaps figure fig17: if what it shows changes\n"), "{ahead}");
+    assert!(ahead.contains("perhaps figure fig17: if the displayed data change\n"), "{ahead}");
     let page = format!("trials/{SYMMETRIC}.html");
     assert!(ahead.contains(&format!("perhaps page {page}: if its trial changes\n")), "{ahead}");
     assert!(!ahead.contains("fig16") && !ahead.contains("skewed"), "{ahead}");
@@ -104,12 +104,12 @@ fn a_changed_marker_file_redoes_its_trial_its_campaign_s_fits_and_their_figures(
     assert_eq!(trials, [SYMMETRIC]);
     assert_eq!(fits, SYMMETRIC_FITS);
     assert!(figures.contains(&"fig17".to_owned()), "{figures:?}");
-    // Pages show what the campaign's models say of their trial.
+    // Trial pages also show the predictions of the campaign's models.
     let mut pages = figures.iter().filter(|name| name.starts_with("trials/"));
     assert!(
         figures.contains(&page) && pages.all(|page| page.starts_with("trials/kinematic-symmetric"))
     );
-    // These show the other campaign alone.
+    // These figures show only the other campaign.
     for other in ["fig10", "fig16", "kinematic-skewed-starts", "kinematic-skewed-replicates"] {
         assert!(!figures.contains(&other.to_owned()), "{figures:?}");
     }
@@ -117,7 +117,7 @@ fn a_changed_marker_file_redoes_its_trial_its_campaign_s_fits_and_their_figures(
 }
 
 #[test]
-fn a_changed_key_redoes_what_reads_it() {
+fn a_changed_key_makes_the_targets_that_read_it_stale() {
     let everything = [&SKEWED_FITS[..], &SYMMETRIC_FITS].concat();
     let with_search = ["kinematic-skewed skid", "kinematic-symmetric skid-roll"];
     let skewed = "models = [\"skid\"]\nweights = { d = 10.0";
@@ -155,7 +155,7 @@ fn a_changed_key_redoes_what_reads_it() {
         folder.run();
         let [found_trials, found_fits, _] = redone(&folder);
         assert_eq!(found_trials.len(), trials, "{new}");
-        // A trial that is ingested otherwise may come out the same.
+        // A trial may have the same results although it was ingested with other settings.
         if trials == 0 {
             assert_eq!(found_fits, fits, "{new}");
         }
@@ -164,7 +164,7 @@ fn a_changed_key_redoes_what_reads_it() {
 }
 
 #[test]
-fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_scratch_leaves() {
+fn removed_added_or_moved_trials_give_the_results_of_a_run_from_scratch() {
     let entry = |folder: &Small, id: &str| {
         let list = text(&folder.read("raw/trials.toml"));
         let entries: Vec<&str> = list.split("[[trial]]").collect();
@@ -187,7 +187,7 @@ fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_scratch_l
     fs::remove_file(removed.place("derived/poses/mine.parquet")).unwrap();
     assert_same(&removed.results(), &removed.scratch(), "removed");
 
-    // And back again.
+    // Undo the change.
     let list = text(&removed.read("raw/trials.toml"));
     removed.write("raw/trials.toml", list + "\n" + &gone);
     removed.run();
@@ -205,7 +205,7 @@ fn trials_that_are_taken_from_the_list_added_or_moved_leave_what_a_run_scratch_l
 }
 
 #[test]
-fn a_campaign_that_is_no_more_takes_its_fits_and_figures_along() {
+fn removing_a_campaign_removes_its_fits_and_figures() {
     let folder = Small::done();
     let config = text(&folder.read("pipeline.toml"));
     let end = config.find("[campaign.kinematic-skewed]").unwrap();
@@ -241,7 +241,7 @@ fn a_file_with_another_time_and_the_same_bytes_redoes_nothing_and_is_read_once()
 }
 
 #[test]
-fn what_size_and_time_do_not_tell_is_found_by_verify() {
+fn changes_with_the_same_size_and_time_are_found_by_verify() {
     let folder = Small::done();
     folder.run();
     let table = "derived/poses/kinematic-skewed-5.00-r1.parquet";
@@ -257,7 +257,7 @@ fn what_size_and_time_do_not_tell_is_found_by_verify() {
     let unseen = trilink(folder.path(), &["run", "--dry-run"]);
     assert_eq!(text(&unseen.stdout), "");
     let seen = succeed(folder.path(), &["run", "--dry-run", "--explain", "--verify"]);
-    assert!(seen.contains("skewed-5.00-r1.parquet is not as it was written"), "{seen}");
+    assert!(seen.contains("skewed-5.00-r1.parquet has changed since it was written"), "{seen}");
     assert!(seen.contains("the marker file changed"), "{seen}");
     trilink(folder.path(), &["run", "--verify"]);
     assert_same(&folder.results(), &folder.scratch(), "verified");
@@ -279,7 +279,8 @@ fn a_changed_source_of_a_stage_redoes_that_stage_alone() {
         assert_eq!(lines(&ahead).into_iter().filter(certain).count(), number, "{ahead}");
         let output = trilink(folder.path(), &["run", "--explain"]);
         let why = text(&output.stderr);
-        let said = why.matches(&format!(": the program's {stage} has changed\n")).count();
+        let said =
+            why.matches(&format!(": the program code of stage {stage} has changed\n")).count();
         assert_eq!(said, number, "{stage}: {why}");
         let redone = redone(&folder);
         assert_eq!((redone[0].len(), redone[1].len()), (trials, fits), "{stage}");
@@ -322,11 +323,11 @@ fn a_trial_that_failed_is_not_tried_again_until_something_changes() {
     assert_same(&folder.results(), &Small::done().results(), "whole again");
 }
 
-/// The models without roll resistance, which the coast-down contradicts.
+/// Campaign and model of the fits that the coast-down contradicts, because the models lack rolling resistance.
 const CONTRADICTED: [&str; 2] = ["kinematic-skewed skid", "kinematic-symmetric no-skid"];
 
 #[test]
-fn what_a_coast_down_contradicts_is_said_as_long_as_it_is_there() {
+fn contradictions_by_a_coast_down_are_reported_as_long_as_it_exists() {
     let folder = Small::done();
     let (file, before) = (format!("raw/{COAST}.csv"), folder.results());
     let whole = folder.read(&file);
@@ -345,7 +346,7 @@ fn what_a_coast_down_contradicts_is_said_as_long_as_it_is_there() {
 }
 
 #[test]
-fn of_how_many_trials_a_fit_is_is_said_as_many_as_there_are() {
+fn fits_state_the_number_of_trials_without_metrics() {
     let folder = Small::done();
     let gone = "[[trial]]\nid = \"gone\"\nfile = \"gone.csv\"\nkind = \"gait\"\n\
                 campaign = \"kinematic-skewed\"\nomega_rad_s = 4.0\n";
@@ -386,7 +387,7 @@ fn two_runs_on_a_folder_exclude_each_other() {
         if ["fit", "report"].contains(&command) {
             folder.write("derived/trials.parquet", "");
         }
-        // The demo's folder is the configured one, which is there.
+        // The folder of the demo is the configured trial folder, which exists.
         let output = trilink(folder.path(), &[command]);
         assert_eq!(output.status.code(), Some(2), "{command}");
         let said = text(&output.stderr);
@@ -394,7 +395,7 @@ fn two_runs_on_a_folder_exclude_each_other() {
         assert!(said.contains("--wait"), "{command}: {said}");
     }
     fs::remove_file(folder.place("derived/trials.parquet")).unwrap();
-    // Those that only look are not kept from it.
+    // Commands that only read are not blocked.
     succeed(folder.path(), &["check"]);
     succeed(folder.path(), &["run", "--dry-run"]);
     let waiting = std::thread::scope(|scope| {
@@ -422,7 +423,10 @@ fn pages_beyond_the_limit_are_made_when_asked_for_and_then_kept_up_to_date() {
         pages.collect()
     };
     let said = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
-    assert!(said.contains(&format!("remove page trials/{SYMMETRIC}.html: is no more\n")), "{said}");
+    assert!(
+        said.contains(&format!("remove page trials/{SYMMETRIC}.html: no longer listed\n")),
+        "{said}"
+    );
     folder.run();
     let [first] = &pages(&folder)[..] else { panic!("{:?}", pages(&folder)) };
     assert_ne!(*first, format!("{SYMMETRIC}.html"));
@@ -430,11 +434,14 @@ fn pages_beyond_the_limit_are_made_when_asked_for_and_then_kept_up_to_date() {
     let meant = trilink(folder.path(), &["report", "--trial", &SYMMETRIC.replace("-r", "-x")]);
     assert_eq!(meant.status.code(), Some(2));
     let message = text(&meant.stderr);
-    assert!(message.contains("in trials.parquet") && message.contains("did you mean"), "{message}");
+    assert!(
+        message.contains("trials.parquet contains no trial") && message.contains("did you mean"),
+        "{message}"
+    );
 
     succeed(folder.path(), &["report", "--trial", SYMMETRIC]);
     let page = PathBuf::from(format!("reports/trials/{SYMMETRIC}.html"));
-    // But for links to pages that are not there.
+    // Ignore links to pages that do not exist.
     let content = |results: &BTreeMap<PathBuf, Vec<u8>>| {
         let page = text(&results[&page]);
         page.lines().filter(|line| !line.contains("All trials")).collect::<Vec<_>>().join("\n")

@@ -1,36 +1,36 @@
-//! Cooperative cancellation of long work.
+//! Cooperative cancellation of long-running work.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A request to stop that all clones share. Long work checks it between two steps.
+/// Cancellation flag, shared by all clones of a token; long-running work checks it between steps.
 #[derive(Debug, Clone, Default)]
 pub struct CancelToken(Arc<AtomicBool>);
 
-/// The work was cancelled and has no result.
+/// Error returned by work that was cancelled and therefore has no result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cancelled;
 
 impl CancelToken {
-    /// Requests cancellation; it cannot be taken back.
+    /// Requests cancellation, which cannot be revoked.
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether cancellation was requested.
+    /// Returns whether cancellation was requested.
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// `Err(Cancelled)` once cancellation was requested: call it as `token.check()?` between steps.
+    /// Checks for cancellation; call `token.check()?` between steps.
     ///
     /// # Errors
-    /// Cancellation was requested.
+    /// Returns [`Cancelled`] once cancellation was requested.
     pub fn check(&self) -> Result<(), Cancelled> {
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
 
-    /// The shared flag, for a signal handler to set.
+    /// Returns the shared flag, for a signal handler to set.
     pub fn flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.0)
     }

@@ -1,14 +1,14 @@
-//! CSV: what is written, and what is read of others'.
+//! Reading and writing of CSV.
 
 use std::iter::Peekable;
 use std::str::Chars;
 
-/// A line of fields.
+/// Formats fields as a CSV line, including the line feed.
 pub fn line(fields: &[String]) -> String {
     fields.iter().map(|text| field(text)).collect::<Vec<_>>().join(",") + "\n"
 }
 
-/// A field, in quotes where it has to be.
+/// Formats a CSV field, quoted if it contains a comma, a quote or a line break.
 pub fn field(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         return format!("\"{}\"", text.replace('"', "\"\""));
@@ -16,19 +16,22 @@ pub fn field(text: &str) -> String {
     text.to_owned()
 }
 
-/// The fields of a line; none of an empty one.
+/// Splits a CSV line into its fields; an empty line has none.
 pub fn fields(line: &str) -> Vec<String> {
     let records = records(line, ',').unwrap_or_default();
     records.into_iter().next().map(|(_, fields)| fields).unwrap_or_default()
 }
 
-/// The records of a text with the lines that they begin at. Blanks around a field are none of it unless
-/// they are in quotes; lines of empty fields and those that begin with `#` are no records.
+/// Parses CSV text into records, each with the number of the line on which it begins.
+///
+/// Blanks around a field are dropped unless they are quoted. Lines whose fields are all empty and lines that
+/// begin with `#` are skipped.
 ///
 /// # Errors
-/// A quote does not end.
+/// Returns an error if a quoted field has no closing quote.
 pub fn records(text: &str, separator: char) -> Result<Vec<(usize, Vec<String>)>, String> {
-    let (mut records, mut line) = (Vec::new(), 1);
+    let mut records = Vec::new();
+    let mut line = 1;
     let mut chars = text.chars().peekable();
     while let Some(first) = chars.peek() {
         if *first == '#' {
@@ -53,13 +56,16 @@ pub fn records(text: &str, separator: char) -> Result<Vec<(usize, Vec<String>)>,
     Ok(records)
 }
 
-/// The next field and what ends it; counts the lines in its quotes.
+/// Reads the next field and the character that ends it (`None` at the end of the text), and advances `line`
+/// by the number of quoted line breaks.
 fn field_from(
     chars: &mut Peekable<Chars>,
     separator: char,
     line: &mut usize,
 ) -> Result<(String, Option<char>), String> {
-    let (mut field, mut quoted) = (String::new(), 0);
+    let mut field = String::new();
+    // Length of the part of `field` that was quoted.
+    let mut quoted = 0;
     let end = loop {
         match chars.next() {
             Some('"') if field.trim().is_empty() && quoted == 0 => {
@@ -73,7 +79,7 @@ fn field_from(
                             field.push(c);
                         }
                         None => {
-                            let found = "found a quote that does not end, needed its other end";
+                            let found = "found an opening quote, needed its closing quote";
                             return Err(format!("line {begin}: {found}"));
                         }
                     }
@@ -84,15 +90,15 @@ fn field_from(
             end => break end,
         }
     };
-    let (kept, rest) = field.split_at(quoted);
-    let rest = if kept.is_empty() { rest.trim() } else { rest.trim_end() };
-    Ok((format!("{kept}{rest}"), end))
+    let (quoted, rest) = field.split_at(quoted);
+    let rest = if quoted.is_empty() { rest.trim() } else { rest.trim_end() };
+    Ok((format!("{quoted}{rest}"), end))
 }
 
 #[cfg(test)]
 mod tests {
     #[test]
-    fn fields_of_a_line_are_read_back() {
+    fn fields_of_a_line_survive_a_round_trip() {
         for fields in [&["a"][..], &["a, b", "c"], &["5\" disc", "x y", "\"q\", r"], &[]] {
             let quoted: Vec<String> = fields.iter().map(|text| super::field(text)).collect();
             for separator in [",", ", "] {
@@ -102,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_read_as_spreadsheets_write_it() {
+    fn csv_written_by_spreadsheets_is_read() {
         let records = |text| super::records(text, ',');
         let found =
             records("# a, \"b\na,b\r\n\r\n1,\"x, \"\"y\"\"\n2 \" \n,,\n3, 4 \n\"\",5\"").unwrap();
@@ -112,11 +118,11 @@ mod tests {
         assert_eq!(found[2].1, ["3", "4"]);
         assert_eq!(found[3].1, ["", "5\""]);
         let unended = records("a,b\n1,\"2\n").unwrap_err();
-        assert!(unended.starts_with("line 2: found a quote"), "{unended}");
+        assert!(unended.starts_with("line 2: found an opening quote"), "{unended}");
     }
 
     #[test]
-    fn only_fields_that_would_be_misread_are_in_quotes() {
+    fn only_fields_that_would_be_misread_are_quoted() {
         for (text, field) in [
             ("a b", "a b"),
             ("a, b", "\"a, b\""),

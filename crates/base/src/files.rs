@@ -1,118 +1,127 @@
-//! Files that are read: regular ones of a bearable size.
+//! Reading of regular files of limited size, and paths relative to a folder.
 
 use std::fs::{File, Metadata};
 use std::io::{self, ErrorKind, Read};
 use std::path::{Component, Path, PathBuf};
 
-/// Most bytes of a configuration, list, record or page.
+/// Maximum size of a configuration file, trial list, run record or report page, bytes.
 pub const TEXT_BYTES: u64 = 1 << 28;
-/// Most bytes of a marker file or table: some twenty hours of ten markers as text.
+/// Maximum size of a marker file or table, bytes: about twenty hours of ten markers as text.
 pub const DATA_BYTES: u64 = 1 << 31;
 
-/// The ending of a file's name, without its dot; empty where there is none.
+/// Returns the extension of a file name without the dot; empty if there is none.
 pub fn ending(path: &Path) -> &str {
     path.extension().and_then(|ending| ending.to_str()).unwrap_or_default()
 }
 
-/// The bytes of a file, or of what a link points to, with what the system says of it.
+/// Reads the bytes and metadata of a regular file; symbolic links are followed.
 ///
 /// # Errors
-/// It is a folder, a device or a pipe, has more than `most` bytes, or cannot be read.
-pub fn read(path: &Path, most: u64) -> io::Result<(Vec<u8>, Metadata)> {
-    let (file, metadata) = open(path, most)?;
+/// Returns an error if the path is a folder, a device or a pipe, if the file has more than `max_bytes` bytes, or if it
+/// cannot be read.
+pub fn read(path: &Path, max_bytes: u64) -> io::Result<(Vec<u8>, Metadata)> {
+    let (file, metadata) = open(path, max_bytes)?;
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(metadata.len() as usize + 1)?;
-    file.take(most + 1).read_to_end(&mut bytes)?;
-    check_size(bytes.len() as u64, most)?;
+    file.take(max_bytes + 1).read_to_end(&mut bytes)?;
+    check_size(bytes.len() as u64, max_bytes)?;
     Ok((bytes, metadata))
 }
 
-/// Opens a file of which a part is to be read.
+/// Opens a regular file to read only a part of it.
 ///
 /// # Errors
-/// As [`read`].
-pub fn open(path: &Path, most: u64) -> io::Result<(File, Metadata)> {
-    // Whoever opens a pipe waits for its other end.
-    check(&std::fs::metadata(path)?, most)?;
+/// Returns an error in the same cases as [`read`].
+pub fn open(path: &Path, max_bytes: u64) -> io::Result<(File, Metadata)> {
+    // Check before opening, because opening a pipe blocks until its other end is open.
+    check_regular(&std::fs::metadata(path)?, max_bytes)?;
     let file = File::open(path)?;
     let metadata = file.metadata()?;
-    check(&metadata, most)?;
+    check_regular(&metadata, max_bytes)?;
     Ok((file, metadata))
 }
 
-/// [`read`] of text.
+/// Reads a UTF-8 text file of at most [`TEXT_BYTES`] bytes.
 ///
 /// # Errors
-/// As [`read`], or it is not UTF-8.
+/// Returns an error in the same cases as [`read`], or if the file is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let (bytes, _) = read(path, TEXT_BYTES)?;
     String::from_utf8(bytes).map_err(|error| io::Error::new(ErrorKind::InvalidData, error))
 }
 
-/// `to` as seen from the folder `from`; as it is where one of them is absolute and the other
-/// not, or where `from` climbs.
+/// Returns the path `to` relative to the folder `from`, with `/` as the separator.
+///
+/// `to` is returned unchanged if only one of the paths is absolute, or if `from` leads upwards (`..`).
 pub fn relative(from: &Path, to: &Path) -> String {
-    let plain = |path: &Path| -> PathBuf {
-        path.components().filter(|part| *part != Component::CurDir).collect()
-    };
-    let (from, to) = (plain(from), plain(to));
+    let from = without_current_folder(from);
+    let to = without_current_folder(to);
     let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
     let rest: Vec<_> = from.components().skip(common).collect();
-    let climbs = rest.iter().any(|part| !matches!(part, Component::Normal(_)));
-    let path = if climbs || from.is_absolute() != to.is_absolute() {
+    let leads_upwards = rest.iter().any(|part| !matches!(part, Component::Normal(_)));
+    let path = if leads_upwards || from.is_absolute() != to.is_absolute() {
         to
     } else {
         rest.iter().map(|_| Component::ParentDir).chain(to.components().skip(common)).collect()
     };
     let path = path.to_string_lossy();
-    // Elsewhere a name may have a backslash in it.
+    // On other systems a backslash may be part of a name.
     if cfg!(windows) { path.replace('\\', "/") } else { path.into_owned() }
 }
 
-/// A path as seen from a folder, so that it means the same in a copy of both.
+/// Removes the `.` components of a path.
+fn without_current_folder(path: &Path) -> PathBuf {
+    path.components().filter(|part| *part != Component::CurDir).collect()
+}
+
+/// Returns the name by which files in `folder` refer to `path`: its relative path, which stays valid if both are moved
+/// together.
 pub fn name_in(folder: &Path, path: &Path) -> String {
-    let is_below_here = |path: &Path| {
-        path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-    };
-    match is_below_here(folder) && is_below_here(path) {
-        true => relative(folder, path),
-        false => relative(&absolute(folder), &absolute(path)),
+    if is_below_current_folder(folder) && is_below_current_folder(path) {
+        relative(folder, path)
+    } else {
+        relative(&absolute(folder), &absolute(path))
     }
 }
 
-/// A path from the root, where the empty one is the current folder; as it is where that is gone.
+fn is_below_current_folder(path: &Path) -> bool {
+    path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}
+
+/// Converts a path to an absolute path. The empty path stands for the current folder; the path is returned
+/// unchanged if the current folder no longer exists.
 pub fn absolute(path: &Path) -> PathBuf {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
 
-/// Whether Windows takes a file of this name for a device, whatever follows its first dot.
+/// Returns whether Windows reserves a file name for a device; only the part before the first dot matters.
 pub fn is_device_name(name: &str) -> bool {
     let name = name.split('.').next().unwrap_or_default().trim_end().to_ascii_lowercase();
+    if ["con", "prn", "aux", "nul"].contains(&name.as_str()) {
+        return true;
+    }
     let digits = "0123456789\u{b9}\u{b2}\u{b3}";
-    let numbered = |port| {
-        name.strip_prefix(port).is_some_and(|number| {
-            number.chars().count() == 1 && number.chars().all(|digit| digits.contains(digit))
-        })
-    };
-    ["con", "prn", "aux", "nul"].contains(&name.as_str())
-        || ["com", "lpt"].into_iter().any(numbered)
+    let port = name.strip_prefix("com").or_else(|| name.strip_prefix("lpt"));
+    port.is_some_and(|number| {
+        number.chars().count() == 1 && number.chars().all(|digit| digits.contains(digit))
+    })
 }
 
-fn check(metadata: &Metadata, most: u64) -> io::Result<()> {
+fn check_regular(metadata: &Metadata, max_bytes: u64) -> io::Result<()> {
     let found = match metadata.file_type() {
-        kind if kind.is_file() => return check_size(metadata.len(), most),
+        kind if kind.is_file() => return check_size(metadata.len(), max_bytes),
         kind if kind.is_dir() => "a folder",
         _ => "a device or pipe",
     };
     Err(io::Error::new(ErrorKind::Unsupported, format!("found {found}, needed a file")))
 }
 
-fn check_size(bytes: u64, most: u64) -> io::Result<()> {
-    if bytes <= most {
+fn check_size(bytes: u64, max_bytes: u64) -> io::Result<()> {
+    if bytes <= max_bytes {
         return Ok(());
     }
-    let message = format!("found {bytes} bytes or more, needed {most} at most");
+    let message = format!("found at least {bytes} bytes, but at most {max_bytes} are allowed");
     Err(io::Error::new(ErrorKind::FileTooLarge, message))
 }
 
@@ -121,24 +130,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_files_of_a_bearable_size_are_read() {
+    fn only_regular_files_of_limited_size_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         std::fs::write(&path, "12345").unwrap();
         assert_eq!(read(&path, 5).unwrap().0, b"12345");
-        let refused = |path: &Path, most| read(path, most).unwrap_err().to_string();
-        assert_eq!(refused(&path, 4), "found 5 bytes or more, needed 4 at most");
+        let refused = |path: &Path, max_bytes| read(path, max_bytes).unwrap_err().to_string();
+        assert_eq!(refused(&path, 4), "found at least 5 bytes, but at most 4 are allowed");
         assert_eq!(refused(folder.path(), 4), "found a folder, needed a file");
         #[cfg(unix)]
         assert_eq!(refused(Path::new("/dev/zero"), 4), "found a device or pipe, needed a file");
-        // Sparse: nothing of it is on the disk.
+        // A sparse file takes no space on the disk.
         File::create(&path).unwrap().set_len(5 << 30).unwrap();
-        assert!(refused(&path, DATA_BYTES).starts_with("found 5368709120 bytes or more"));
+        assert!(refused(&path, DATA_BYTES).starts_with("found at least 5368709120 bytes"));
         assert_eq!(read(&folder.path().join("b"), 4).unwrap_err().kind(), ErrorKind::NotFound);
     }
 
     #[test]
-    fn a_path_is_as_seen_from_a_folder() {
+    fn paths_are_made_relative_to_a_folder() {
         let from_to = |from, to| relative(Path::new(from), Path::new(to));
         assert_eq!(from_to("reports", "derived"), "../derived");
         assert_eq!(from_to("./a/reports", "a/raw/demo"), "../raw/demo");
@@ -149,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_devices_are_known() {
+    fn device_names_of_windows_are_recognised() {
         for name in
             ["CON", "nul", "Aux.csv", "con.1.parquet", "prn ", "COM1", "lpt9.c3d", "com\u{b2}"]
         {

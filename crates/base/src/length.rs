@@ -1,9 +1,9 @@
-//! Units of length as files write them.
+//! Units of length in marker files.
 
 use crate::named;
 
 named! {
-    /// Units of length of marker files.
+    /// Unit of length in a marker file.
     pub enum LengthUnit {
         Mm = "mm",
         Cm = "cm",
@@ -13,7 +13,7 @@ named! {
 }
 
 impl LengthUnit {
-    /// Its length, mm.
+    /// Returns the length of the unit in mm.
     pub fn mm(self) -> f64 {
         match self {
             Self::Mm => 1.0,

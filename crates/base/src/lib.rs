@@ -1,13 +1,11 @@
-//! What every part of trilink needs and none owns: files of a bounded size, CSV, patterns of names,
-//! values with names, and numbers and texts as people read them. It depends on no other crate of the
-//! workspace.
+//! Utilities shared by all crates of trilink. This crate depends on no other crate of the workspace.
 //!
-//! - [`files`]: regular files of a bounded size; [`csv`]: fields and records, written and read.
-//! - [`pattern`]: `*` and `?` in names of files, campaigns and markers.
+//! - [`files`]: reading of regular files of limited size; [`csv`]: reading and writing of fields and records.
+//! - [`pattern`]: wildcards `*` and `?` in names of files, campaigns and markers.
 //! - [`Named`] and [`named!`]: enumerations whose values have names in files, in tables and on the
-//!   command line; [`LengthUnit`] is one.
-//! - [`numbers`] and [`text`]: numbers, and text from elsewhere, as they are printed.
-//! - [`cancel`]: work that Ctrl-C stops.
+//!   command line, such as [`LengthUnit`].
+//! - [`numbers`] and [`text`]: formatting of numbers and of untrusted text.
+//! - [`cancel`]: cancellation of long work, for example by Ctrl-C.
 //!
 //! ```
 //! use trilink_base::{numbers, pattern};

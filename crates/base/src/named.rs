@@ -1,11 +1,11 @@
 //! Values that have names in files, in tables and on the command line.
 
-/// A value that is known by its name.
+/// Type whose values are identified by their names.
 pub trait Named: Sized {
-    /// What stands where nothing is known.
+    /// Returns the first value of the type, which serves as a placeholder for an unknown value.
     fn first() -> Self;
     fn as_name(&self) -> &str;
-    /// `None` if no value has this name.
+    /// Returns the value with the given name; `None` if there is none.
     fn of_name(name: &str) -> Option<Self>;
 }
 
@@ -23,7 +23,7 @@ impl Named for String {
     }
 }
 
-/// Defines an enumeration with the names of its values; serde knows it by them.
+/// Defines an enumeration whose values have names; serde reads and writes the values by these names.
 #[macro_export]
 macro_rules! named {
     ($(#[$meta:meta])* pub enum $type:ident {
@@ -35,10 +35,10 @@ macro_rules! named {
         pub enum $type { $($(#[$value_meta])* #[serde(rename = $name)] $value,)* }
 
         impl $type {
-            /// Every value.
+            /// All values, in the order of their definition.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$value),*];
 
-            /// Its name in files and on the command line.
+            /// Returns the name of the value in files and on the command line.
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$value => $name,)* }
             }

@@ -1,19 +1,21 @@
-//! Numbers as people read them.
+//! Formatting of numbers for human readers.
 
-/// Stands where there is no number.
+/// Text shown in place of a missing number.
 pub const NONE: &str = "–";
 const MINUS: &str = "\u{2212}";
 
-/// A number with `decimals` digits after the point.
+/// Formats a number with `decimals` digits after the decimal point; [`NONE`] if it is not finite.
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return NONE.to_owned();
     }
-    /// From here on the decimals of a number are not its own.
-    const LONG: f64 = 1e15;
-    let text = match value.abs() < LONG {
-        true => format!("{value:.decimals$}"),
-        false => format!("{value:.3e}"),
+    /// Magnitude from which numbers are formatted with an exponent, because a double of that size has no exact
+    /// decimals.
+    const MAX_FIXED: f64 = 1e15;
+    let text = if value.abs() < MAX_FIXED {
+        format!("{value:.decimals$}")
+    } else {
+        format!("{value:.3e}")
     };
     match text.strip_prefix('-') {
         Some(zero) if zero.bytes().all(|byte| b"0.".contains(&byte)) => zero.to_owned(),
@@ -22,21 +24,23 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// A number with `digits` significant digits, never fewer than its whole part has.
+/// Formats a number with `digits` significant digits, or with all digits of its integer part if these are
+/// more.
 pub fn significant(value: f64, digits: i32) -> String {
     fixed(value, decimals(value, digits))
 }
 
-/// A number that a person wrote: four significant digits, without zeros at the end.
+/// Formats a number as in a configuration file: with four significant digits and without trailing zeros.
 pub fn as_configured(value: f64) -> String {
     let text = significant(value, 4);
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
+    if !text.contains('.') {
+        return text;
     }
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// Four significant digits, a whole number as such, and a power of ten for next to nothing.
+/// Formats a number briefly: nonzero integers without decimals, magnitudes below 1e-4 with an exponent, and all other
+/// numbers with four significant digits; [`NONE`] if the number is missing.
 pub fn short(value: Option<f64>) -> String {
     match value.unwrap_or(f64::NAN) {
         value if (value - value.round()).abs() < 1e-9 && value.round() != 0.0 => fixed(value, 0),
@@ -45,39 +49,38 @@ pub fn short(value: Option<f64>) -> String {
     }
 }
 
-/// A value with its standard error, both to the error's second digit.
+/// Formats a value and its standard error, both rounded to the second significant digit of the error. Without a
+/// positive error, formats only the value, with four significant digits.
 pub fn with_error(value: f64, error: f64) -> String {
     if !error.is_finite() || error <= 0.0 {
         return significant(value, 4);
     }
+    if !value.is_finite() {
+        return NONE.to_owned();
+    }
     let decimals = decimals(error, 2).min(6);
-    match value.is_finite() {
-        true => format!("{} ± {}", fixed(value, decimals), fixed(error, decimals)),
-        false => NONE.to_owned(),
-    }
+    format!("{} ± {}", fixed(value, decimals), fixed(error, decimals))
 }
 
-/// A 95 % confidence interval of a positive number, `0` or `∞` where it is open; empty where it is
-/// open on both sides.
+/// Formats a confidence interval for a positive quantity, with `0` or `∞` in place of an open limit; empty if
+/// both limits are open.
 pub fn interval([low, high]: [f64; 2], digits: i32) -> String {
-    let text = |limit: f64, open: &str| match limit.is_finite() {
-        true => significant(limit, digits),
-        false => open.to_owned(),
-    };
-    match low.is_finite() || high.is_finite() {
-        true => format!("{} to {}", text(low, "0"), text(high, "∞")),
-        false => String::new(),
+    if !low.is_finite() && !high.is_finite() {
+        return String::new();
     }
+    let low = if low.is_finite() { significant(low, digits) } else { "0".to_owned() };
+    let high = if high.is_finite() { significant(high, digits) } else { "∞".to_owned() };
+    format!("{low} to {high}")
 }
 
-/// A relative difference in per cent, with its sign.
+/// Formats the relative difference between `found` and `truth` as a signed percentage.
 pub fn percent(found: f64, truth: f64) -> String {
     let percent = 100.0 * (found / truth - 1.0);
     let sign = if percent > 0.0 && percent.is_finite() { "+" } else { "" };
     in_percent(format!("{sign}{}", fixed(percent, 2)))
 }
 
-/// A part of a whole in per cent.
+/// Formats a fraction as a percentage.
 pub fn share(part: f64) -> String {
     in_percent(fixed(100.0 * part, 1))
 }
@@ -86,7 +89,7 @@ fn in_percent(text: String) -> String {
     if text == NONE { text } else { format!("{text} %") }
 }
 
-/// Digits after the point of a number with `digits` significant ones.
+/// Returns the number of decimals that give a number `digits` significant digits.
 pub fn decimals(value: f64, digits: i32) -> usize {
     if value == 0.0 || !value.is_finite() {
         return 0;
@@ -108,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn configured_numbers_are_as_short_as_they_were_written() {
+    fn configured_numbers_are_printed_as_short_as_they_were_written() {
         let texts = [0.6, 1000.0, 0.188, 104.0, 0.0].map(as_configured);
         assert_eq!(texts, ["0.6", "1000", "0.188", "104", "0"]);
         assert_eq!(significant(0.6, 4), "0.6000");

@@ -1,36 +1,39 @@
-//! Patterns of text: one character stands for any characters, none too, and another for one.
+//! Wildcard patterns: one wildcard stands for any number of characters, another for exactly one.
 
-/// Whether a label, or the part of it after the subject, matches a pattern with `*` and `?`.
+/// Returns whether a label, with or without its subject (`Subject:label`), matches a pattern with `*` and `?`.
 pub fn matches_label(pattern: &str, label: &str) -> bool {
     let name = label.rsplit_once(':').map_or(label, |(_, name)| name);
     matches(pattern, label, ['*', '?']) || matches(pattern, name, ['*', '?'])
 }
 
-/// Whether a text matches a pattern, in which `any` stands for any characters and `one` for one.
+/// Returns whether `text` matches a pattern in which the character `any` stands for any number of characters
+/// and `one` for exactly one.
 pub fn matches(pattern: &str, text: &str, [any, one]: [char; 2]) -> bool {
-    let (mut pattern, mut text) = (pattern.chars(), text.chars());
-    // What follows the last star, and the text after what it stands for.
-    let mut star = None;
+    let mut pattern = pattern.chars();
+    let mut text = text.chars();
+    // The pattern after the last `any`, and the text after the characters that this `any` stands for.
+    let mut last_any = None;
     while let Some(c) = text.clone().next() {
         match pattern.clone().next() {
-            Some(of) if of == any => {
+            Some(p) if p == any => {
                 pattern.next();
-                star = Some((pattern.clone(), text.clone()));
+                last_any = Some((pattern.clone(), text.clone()));
             }
-            Some(of) if of == one || of == c => {
+            Some(p) if p == one || p == c => {
                 pattern.next();
                 text.next();
             }
-            _ => match &mut star {
+            _ => match &mut last_any {
                 Some((follows, rest)) => {
                     rest.next();
-                    (pattern, text) = (follows.clone(), rest.clone());
+                    pattern = follows.clone();
+                    text = rest.clone();
                 }
                 None => return false,
             },
         }
     }
-    pattern.all(|of| of == any)
+    pattern.all(|p| p == any)
 }
 
 #[cfg(test)]
@@ -38,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stars_and_question_marks_stand_for_characters() {
+    fn wildcards_stand_for_characters() {
         for (pattern, text, expected) in [
             ("V_*", "V_1", true),
             ("V_*", "V_", true),
@@ -61,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_label_is_matched_with_or_without_its_subject() {
+    fn labels_match_with_and_without_their_subject() {
         assert!(matches_label("V_*", "Snake:V_1") && matches_label("Snake:V_*", "Snake:V_1"));
         assert!(matches_label("Pole:*", "Pole:M1") && !matches_label("Pole:*", "Snake:M1"));
         assert!(!matches_label("Snake", "Snake:V_1"));

@@ -1,31 +1,33 @@
-//! Robots that may be the true one as well as that of a fit.
+//! Robots that are consistent with the measurements, besides the fitted one.
 
 use trilink_robot::Robot;
 
 use super::intervals::Widths;
 
-/// Robots with the coefficients of refits; what differs between them is how far what follows from the
-/// fit may be off.
+/// Copies of a robot with coefficients from refits; the scatter among them gives the uncertainty of any quantity
+/// computed from the fit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Alternatives {
-    /// Of the bootstrap's replicates.
+    /// Robots with the coefficients of the bootstrap replicates.
     pub replicates: Vec<Robot>,
-    /// Of the fits without each block of frequencies.
+    /// Robots with the coefficients of the fits that each leave out one block of frequencies.
     pub blocks: Vec<Robot>,
-    /// With each assumption off by its standard deviation.
+    /// Robots, each with one uncertain parameter increased by its standard deviation and the coefficients refitted.
     pub assumed: Vec<Robot>,
-    /// Of the fit to the measured gait, where the command drives the model.
+    /// Robot with the coefficients of a refit in which the measured gait, instead of the commanded one, drives the
+    /// model; `None` if the measured gait drives the original fit as well, or if there is no such refit.
     pub gait: Option<Robot>,
 }
 
 impl Alternatives {
-    /// All of them, the replicates first.
+    /// Returns all robots, the replicates first.
     pub fn all(&self) -> impl Iterator<Item = &Robot> {
         self.replicates.iter().chain(&self.blocks).chain(&self.assumed).chain(&self.gait)
     }
 
-    /// 95 % limits of a number that is `fitted` by the fit and `found` by each of all; those that are
-    /// missing do not count. NaN without a replicate.
+    /// Returns the 95 % confidence limits of a quantity, given its value `fitted` for the fitted robot and its values
+    /// `found` for the robots of [`Self::all`], in the same order; values that are not finite are left out. Both limits
+    /// are NaN if there is no replicate.
     pub fn limits(&self, fitted: f64, found: &[f64]) -> [f64; 2] {
         let (replicates, rest) = found.split_at(self.replicates.len());
         let (blocks, rest) = rest.split_at(self.blocks.len());
@@ -39,7 +41,7 @@ impl Alternatives {
         }
         let by_gait = changes(gait).first().copied().unwrap_or(0.0);
         let [below, above] =
-            Widths::of_changes(replicates, &changes(blocks), &changes(assumed), by_gait).total;
+            Widths::from_changes(replicates, &changes(blocks), &changes(assumed), by_gait).total;
         [fitted - below, fitted + above]
     }
 }
@@ -49,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits_have_the_scatter_and_what_is_systematic() {
+    fn limits_combine_the_scatter_and_the_systematic_shifts() {
         let robot = Robot::kinematic();
         let alternatives = Alternatives {
             replicates: vec![robot.clone(); 41],
@@ -58,7 +60,7 @@ mod tests {
             gait: Some(robot),
         };
         assert_eq!(alternatives.all().count(), 43);
-        // From -1 to 1, of which 95 % are from -0.95 to 0.95.
+        // Uniform from -1 to 1: 95 % of the values lie between -0.95 and 0.95.
         let scatter = (0..41).map(|nth| 7.0 + f64::from(nth - 20) / 20.0);
         let found: Vec<f64> = scatter.chain([7.0, 7.0]).collect();
         let [low, high] = alternatives.limits(7.0, &found);

@@ -1,78 +1,83 @@
-//! Which of a campaign's models the measurements prefer, and by how much.
+//! Model selection within a campaign, and the clarity of the preference.
 
 use trilink_robot::Model;
 use trilink_tables::{ComparisonRow, Contradiction, FitRow, Outcome};
 
 use super::Fitted;
+use super::discrimination::{DiscriminatingTrial, NoiseModel};
 use super::resampler::Resampler;
-use super::tell_apart::{Noise, Tell};
 
-/// Part of the replicates from which on a model is clearly preferred.
-const CLEARLY: f64 = 0.95;
+/// Minimum fraction of the bootstrap replicates that must select no rival of the preferred model (another model that is
+/// equally adequate) for the preference to count as clear.
+const CLEAR_SHARE: f64 = 0.95;
 
-/// Completes the rows of a comparison of a campaign, with so many trials `without` metrics, by what needs all
-/// of its models, and by what `contradicts` each.
+/// Completes the comparison rows of a campaign with the columns that need all of its models, and with the
+/// `contradiction` for each model. `without_metrics` is the number of trials without metrics.
 pub(super) fn complete(
     models: &mut [Fitted],
-    without: usize,
+    without_metrics: usize,
     resampler: &Resampler,
     replicates: usize,
-    contradicts: impl Fn(Model) -> Option<Contradiction>,
+    contradiction: impl Fn(Model) -> Option<Contradiction>,
 ) {
-    let criteria =
-        |model: &Fitted| model.bootstrap.iter().map(|row| row.criterion_resampled).collect();
-    let frequencies = selection_frequencies(&models.iter().map(criteria).collect::<Vec<_>>());
+    let criteria: Vec<Vec<f64>> = models
+        .iter()
+        .map(|model| model.bootstrap.iter().map(|row| row.criterion_resampled).collect())
+        .collect();
     let filtered = resampler.measurements.iter().filter(|of| of.is_filtered).count();
-    for (model, frequency) in models.iter_mut().zip(frequencies) {
+    for (model, frequency) in models.iter_mut().zip(selection_frequencies(&criteria)) {
         for row in &mut model.comparison {
             row.wins = frequency;
-            row.contradiction = contradicts(row.model);
+            row.contradiction = contradiction(row.model);
             row.replicates = replicates as i64;
-            row.trials_without_metrics = without as i64;
+            row.trials_without_metrics = without_metrics as i64;
             row.trials_filtered = filtered as i64;
         }
     }
-    let both = models
+    let pairs = models
         .iter_mut()
         .flat_map(|Fitted { comparison, fits, .. }| comparison.iter_mut().zip(&*fits));
-    judge(both.collect());
-    let is_preferred = |model: &&Fitted| model.comparison.iter().any(|row| row.preferred);
-    let best = models.iter().find(is_preferred).map_or(&[][..], |best| &best.predictions);
-    let noise = Noise::new(resampler);
-    let tell = |model: &Fitted| noise.tell(best, &model.predictions);
-    let tells: Vec<Option<Tell>> = models.iter().map(tell).collect();
-    for (model, tell) in models.iter_mut().zip(tells) {
+    rank(pairs.collect());
+    let preferred = models.iter().find(|model| model.comparison.iter().any(|row| row.preferred));
+    let predictions = preferred.map_or(&[][..], |preferred| &preferred.predictions);
+    let residuals = preferred.map_or(&[][..], |preferred| &preferred.residuals);
+    let noise = NoiseModel::from_residuals(residuals);
+    let trials: Vec<Option<DiscriminatingTrial>> =
+        models.iter().map(|model| noise.best_trial(predictions, &model.predictions)).collect();
+    for (model, trial) in models.iter_mut().zip(trials) {
         for row in &mut model.comparison {
-            // Rows of a former run may have one from when another model was preferred.
-            let tell = tell.as_ref().filter(|_| !row.preferred);
-            row.tell_omega_rad_s = tell.map_or(f64::NAN, |tell| tell.omega_rad_s);
-            row.tell_metric = tell.map_or("", |tell| tell.metric.name()).to_owned();
-            row.tell_standard_errors = tell.map_or(f64::NAN, |tell| tell.standard_errors);
+            // Rows of an earlier run may contain a trial from when another model was preferred.
+            let trial = trial.as_ref().filter(|_| !row.preferred);
+            row.tell_omega_rad_s = trial.map_or(f64::NAN, |trial| trial.omega_rad_s);
+            row.tell_metric = trial.map_or("", |trial| trial.metric.name()).to_owned();
+            row.tell_standard_errors = trial.map_or(f64::NAN, |trial| trial.standard_errors);
         }
     }
 }
 
-/// Says of the rows of a campaign which model is preferred, and how clearly.
-fn judge(mut models: Vec<(&mut ComparisonRow, &FitRow)>) {
+/// Ranks the models of a campaign, and sets the preferred model, its rivals and the outcome in their rows.
+fn rank(mut models: Vec<(&mut ComparisonRow, &FitRow)>) {
     for (row, _) in &mut models {
-        (row.rank, row.preferred, row.rival) = (0, false, false);
+        row.rank = 0;
+        row.preferred = false;
+        row.rival = false;
         row.outcome = Outcome::NoFit;
     }
     let (mut models, without_fit): (Vec<_>, Vec<_>) =
         models.into_iter().partition(|(row, _)| row.criterion.is_finite());
-    // Those that fit before others, and by their criterion.
+    // First by adequacy, then by the criterion.
     models.sort_by(|(a, fit_a), (b, fit_b)| {
         adequacy_rank(fit_a).cmp(&adequacy_rank(fit_b)).then(a.criterion.total_cmp(&b.criterion))
     });
     let Some((first, fit)) = models.first() else { return };
-    let (best, criterion) = (adequacy_rank(fit), first.criterion);
-    let has_nearer = models.iter().any(|(row, _)| row.criterion < criterion);
-    // Models that fit as well as the preferred one, and have the lowest criterion in so many replicates
-    // that it is not clearly so.
+    let best = adequacy_rank(fit);
+    let criterion = first.criterion;
+    let has_lower = models.iter().any(|(row, _)| row.criterion < criterion);
+    // Models with the same adequacy as the preferred model that have the lowest criterion in some replicates.
     let is_rival = |row: &ComparisonRow, fit: &FitRow| adequacy_rank(fit) == best && row.wins > 0.0;
     let others = models.iter().skip(1).filter(|(row, fit)| is_rival(row, fit));
-    let is_clear = others.map(|(row, _)| row.wins).sum::<f64>() <= 1.0 - CLEARLY;
-    let outcome = match (best, has_nearer) {
+    let is_clear = others.map(|(row, _)| row.wins).sum::<f64>() <= 1.0 - CLEAR_SHARE;
+    let outcome = match (best, has_lower) {
         _ if models.len() == 1 => Outcome::OnlyOne,
         (2, _) => Outcome::NoneFits,
         (0, true) => Outcome::FitsAlone,
@@ -81,40 +86,49 @@ fn judge(mut models: Vec<(&mut ComparisonRow, &FitRow)>) {
         _ => Outcome::Unclear,
     };
     for (nth, (row, fit)) in models.into_iter().enumerate() {
-        (row.rank, row.preferred, row.outcome) = (nth as i64 + 1, nth == 0, outcome);
+        row.rank = nth as i64 + 1;
+        row.preferred = nth == 0;
+        row.outcome = outcome;
         row.rival = nth > 0 && !is_clear && is_rival(row, fit);
     }
     without_fit.into_iter().for_each(|(row, _)| row.outcome = outcome);
 }
 
-/// Selection frequency of each model: the part of the replicates in which its criterion is the
-/// lowest, of which models that are equal have equal parts; `criteria` are those of all models'
-/// replicates. Missing without any.
+/// Returns the selection frequency of each model: the fraction of the replicates in which its criterion is the lowest,
+/// divided equally among models with equal criteria. `criteria` has the replicates' criteria for each model. NaN for a
+/// model without replicates.
 fn selection_frequencies(criteria: &[Vec<f64>]) -> Vec<f64> {
     let replicates = criteria.iter().map(Vec::len).max().unwrap_or(0);
-    let mut won = vec![0.0; criteria.len()];
+    let mut selected = vec![0.0; criteria.len()];
     for number in 0..replicates {
-        let at = |of: &Vec<f64>| of.get(number).copied().unwrap_or(f64::INFINITY);
-        let lowest = criteria.iter().map(at).fold(f64::INFINITY, f64::min);
-        let first = |of: &Vec<f64>| lowest.is_finite() && at(of) <= lowest;
-        let share = 1.0 / criteria.iter().filter(|of| first(of)).count() as f64;
-        let winners = won.iter_mut().zip(criteria).filter(|(_, of)| first(of));
-        winners.for_each(|(won, _)| *won += share);
+        let own: Vec<f64> =
+            criteria.iter().map(|of| of.get(number).copied().unwrap_or(f64::INFINITY)).collect();
+        let lowest = own.iter().copied().fold(f64::INFINITY, f64::min);
+        let is_lowest = |criterion: f64| lowest.is_finite() && criterion <= lowest;
+        let count = own.iter().filter(|criterion| is_lowest(**criterion)).count();
+        for (selected, criterion) in selected.iter_mut().zip(&own) {
+            if is_lowest(*criterion) {
+                *selected += 1.0 / count as f64;
+            }
+        }
     }
-    let part = |(won, of): (f64, &Vec<f64>)| match of.is_empty() {
-        true => f64::NAN,
-        false => won / replicates as f64,
-    };
-    won.into_iter().zip(criteria).map(part).collect()
+    let models = selected.into_iter().zip(criteria);
+    models
+        .map(|(selected, own)| if own.is_empty() { f64::NAN } else { selected / replicates as f64 })
+        .collect()
 }
 
-/// How a model fits: it does, that is not known, it does not.
+/// Ranks the adequacy of a model: 0 if adequate, 1 if unknown, 2 if inadequate.
 fn adequacy_rank(fit: &FitRow) -> usize {
-    [Some(true), None].iter().position(|adequate| *adequate == fit.adequate).unwrap_or(2)
+    match fit.adequate {
+        Some(true) => 0,
+        None => 1,
+        Some(false) => 2,
+    }
 }
 
-/// Of one campaign's rows: the preferred model and after it those that it is not told apart from; none
-/// without a fit.
+/// Returns the preferred model of a campaign, followed by the models that cannot be distinguished from it; empty if
+/// there is no fit. `comparison` are the campaign's rows.
 pub fn preferred(comparison: &[ComparisonRow]) -> Vec<Model> {
     let mut rows: Vec<_> = comparison.iter().filter(|row| row.preferred || row.rival).collect();
     rows.sort_by_key(|row| row.rank);
@@ -125,7 +139,8 @@ pub fn preferred(comparison: &[ComparisonRow]) -> Vec<Model> {
 mod tests {
     use trilink_mechanics::Model;
     use trilink_tables::{
-        Columns as _, Comparison, ContradictionKind, Misfit, MisfitRms, MisfitRun, Resistance, Side,
+        Columns as _, Comparison, ContradictionKind, Misfit, MisfitRms, MisfitRun, Resistance,
+        Side, Undecided, UndecidedReason,
     };
 
     use super::*;
@@ -138,23 +153,25 @@ mod tests {
         ComparisonRow { model, j, j_left_out, wins, criterion, free, terms, ..blank }
     }
 
-    /// The rows and fits as [`judge`] leaves them.
-    fn judged(rows: &[ComparisonRow], fits: &[FitRow]) -> (Vec<ComparisonRow>, Vec<FitRow>) {
-        let (mut rows, mut fits) = (rows.to_vec(), fits.to_vec());
+    /// Returns the rows and fits after ranking by [`rank`].
+    fn ranked(rows: &[ComparisonRow], fits: &[FitRow]) -> (Vec<ComparisonRow>, Vec<FitRow>) {
+        let mut rows = rows.to_vec();
+        let mut fits = fits.to_vec();
         rows.iter_mut().for_each(|row| row.replicates = 200);
         fits.iter_mut().zip(&rows).for_each(|(fit, row)| fit.model = row.model);
-        judge(rows.iter_mut().zip(&fits).collect());
+        rank(rows.iter_mut().zip(&fits).collect());
         (rows, fits)
     }
 
     fn sentence(rows: &[ComparisonRow], fits: &[FitRow]) -> String {
-        let (rows, fits) = judged(rows, fits);
+        let (rows, fits) = ranked(rows, fits);
         Comparison::new(&rows, &fits).expect("rows").to_string()
     }
 
-    fn of(rows: &[ComparisonRow], adequate: &[Option<bool>]) -> String {
+    fn sentence_for(rows: &[ComparisonRow], adequate: &[Option<bool>]) -> String {
         let fit = |adequate: &Option<bool>| FitRow {
             adequate: *adequate,
+            undecided: adequate.is_none().then(|| UndecidedReason::UnknownNoise.into()),
             lack_of_fit: if *adequate == Some(true) { 1.1 } else { 12.0 },
             lack_of_fit_limit: 1.5,
             misfit: match adequate {
@@ -182,92 +199,94 @@ mod tests {
             measured: f64::NAN,
             configured: f64::NAN,
         });
-        let told = |row: &ComparisonRow| ComparisonRow {
-            contradiction: contradiction.clone(),
-            ..row.clone()
-        };
-        sentence(&rows.iter().map(told).collect::<Vec<_>>(), &fits)
+        let mut rows = rows.to_vec();
+        rows.iter_mut().for_each(|row| row.contradiction = contradiction.clone());
+        sentence(&rows, &fits)
     }
 
     #[test]
     fn a_clear_winner_that_fits_is_preferred() {
         let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
         assert_eq!(
-            of(&rows, &[Some(false), Some(true)]),
-            "The data prefer skid-roll: J = 0.3000 with 3 free, criterion -120.4 against -91.6 of \
-             skid (J = 0.4000 with 3), the lowest in 196 of 200 replicates; it fits (J is 1.10 \
-             times what noise alone leaves, limit 1.50); it predicts \
-             left-out frequencies best (0.3500)."
+            sentence_for(&rows, &[Some(false), Some(true)]),
+            "The data prefer skid-roll: J = 0.3000 with 3 free parameters, Schwarz criterion 28.8 lower than that of \
+             skid (J = 0.4000 with 3); the first-named model has the lowest Schwarz criterion in 196 of 200 \
+             replicates; it fits (misfit 1.10 times the noise, limit 1.50); it predicts left-out frequencies best \
+             (0.3500)."
         );
     }
 
     #[test]
     fn a_winner_that_does_not_fit_is_not_preferred() {
         let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
-        let none = of(&rows, &[Some(false), Some(false)]);
-        assert!(
-            none.starts_with("None fits; skid-roll is the best of those: J = 0.3000"),
-            "{none}"
-        );
+        let none = sentence_for(&rows, &[Some(false), Some(false)]);
+        assert!(none.starts_with("No model fits; skid-roll comes closest: J = 0.3000"), "{none}");
         assert!(
             none.contains(
-                "; J is 12.00 times what noise alone leaves, limit 1.50; d \
-                 is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s; push shows dry \
-                 friction of rolling, and skid-roll has none; it predicts"
+                "; misfit 12.00 times the noise, limit 1.50; the measured d is 7.0 to 119 % above that of the model \
+                 at 4.5 \
+                 to 6 rad/s; trial push shows dry friction of rolling, which model skid-roll lacks; it predicts"
             ),
             "{none}"
         );
         assert!(!none.contains("prefer") && !none.contains("does not fit"), "{none}");
-        let other = of(&rows, &[Some(true), Some(false)]);
-        assert!(other.starts_with("The data fit skid; skid-roll is nearer and does not fit"));
+        let other = sentence_for(&rows, &[Some(true), Some(false)]);
+        assert!(
+            other
+                .starts_with("skid fits; skid-roll has a lower Schwarz criterion but does not fit")
+        );
         assert_eq!(other.matches("not fit").count(), 1, "{other}");
-        let other = of(&rows, &[Some(true), None]);
-        assert!(other.starts_with("The data fit skid; skid-roll is nearer and may not fit: J"));
-        let other = of(&rows, &[None, Some(false)]);
-        let start = "skid is nearest of those that may fit; skid-roll does not fit: J";
-        assert!(other.starts_with(start) && other.contains("is not known"), "{other}");
+        let other = sentence_for(&rows, &[Some(true), None]);
+        assert!(
+            other.starts_with(
+                "skid fits; skid-roll has a lower Schwarz criterion but may not fit: J"
+            )
+        );
+        let other = sentence_for(&rows, &[None, Some(false)]);
+        let start = "skid may fit; skid-roll has a lower Schwarz criterion but does not fit: J";
+        assert!(other.starts_with(start) && other.contains("is unknown"), "{other}");
     }
 
     #[test]
-    fn two_models_that_share_the_replicates_are_not_told_apart() {
+    fn models_that_share_the_replicates_are_not_distinguished() {
         let rows = [row(Model::SKID, 0.31, 0.33, 0.4), row(Model::SKID_ROLL, 0.30, 0.35, 0.6)];
-        let text = of(&rows, &[Some(true), Some(true)]);
+        let text = sentence_for(&rows, &[Some(true), Some(true)]);
         assert!(
             text.starts_with(
-                "The data do not clearly prefer one model; skid-roll is nearest, not \
-                 distinguished from skid: J = 0.3000"
+                "The data do not clearly prefer one model; skid-roll comes closest (not distinguishable from skid): J \
+                 = 0.3000"
             ),
             "{text}"
         );
         assert!(text.contains("predicted better by skid (0.3300 against 0.3500)"), "{text}");
         let alike = [row(Model::SKID, 0.31, 0.34, 0.4), rows[1].clone()];
-        let text = of(&alike, &[Some(true), Some(true)]);
+        let text = sentence_for(&alike, &[Some(true), Some(true)]);
         let said = "it predicts left-out frequencies as well as skid (0.3500 and 0.3400)";
         assert!(text.contains(said), "{text}");
-        // Of a model that does not fit it is told apart.
-        let text = of(&rows, &[Some(false), Some(true)]);
+        // An inadequate model is not a rival.
+        let text = sentence_for(&rows, &[Some(false), Some(true)]);
         assert!(text.starts_with("The data prefer skid-roll: J"), "{text}");
-        let text = of(&rows, &[Some(false), Some(false)]);
-        let none = "None fits; skid-roll is the best of those, not distinguished from skid: J";
+        let text = sentence_for(&rows, &[Some(false), Some(false)]);
+        let none = "No model fits; skid-roll comes closest (not distinguishable from skid): J";
         assert!(text.starts_with(none), "{text}");
     }
 
     #[test]
-    fn what_is_preferred_is_named_with_what_it_is_not_told_apart_from() {
+    fn the_preferred_model_is_named_with_its_rivals() {
         let rows = [row(Model::SKID, 0.31, 0.33, 0.4), row(Model::SKID_ROLL, 0.30, 0.35, 0.6)];
-        let of = |adequate: [bool; 2]| {
+        let preferred_of = |adequate: [bool; 2]| {
             let fits =
                 adequate.map(|adequate| FitRow { adequate: Some(adequate), ..FitRow::blank() });
-            preferred(&judged(&rows, &fits).0)
+            preferred(&ranked(&rows, &fits).0)
         };
-        assert_eq!(of([true; 2]), [Model::SKID_ROLL, Model::SKID]);
-        assert_eq!(of([false, true]), [Model::SKID_ROLL]);
-        assert_eq!(of([true, false]), [Model::SKID]);
+        assert_eq!(preferred_of([true; 2]), [Model::SKID_ROLL, Model::SKID]);
+        assert_eq!(preferred_of([false, true]), [Model::SKID_ROLL]);
+        assert_eq!(preferred_of([true, false]), [Model::SKID]);
         assert!(preferred(&rows).is_empty());
     }
 
     #[test]
-    fn a_richer_model_that_is_nearer_in_j_alone_is_not_preferred() {
+    fn a_model_with_more_parameters_and_a_lower_j_alone_is_not_preferred() {
         let poorer = ComparisonRow {
             criterion: -200.0,
             j_extrapolated: 0.4,
@@ -278,32 +297,32 @@ mod tests {
             ComparisonRow { free: 6, criterion: -190.0, j_extrapolated: 0.3, ..poorer.clone() };
         let richer = ComparisonRow { wins: 0.03, ..richer };
         let richer = ComparisonRow { model: Model::new("coulomb-viscous"), j: 0.29, ..richer };
-        let text = of(&[richer.clone(), poorer.clone()], &[Some(true), Some(true)]);
-        let start = "The data prefer skid-roll: J = 0.3100 with 3 free, criterion -200.0 against \
-                     -190.0 of coulomb-viscous (J = 0.2900 with 6)";
+        let text = sentence_for(&[richer.clone(), poorer.clone()], &[Some(true), Some(true)]);
+        let start = "The data prefer skid-roll: J = 0.3100 with 3 free parameters, Schwarz criterion 10.0 lower than \
+                     that of coulomb-viscous (J = 0.2900 with 6)";
         assert!(text.starts_with(start), "{text}");
-        let extrapolated = "; fitted up to 4.5 rad/s, frequencies above are predicted better by \
-                            coulomb-viscous (0.3000 against 0.4000)";
+        let extrapolated = "; if only frequencies up to 4.5 rad/s are fitted, coulomb-viscous predicts higher \
+                            frequencies better (0.3000 against 0.4000)";
         assert!(text.contains(extrapolated), "{text}");
         let trivially = ComparisonRow { j_extrapolated: 0.39, ..richer };
-        let text = of(&[trivially, poorer], &[Some(true), Some(true)]);
-        assert!(!text.contains("fitted up to"), "{text}");
+        let text = sentence_for(&[trivially, poorer], &[Some(true), Some(true)]);
+        assert!(!text.contains("if only frequencies up to"), "{text}");
     }
 
     #[test]
-    fn what_was_not_extrapolated_is_not_compared() {
+    fn models_that_were_not_extrapolated_are_not_compared_by_extrapolation() {
         let other = ComparisonRow {
             j_extrapolated: 4.2379,
             extrapolated_above_rad_s: 4.5,
             ..row(Model::SKID, 0.4, 0.5, 0.02)
         };
         let rows = [other, row(Model::SKID_ROLL, 0.3, f64::NAN, 0.98)];
-        let text = of(&rows, &[Some(false), Some(true)]);
+        let text = sentence_for(&rows, &[Some(false), Some(true)]);
         assert!(!text.contains("NaN") && !text.contains("predicted"), "{text}");
     }
 
     #[test]
-    fn a_sentence_leaves_out_what_is_missing() {
+    fn a_sentence_leaves_out_missing_numbers() {
         let rows = [row(Model::SKID, 0.4, 0.5, 0.4), row(Model::SKID_ROLL, 0.3, 0.35, 0.6)];
         let extrapolated = |(nth, row): (usize, ComparisonRow)| ComparisonRow {
             j_extrapolated: 1.0 - 0.1 * nth as f64,
@@ -353,19 +372,25 @@ mod tests {
     }
 
     #[test]
-    fn of_filtered_trials_it_is_not_known_whether_a_model_fits() {
+    fn with_filtered_trials_the_adequacy_is_not_known() {
         let rows = [row(Model::SKID, 0.4, 0.5, 0.02), row(Model::SKID_ROLL, 0.3, 0.35, 0.98)];
-        let fits = [FitRow::blank(), FitRow::blank()];
-        for (filtered, why) in [
-            (0, "since nothing tells the noise"),
-            (1, "since 1 trial was filtered before the export (W026: "),
-            (4, "since 4 trials were filtered before the export (W026: "),
+        let filtered = Undecided::new(UndecidedReason::Filtered, "1 of 4 trials");
+        let repeats = Undecided::new(UndecidedReason::NoRepeats, "2.00 rad/s");
+        for (why, text) in [
+            (None, "whether it fits is unknown"),
+            (
+                Some(UndecidedReason::FewMeasurements.into()),
+                "because there are no more measurements than free",
+            ),
+            (
+                Some(filtered),
+                "because coordinates were filtered before the export in 1 of 4 trials (W026: ",
+            ),
+            (Some(repeats), "by as much; repeated trials at 2.00 rad/s would show whether they do"),
         ] {
-            let filtered_rows =
-                rows.clone().map(|row| ComparisonRow { trials_filtered: filtered, ..row });
-            let text = sentence(&filtered_rows, &fits);
-            assert!(text.contains(why) && !text.contains("it fits ("), "{text}");
-            assert_eq!(text.contains("export unfiltered"), filtered > 0, "{text}");
+            let fit = FitRow { undecided: why, ..FitRow::blank() };
+            let found = sentence(&rows, &[fit.clone(), fit]);
+            assert!(found.contains(text) && !found.contains("it fits ("), "{found}");
         }
     }
 
@@ -374,36 +399,33 @@ mod tests {
         let rows =
             [row(Model::NO_SKID, f64::NAN, f64::NAN, f64::NAN), row(Model::SKID, 0.3, 0.4, 1.0)];
         assert_eq!(
-            of(&rows, &[None, None]),
-            "Only skid has a fit: J = 0.3000; whether it fits is not known, since nothing tells \
-             the noise: the model is off by 12 % in d (RMS); push shows dry friction of rolling, and \
-             skid has none."
+            sentence_for(&rows, &[None, None]),
+            "Only skid has been fitted: J = 0.3000; whether it fits is unknown, because the noise is unknown: the RMS \
+             error of the model is 12 % in d; trial push shows dry friction of rolling, which model skid lacks."
         );
-        let few = [rows[0].clone(), ComparisonRow { terms: 3, ..rows[1].clone() }];
-        let text = of(&few, &[None, None]);
-        assert!(text.contains("since there are no more measurements than free coefficients"));
-        assert!(of(&rows, &[None, Some(false)]).contains("it does not fit"));
-        assert_eq!(of(&rows[..1], &[None]), "No model of this campaign has a fit.");
+        assert!(sentence_for(&rows, &[None, Some(false)]).contains("it does not fit"));
+        assert_eq!(sentence_for(&rows[..1], &[None]), "No model could be fitted to this campaign.");
     }
 
     #[test]
-    fn each_replicate_is_won_by_its_lowest_criterion() {
-        let won = selection_frequencies(&[
+    fn each_replicate_selects_the_lowest_criterion() {
+        let selected = selection_frequencies(&[
             vec![1.0, 2.0, 3.0, 1.0],
             Vec::new(),
             vec![2.0, 1.0, 2.0, 2.0],
         ]);
-        assert_eq!((won[0], won[2]), (0.5, 0.5));
-        assert!(won[1].is_nan());
-        assert!(selection_frequencies(&[Vec::new(), Vec::new()]).iter().all(|won| won.is_nan()));
-        // Models that go through all measurements are equal, and what cannot be fitted wins nothing.
-        let (equal, none) = (vec![-130.0, -130.0], vec![f64::INFINITY, f64::NAN]);
+        assert_eq!((selected[0], selected[2]), (0.5, 0.5));
+        assert!(selected[1].is_nan());
+        assert!(selection_frequencies(&[Vec::new(), Vec::new()]).iter().all(|of| of.is_nan()));
+        // Models that pass through all measurements are equal, and a model without a fit is never selected.
+        let equal = vec![-130.0, -130.0];
+        let none = vec![f64::INFINITY, f64::NAN];
         assert_eq!(selection_frequencies(&[equal.clone(), equal, none.clone()]), [0.5, 0.5, 0.0]);
         assert_eq!(selection_frequencies(&[none]), [0.0]);
     }
 
     #[test]
-    fn fits_of_a_part_of_the_trials_say_so() {
+    fn fits_to_some_of_the_trials_say_so() {
         let starts = [0, 1, 13].map(|trials| {
             let fit = FitRow { trials, ..FitRow::blank() };
             let trials_without_metrics = 13 - trials;
@@ -411,7 +433,7 @@ mod tests {
             sentence(&[row], &[fit]).split(" has ").next().map(str::to_owned)
         });
         let all = "Only skid";
-        let part = "Fitted to 1 of 13 trials: the others have no metrics. Only skid";
-        assert_eq!(starts.each_ref().map(Option::as_deref), [Some(all), Some(part), Some(all)]);
+        let some = "Fitted to 1 of 13 trials: the others have no metrics. Only skid";
+        assert_eq!(starts.each_ref().map(Option::as_deref), [Some(all), Some(some), Some(all)]);
     }
 }

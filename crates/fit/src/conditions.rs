@@ -1,8 +1,9 @@
-//! Trials of one campaign and commanded frequency are one condition: their motions are one
-//! solution, at the medians of their frequencies and, where these drive the model, of their
-//! measured gaits, and what its derivatives to second order make of each trial's own. A trial
-//! for which that misses more of a metric than [`MISSED`] is of another condition, with those
-//! that are near it.
+//! Conditions: groups of trials whose metrics are predicted from one periodic solution.
+//!
+//! The trials of one campaign and commanded frequency form a condition. The model is solved at the median of the
+//! trials' frequencies and, where measured gaits drive it, at the medians of these gaits; a second-order expansion
+//! gives the metrics of each trial. Trials for which the relative error of the expansion exceeds
+//! [`MAX_EXPANSION_ERROR`] form further conditions with the trials close to them.
 
 use trilink_mechanics::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
@@ -11,73 +12,79 @@ use trilink_statistics::{median, wrap};
 
 use super::measurement::Measurement;
 
-/// Numbers of a measured gait: offset, amplitude and phase of either joint.
+/// Number of parameters of a measured gait: offset, amplitude and phase of each joint.
 pub(super) const GAIT_NUMBERS: usize = 6;
-/// What the motions of a condition differ by: omega, rad/s, and offset, amplitude and phase of either
-/// joint, rad.
+/// Number of inputs that may differ between trials that share one periodic solution: omega, rad/s, and offset,
+/// amplitude and phase of each joint, rad.
 pub(super) const INPUTS: usize = 1 + GAIT_NUMBERS;
-/// Differences of a trial from its condition.
+/// Differences of a trial's inputs (frequency, rad/s, and gait parameters, rad) from those of its condition, the group
+/// of trials that share one periodic solution.
 pub(super) type Differences = [f64; INPUTS];
-/// Part of a metric that a trial's expansion may miss.
-const MISSED: f64 = 1e-6;
-/// Part of second order above which an expansion surely misses too much.
-const NEAR: f64 = 1e-4;
-/// Of a trial's metric over its condition's, at most.
-const MOST_RATIO: f64 = 10.0;
-/// Steps of the differences that second derivatives are taken from: of omega, relative, and of
-/// angles, rad.
+/// Maximum relative error of a trial's metrics when computed by expansion about the periodic solution that a group of
+/// trials shares; a trial with a larger error belongs to another group.
+const MAX_EXPANSION_ERROR: f64 = 1e-6;
+/// Relative size of the second-order term of an expansion above which the expansion counts as too inaccurate, without
+/// computation of its error.
+const MAX_SECOND_ORDER: f64 = 1e-4;
+/// Maximum ratio of a trial's metric to that at the periodic solution that its group of trials shares; ratios are
+/// clamped to at most this value and at least its reciprocal.
+const MAX_RATIO: f64 = 10.0;
+/// Steps of the central differences for second derivatives: relative for omega, in rad for angles.
 const STEP: f64 = 1e-3;
 
-/// Trials with one motion.
+/// Group of trials that share one periodic solution.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Condition {
     pub omega_rad_s: f64,
-    /// What drives the model; `None` where it was to be measured and was not.
+    /// Gait that drives the model; `None` if the measured gait should drive the model but is missing.
     pub gait: Option<Gait>,
     pub trials: Vec<usize>,
 }
 
-/// The conditions of some measurements.
+/// Conditions of a set of measurements: groups of trials that share one periodic solution.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Conditions {
     pub all: Vec<Condition>,
-    /// Of each trial: its condition, and its differences from it.
-    pub of_trials: Vec<(usize, Differences)>,
-    /// Of each condition: its motion as far as it was expanded, with the robot as configured.
+    /// For each trial, the index of its condition and the differences of the trial's inputs from those of the
+    /// condition.
+    pub by_trial: Vec<(usize, Differences)>,
+    /// Expansion of each condition's metrics, for the robot with its free parameters at their values from before the
+    /// fit; `None` where no trial differs from the condition or the model has no periodic solution.
     pub expansions: Vec<Option<Expansion>>,
 }
 
-/// The metrics of a condition's motions.
+/// Second-order expansion of the metrics of a condition in terms of its trials' inputs (frequency and gait parameters).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Expansion {
     metrics: GaitMetrics,
-    /// Derivatives of each metric.
+    /// First derivatives of each metric with respect to the frequency and the gait parameters.
     first: ByMetric<Differences>,
+    /// Second derivatives of each metric with respect to the frequency and the gait parameters.
     second: ByMetric<[Differences; INPUTS]>,
 }
 
 impl Conditions {
-    /// Those of sorted measurements with the gait and the frequency of each, where the motions are
-    /// those of a `problem`.
+    /// Groups measurements, which must be sorted by [`Measurement::order`], by frequency and by the gait that `gait_of`
+    /// returns; `problem` returns the problem to solve for a gait and a frequency.
     pub(crate) fn new(
         measurements: &[Measurement],
         gait_of: impl Fn(&Measurement) -> Option<Gait>,
         problem: impl Fn(Gait, f64) -> Problem,
     ) -> Self {
         let gaits: Vec<Option<Gait>> = measurements.iter().map(gait_of).collect();
-        let of_trials = vec![(0, [0.0; INPUTS]); measurements.len()];
-        let mut conditions = Self { of_trials, ..Self::default() };
+        let by_trial = vec![(0, [0.0; INPUTS]); measurements.len()];
+        let mut conditions = Self { by_trial, ..Self::default() };
         for trials in Measurement::frequencies(measurements) {
             let (known, unknown): (Vec<usize>, Vec<usize>) =
                 trials.into_iter().partition(|&trial| gaits[trial].is_some());
             for trials in [known, unknown].into_iter().filter(|trials| !trials.is_empty()) {
-                conditions.join(trials, measurements, &gaits, &problem);
+                conditions.group(trials, measurements, &gaits, &problem);
             }
         }
         conditions
     }
 
-    /// Every trial by itself.
+    /// Makes every trial a condition of its own.
     #[cfg(test)]
     pub(crate) fn separate(
         measurements: &[Measurement],
@@ -87,16 +94,17 @@ impl Conditions {
         for (trial, measurement) in measurements.iter().enumerate() {
             let gait = gait_of(measurement);
             let omega_rad_s = measurement.omega_rad_s;
-            conditions.of_trials.push((trial, [0.0; INPUTS]));
+            conditions.by_trial.push((trial, [0.0; INPUTS]));
             conditions.all.push(Condition { omega_rad_s, gait, trials: vec![trial] });
             conditions.expansions.push(None);
         }
         conditions
     }
 
-    /// Adds the condition of these trials, and those of the ones that are too far from it: around
-    /// the farthest, then around the farthest of what that leaves.
-    fn join(
+    /// Adds a condition, that is, a group that shares one periodic solution, for the given trials. Trials for which the
+    /// expansion about this solution is too inaccurate form further conditions, each around the farthest of the trials
+    /// that remain.
+    fn group(
         &mut self,
         trials: Vec<usize>,
         measurements: &[Measurement],
@@ -108,25 +116,28 @@ impl Conditions {
         };
         let mut add = |condition: Condition, expansion| {
             for &trial in &condition.trials {
-                self.of_trials[trial] = (self.all.len(), from(&condition, trial));
+                self.by_trial[trial] = (self.all.len(), from(&condition, trial));
             }
             if !condition.trials.is_empty() {
                 self.all.push(condition);
                 self.expansions.push(expansion);
             }
         };
-        let mut joined = Condition::of(trials, measurements, gaits);
-        let (far, expansion) = joined.expand(measurements, gaits, problem).unzip();
+        let mut first = Condition::at_medians(trials, measurements, gaits);
+        let (far, expansion) = first.expand(measurements, gaits, problem).unzip();
         let mut far = far.unwrap_or_default();
-        joined.trials.retain(|trial| !far.contains(trial));
-        add(joined, expansion.clone());
+        first.trials.retain(|trial| !far.contains(trial));
+        add(first, expansion.clone());
         while let (Some(&farthest), Some(expansion)) = (far.first(), &expansion) {
-            let mut around = Condition::of(vec![farthest], measurements, gaits);
-            let is_near = |trial: &usize| expansion.second_order(&from(&around, *trial)) < NEAR;
-            around.trials = far.iter().copied().filter(is_near).collect();
-            let (missed, own) = around.expand(measurements, gaits, problem).unzip();
-            let missed = missed.unwrap_or_default();
-            around.trials.retain(|trial| !missed.contains(trial));
+            let mut around = Condition::at_medians(vec![farthest], measurements, gaits);
+            let near = far
+                .iter()
+                .copied()
+                .filter(|&trial| expansion.second_order(&from(&around, trial)) < MAX_SECOND_ORDER);
+            around.trials = near.collect();
+            let (too_far, own) = around.expand(measurements, gaits, problem).unzip();
+            let too_far = too_far.unwrap_or_default();
+            around.trials.retain(|trial| !too_far.contains(trial));
             far.retain(|trial| !around.trials.contains(trial));
             add(around, own);
         }
@@ -134,42 +145,49 @@ impl Conditions {
 }
 
 impl Condition {
-    /// At the medians of these trials.
-    fn of(trials: Vec<usize>, measurements: &[Measurement], gaits: &[Option<Gait>]) -> Self {
-        let middle = |of: &dyn Fn(usize) -> f64| median(trials.iter().map(|&k| of(k)).collect());
+    /// Creates a condition at the medians of the trials' frequencies and gaits.
+    fn at_medians(
+        trials: Vec<usize>,
+        measurements: &[Measurement],
+        gaits: &[Option<Gait>],
+    ) -> Self {
+        let median_of =
+            |number: &dyn Fn(usize) -> f64| median(trials.iter().map(|&k| number(k)).collect());
         let first = trials.first().and_then(|&trial| gaits[trial]);
         let gait = first.map(|first| Gait {
             joints: [0, 1].map(|i| {
                 first.joints[i].map(|first| {
                     let joint =
                         |k: usize| gaits[k].and_then(|gait| gait.joints[i]).unwrap_or(first);
-                    let phase_rad =
-                        first.phase_rad + middle(&|k| wrap(joint(k).phase_rad - first.phase_rad));
+                    let turn_rad = median_of(&|k| wrap(joint(k).phase_rad - first.phase_rad));
                     JointCommand {
-                        offset_rad: middle(&|k| joint(k).offset_rad),
-                        amplitude_rad: middle(&|k| joint(k).amplitude_rad),
-                        phase_rad,
+                        offset_rad: median_of(&|k| joint(k).offset_rad),
+                        amplitude_rad: median_of(&|k| joint(k).amplitude_rad),
+                        phase_rad: first.phase_rad + turn_rad,
                         second: first.second,
                     }
                 })
             }),
         });
-        Self { omega_rad_s: middle(&|k| measurements[k].omega_rad_s), gait, trials }
+        Self { omega_rad_s: median_of(&|k| measurements[k].omega_rad_s), gait, trials }
     }
 
-    /// The condition's expansion and the trials that it misses by too much; `None` if all are the
-    /// condition or if there is none.
+    /// Returns the trials for which the error of the condition's expansion is too large, the farthest first, and the
+    /// expansion; `None` if no trial differs from the condition, or if the model has no periodic solution for it.
     fn expand(
         &self,
         measurements: &[Measurement],
         gaits: &[Option<Gait>],
         problem: &impl Fn(Gait, f64) -> Problem,
     ) -> Option<(Vec<usize>, Expansion)> {
-        let differences = |&trial: &usize| {
-            let omega_rad_s = measurements[trial].omega_rad_s;
-            (trial, self.differences(omega_rad_s, gaits[trial].as_ref()))
-        };
-        let mut others: Vec<(usize, Differences)> = self.trials.iter().map(differences).collect();
+        let mut others: Vec<(usize, Differences)> = self
+            .trials
+            .iter()
+            .map(|&trial| {
+                let omega_rad_s = measurements[trial].omega_rad_s;
+                (trial, self.differences(omega_rad_s, gaits[trial].as_ref()))
+            })
+            .collect();
         others.retain(|(_, differences)| differences.iter().any(|of| *of != 0.0));
         let all: Vec<Differences> = others.iter().map(|(_, differences)| *differences).collect();
         if all.is_empty() {
@@ -178,18 +196,19 @@ impl Condition {
         let mut solver = Solver::default();
         let own = problem(self.gait?, self.omega_rad_s);
         let expansion = Expansion::solve(&mut solver, &own, &all).ok()?;
-        let mut is_far = |(trial, differences): &(usize, Differences)| {
-            let own = gaits[*trial].map(|gait| problem(gait, measurements[*trial].omega_rad_s));
-            let solved = own.and_then(|own| solver.solve(&own, REFERENCE_ACCURACY).ok());
-            solved.is_none_or(|metrics| expansion.misses(differences, &metrics) > MISSED)
-        };
-        // From the one for which the most is of second order.
+        // Starting with the trial that has the largest second-order term.
         let size = |of: &(usize, Differences)| expansion.second_order(&of.1);
         others.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.0.cmp(&b.0)));
-        let far = others.iter().take_while(|trial| is_far(trial));
-        Some((far.map(|(trial, _)| *trial).collect(), expansion))
+        let too_far = others.iter().take_while(|(trial, differences)| {
+            let own = gaits[*trial].map(|gait| problem(gait, measurements[*trial].omega_rad_s));
+            let solved = own.and_then(|own| solver.solve(&own, REFERENCE_ACCURACY).ok());
+            solved
+                .is_none_or(|metrics| expansion.error(differences, &metrics) > MAX_EXPANSION_ERROR)
+        });
+        Some((too_far.map(|(trial, _)| *trial).collect(), expansion))
     }
 
+    /// Returns the differences of a frequency and a gait from those of the condition.
     fn differences(&self, omega_rad_s: f64, gait: Option<&Gait>) -> Differences {
         let (Some(own), Some(other)) = (self.gait, gait) else { return [0.0; INPUTS] };
         let mut steps_rad = [[0.0; 3]; 2];
@@ -207,7 +226,8 @@ impl Condition {
         differences
     }
 
-    /// What changes of the numbers of a gait amount to: those of a passive joint to nothing.
+    /// Converts changes in the gait's parameters (offset, amplitude and phase of each joint) to differences of inputs;
+    /// changes for a passive joint are set to zero.
     pub(crate) fn gait_differences(&self, steps_rad: &[[f64; 3]; 2]) -> Differences {
         let mut differences = [0.0; INPUTS];
         let joints = self.gait.map_or([None; 2], |gait| gait.joints);
@@ -222,18 +242,19 @@ impl Condition {
 }
 
 impl Expansion {
-    /// To first order, from a solution's metrics and derivatives.
+    /// Creates a first-order expansion from a solution's metrics and derivatives.
     pub(crate) fn new(metrics: &GaitMetrics, derivatives: &Derivatives) -> Self {
         let [joint1, joint2] = derivatives.gait;
         let by_input = [[derivatives.omega].as_slice(), &joint1, &joint2].concat();
         let first = ByMetric::from_fn(|metric| {
-            let slope = |input: usize| by_input[input][metric];
-            std::array::from_fn(slope).map(|slope| if slope.is_finite() { slope } else { 0.0 })
+            let slopes: Differences = std::array::from_fn(|input| by_input[input][metric]);
+            slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 })
         });
         Self { metrics: *metrics, first, second: ByMetric::splat([[0.0; INPUTS]; INPUTS]) }
     }
 
-    /// To second order in what these differences are in, which differences of the derivatives tell.
+    /// Creates a second-order expansion about the solution of a problem. The second derivatives are central differences
+    /// with respect to those inputs that differ in any of the trials' `differences`.
     pub(crate) fn solve(
         solver: &mut Solver,
         problem: &Problem,
@@ -245,7 +266,8 @@ impl Expansion {
         Ok(expansion)
     }
 
-    /// Adds the second order; the solver is left at another motion nearby.
+    /// Adds second derivatives by central differences; afterwards, the solver's latest solution is one near that of
+    /// `problem`.
     fn add_second_order(
         &mut self,
         solver: &mut Solver,
@@ -270,11 +292,12 @@ impl Expansion {
                 let metrics = solver.solve(&other, REFERENCE_ACCURACY)?;
                 Ok(Self::new(&metrics, &solver.derivatives()?))
             };
-            let (above, below) = (slopes(step)?, slopes(-step)?);
+            let above = slopes(step)?;
+            let below = slopes(-step)?;
             for metric in Metric::ALL {
                 for j in 0..INPUTS {
                     let change = above.first[metric][j] - below.first[metric][j];
-                    // Half of each of the two that should be equal.
+                    // Mixed derivatives are the mean of both orders of differentiation.
                     let half = 0.5 * change / (2.0 * step);
                     self.second[metric][input][j] += half;
                     self.second[metric][j][input] += half;
@@ -284,7 +307,8 @@ impl Expansion {
         Ok(())
     }
 
-    /// Takes over the second order of another expansion, in proportion to the metrics.
+    /// Adopts the second derivatives of another expansion, multiplied by the ratio of this expansion's metrics to the
+    /// other's.
     pub(crate) fn keep_second_order(&mut self, other: Self) {
         self.second = other.second;
         for (metric, second) in self.second.iter_mut() {
@@ -295,16 +319,16 @@ impl Expansion {
         }
     }
 
-    /// What the differences of a trial make of a metric: by the derivatives, and to second order.
+    /// Returns the first- and second-order changes in a metric for a trial with the given input differences.
     fn changes(&self, metric: Metric, differences: &Differences) -> [f64; 2] {
-        let dot = |slopes: &Differences| -> f64 {
+        let along = |slopes: &Differences| -> f64 {
             slopes.iter().zip(differences).map(|(slope, difference)| slope * difference).sum()
         };
-        let second = self.second[metric].each_ref().map(dot);
-        [dot(&self.first[metric]), 0.5 * dot(&second)]
+        let second = self.second[metric].each_ref().map(along);
+        [along(&self.first[metric]), 0.5 * along(&second)]
     }
 
-    /// The metrics with these differences, where the condition's own are `metrics`.
+    /// Returns the metrics of a trial with the given input differences, given the `metrics` of its condition.
     pub(crate) fn metrics_at(
         &self,
         metrics: &GaitMetrics,
@@ -319,38 +343,38 @@ impl Expansion {
         metrics
     }
 
-    /// The metrics that are in the objective over the condition's own.
+    /// Returns the ratios of a trial's metrics to those of its condition, for the metrics in the objective.
     pub(crate) fn ratios(&self, differences: &Differences) -> ByFitted<f64> {
         let is_own = *differences == [0.0; INPUTS];
         ByFitted::from_fn(|metric| match self.metrics[metric] {
             own if is_own || own == 0.0 => 1.0,
-            // Away from where trials were joined, no ratio turns a metric's sign.
+            // Far from the expansion point, the ratio could change sign.
             own => (1.0 + self.changes(metric, differences).iter().sum::<f64>() / own)
-                .clamp(MOST_RATIO.recip(), MOST_RATIO),
+                .clamp(MAX_RATIO.recip(), MAX_RATIO),
         })
     }
 
-    /// What a difference of one of the inputs makes of the metrics, to first order.
+    /// Returns the first-order change in the metrics due to a difference in one input.
     pub(crate) fn effect(&self, input: usize, difference: f64) -> ByFitted<f64> {
         ByFitted::from_fn(|metric| self.first[metric][input] * difference)
     }
 
-    /// The largest part of a metric that is of second order.
+    /// Returns the largest second-order change among the metrics in the objective, relative to the metric itself.
     fn second_order(&self, differences: &Differences) -> f64 {
-        largest_part(|metric| self.changes(metric, differences)[1] / self.metrics[metric])
+        largest_of_metrics(|metric| self.changes(metric, differences)[1] / self.metrics[metric])
     }
 
-    /// The largest part of a metric that is not told.
-    fn misses(&self, differences: &Differences, solved: &GaitMetrics) -> f64 {
+    /// Returns the largest relative error of the expanded metrics, compared with the `solved` ones.
+    fn error(&self, differences: &Differences, solved: &GaitMetrics) -> f64 {
         let ratios = self.ratios(differences);
-        largest_part(|metric| solved[metric] / self.metrics[metric] - ratios[metric])
+        largest_of_metrics(|metric| solved[metric] / self.metrics[metric] - ratios[metric])
     }
 }
 
-/// The largest of the metrics in the objective, of those that are known.
-fn largest_part(part: impl Fn(Metric) -> f64) -> f64 {
-    let parts = Metric::FITTED.into_iter().map(part);
-    parts.filter(|part| part.is_finite()).map(f64::abs).fold(0.0, f64::max)
+/// Returns the largest magnitude of `number` over the metrics in the objective, ignoring values that are not finite.
+fn largest_of_metrics(number: impl Fn(Metric) -> f64) -> f64 {
+    let numbers = Metric::FITTED.into_iter().map(number);
+    numbers.filter(|number| number.is_finite()).map(f64::abs).fold(0.0, f64::max)
 }
 
 #[cfg(test)]
@@ -366,12 +390,12 @@ mod tests {
 
     const SKID_KG_S: [f64; 3] = [80.0, 40.0, 45.0];
 
-    /// Numbers in -1 to 1 that repeat themselves late.
+    /// Returns a quasi-random number from -1 to 1 (golden-ratio sequence).
     fn scattered(number: usize) -> f64 {
         2.0 * (0.618_034 * (number + 1) as f64).fract() - 1.0
     }
 
-    /// Repeats at some frequencies with gaits that differ by up to `spread_rad`.
+    /// Creates repeated trials at four frequencies, with gaits that differ by up to `spread_rad`.
     fn trials(repeats: usize, spread_rad: f64) -> Vec<Measurement> {
         let config = Config::default();
         let (robot, gait) = config.campaign_setup("kinematic-skewed").expect("the paper's");
@@ -417,55 +441,56 @@ mod tests {
         search_from(objective.evaluator(parameters), vec![90.0, 45.0, 50.0])
     }
 
+    /// Returns the largest relative difference between two fits in their coefficients and objectives.
     fn difference(one: &Start, other: &Start) -> f64 {
-        let both = one.ended.iter().zip(&other.ended).chain([(&one.cost, &other.cost)]);
-        both.map(|(one, other)| (one / other - 1.0).abs()).fold(0.0, f64::max)
+        let pairs = one.ended.iter().zip(&other.ended).chain([(&one.cost, &other.cost)]);
+        pairs.map(|(one, other)| (one / other - 1.0).abs()).fold(0.0, f64::max)
     }
 
     #[test]
-    fn trials_that_are_joined_are_fitted_as_each_by_itself() {
+    fn grouped_trials_are_fitted_as_separate_ones() {
         for gait_input in [GaitInput::Commanded, GaitInput::Measured] {
-            let joined = objective(trials(3, 3e-4), gait_input);
-            assert_eq!(joined.conditions.all.len(), 4);
-            let mut separate = joined.clone();
+            let grouped = objective(trials(3, 3e-4), gait_input);
+            assert_eq!(grouped.conditions.all.len(), 4);
+            let mut separate = grouped.clone();
             separate.conditions =
-                Conditions::separate(&joined.measurements, |of| joined.gait_of(of));
+                Conditions::separate(&grouped.measurements, |of| grouped.gait_of(of));
             assert_eq!(separate.conditions.all.len(), 12);
-            let off = difference(&fitted(&joined), &fitted(&separate));
-            assert!(off < 1e-6, "{gait_input}: {off:e}");
+            let difference = difference(&fitted(&grouped), &fitted(&separate));
+            assert!(difference < 1e-6, "{gait_input}: {difference:e}");
         }
     }
 
     #[test]
-    fn copies_of_trials_are_fitted_as_one_of_each() {
+    fn copies_of_trials_are_fitted_as_the_originals() {
         let one = trials(2, 3e-4);
         let copies: Vec<Measurement> =
             one.iter().flat_map(|trial| vec![trial.clone(); 24]).collect();
         for gait_input in [GaitInput::Commanded, GaitInput::Measured] {
             let [one, copies] =
                 [&one, &copies].map(|trials| fitted(&objective(trials.clone(), gait_input)));
-            let off = difference(&one, &copies);
-            assert!(off < 1e-8, "{gait_input}: {off:e}");
+            let difference = difference(&one, &copies);
+            assert!(difference < 1e-8, "{gait_input}: {difference:e}");
         }
     }
 
     #[test]
-    fn a_trial_that_is_far_off_is_a_condition_of_its_own() {
+    fn a_trial_far_from_the_others_is_a_condition_of_its_own() {
         let mut measurements = trials(3, 3e-4);
         measurements[4].gait[0].amplitude_rad += 0.1;
         let conditions = objective(measurements.clone(), GaitInput::Measured).conditions;
         assert_eq!(conditions.all.len(), 5);
-        let (own, differences) = conditions.of_trials[4];
+        let (own, differences) = conditions.by_trial[4];
         assert_eq!((&conditions.all[own].trials[..], differences), (&[4][..], [0.0; INPUTS]));
-        // The command has not changed.
+        // The commanded gait is the same for all trials.
         assert_eq!(objective(measurements.clone(), GaitInput::Commanded).conditions.all.len(), 4);
-        // With others near it, it is one with them.
+        // Trials close to it join its condition.
         let mut others = measurements.clone();
         others.splice(
             4..5,
-            [0.0, 0.0, 1e-4].map(|off_rad| {
+            [0.0, 0.0, 1e-4].map(|difference_rad| {
                 let mut other = measurements[4].clone();
-                other.gait[0].amplitude_rad += off_rad;
+                other.gait[0].amplitude_rad += difference_rad;
                 other
             }),
         );

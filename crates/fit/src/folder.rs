@@ -1,4 +1,4 @@
-//! The tables of a fit, and those that it reads.
+//! Tables that a fit reads and writes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,16 +12,16 @@ use trilink_tables::{
 
 use super::{FitData, Fitted};
 
-/// What is fitted by itself, and can be fitted again alone.
+/// Key of a fit that can be rerun by itself.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FitKey {
-    /// A model to a campaign.
+    /// One model, fitted to one campaign.
     Own { campaign: String, model: Model },
-    /// A model to all campaigns of a robot.
+    /// One model, fitted to all campaigns of a robot.
     Shared { robot: String, model: Model },
 }
 
-/// A row that is of a fit.
+/// Table row that belongs to a fit.
 trait OfFit {
     fn key(&self) -> FitKey;
 }
@@ -62,22 +62,24 @@ table_set! {
     comparison: "comparison.parquet",
     predictions: "predictions.parquet",
     residuals: "residuals.parquet",
-    shared: "shared_fits.parquet",
+    shared: "shared_fits.parquet";
+    whole: precision: "precision.parquet"
 }
 
 const TRIALS: &str = "trials.parquet";
 const ROBOTS: &str = "robot_parameters.parquet";
 
-/// Files that a fit reads, all of them the program's own.
+/// Returns the paths of the tables that a fit reads, each with a flag that is always true: this program wrote the file.
 ///
 /// # Errors
-/// There is no table of trials, or a folder cannot be read.
+/// Returns an error if there is no table of trials, or if a folder cannot be read.
 pub fn input_paths(derived: &Path) -> Result<Vec<(PathBuf, bool)>, StoreError> {
     let trials = derived.join(TRIALS);
     if !is_there(&trials)? {
         return Err(StoreError::NotIngested { path: trials });
     }
-    let (mut paths, robots) = (vec![trials], derived.join(ROBOTS));
+    let mut paths = vec![trials];
+    let robots = derived.join(ROBOTS);
     if is_there(&robots)? {
         paths.push(robots);
     }
@@ -86,11 +88,10 @@ pub fn input_paths(derived: &Path) -> Result<Vec<(PathBuf, bool)>, StoreError> {
 }
 
 impl FitData {
-    /// Reads `trials.parquet`, and where they are there `robot_parameters.parquet` and the trials'
-    /// tables of cycles.
+    /// Reads `trials.parquet` and, if they exist, `robot_parameters.parquet` and the tables of the trials' cycles.
     ///
     /// # Errors
-    /// One of them cannot be read, or a trial or a cycle stands there twice.
+    /// Returns an error if a table cannot be read, or if a trial or a cycle appears twice.
     pub fn read(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
         let trials: Vec<TrialRow> = reader.rows(&derived.join(TRIALS))?;
         let mut cycles = BTreeMap::new();
@@ -111,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_trial_that_stands_twice_in_the_table_does_not_count_twice() {
+    fn a_trial_that_appears_twice_in_the_table_is_an_error() {
         let folder = tempfile::tempdir().expect("a folder");
         let row = |name: &str| TrialRow { trial: name.to_owned(), ..TrialRow::blank() };
         let read = |names: &[&str]| {
@@ -122,11 +123,11 @@ mod tests {
         };
         assert_eq!(read(&["one", "two"]).expect("trials").trials.len(), 2);
         let message = read(&["one", "two", "one"]).expect_err("one stands twice").to_string();
-        assert!(message.ends_with("column `trial`: found `one` twice, needed each once"));
+        assert!(message.ends_with("column `trial`: found `one` twice, needed each value once"));
     }
 
     #[test]
-    fn a_cycle_that_stands_twice_in_the_table_does_not_count_twice() {
+    fn a_cycle_that_appears_twice_in_the_table_is_an_error() {
         let folder = tempfile::tempdir().expect("a folder");
         let made = Provenance { input: String::new() };
         let trial = TrialRow { trial: "one".to_owned(), ..TrialRow::blank() };
@@ -140,6 +141,8 @@ mod tests {
         };
         assert_eq!(read(&[0, 1, 4]).expect("cycles").cycles["one"].len(), 3);
         let message = read(&[0, 1, 1]).expect_err("1 stands twice").to_string();
-        assert!(message.ends_with("column `cycle`: found 1 after 1, needed cycles that rise"));
+        assert!(
+            message.ends_with("column `cycle`: found 1 after 1, needed increasing cycle numbers")
+        );
     }
 }

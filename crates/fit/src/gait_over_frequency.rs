@@ -1,4 +1,4 @@
-//! The gait that drives a model between the frequencies of its trials.
+//! Driving gait of a model at frequencies between those of the trials.
 
 use trilink_robot::{Gait, JointCommand};
 use trilink_statistics::{mean, wrap};
@@ -7,43 +7,45 @@ use trilink_tables::config::GaitInput;
 use super::measurement::Measurement;
 use super::objective::Objective;
 
-/// Standard errors of offset, amplitude and phase of either joint.
+/// Standard errors of offset, amplitude and phase of each joint, rad.
 pub(super) type GaitErrors = [[f64; 3]; 2];
 
-/// The gait that drives a model, at any frequency: the command, or what was measured of it.
+/// Commanded or measured gait that drives a model, as a function of frequency.
 pub(super) struct GaitOverFrequency {
     command: Gait,
-    /// The mean of the gaits measured at each frequency, ascending, and its standard errors; one
-    /// where the command drives.
+    /// Measured frequencies (rad/s) in ascending order, each with the mean measured gait and the standard errors of
+    /// that mean; a single entry with the commanded gait where the command drives the model.
     known: Vec<(f64, Gait, GaitErrors)>,
 }
 
 impl GaitOverFrequency {
-    /// Of an objective of one campaign.
+    /// Prepares the gaits for an objective with a single campaign.
     pub(crate) fn new(objective: &Objective) -> Self {
         let command = objective.protocols[0].gait;
         if objective.gait_input == GaitInput::Commanded {
             return Self { command, known: vec![(0.0, command, [[0.0; 3]; 2])] };
         }
         let frequencies = Measurement::frequencies(&objective.measurements);
-        let at_frequency = |trials: &Vec<usize>| {
-            let trials = trials.iter().map(|&trial| &objective.measurements[trial]);
-            let known: Vec<(&Measurement, Gait)> =
+        let mut known: Vec<(f64, Gait, GaitErrors)> = Vec::new();
+        for trials in frequencies {
+            let trials = trials.into_iter().map(|trial| &objective.measurements[trial]);
+            let measured: Vec<(&Measurement, Gait)> =
                 trials.filter_map(|trial| Some((trial, objective.gait_of(trial)?))).collect();
-            let weight = 1.0 / known.len() as f64;
-            let weighted = known.iter().map(|(_, gait)| (weight, gait));
-            let errors = known.iter().map(|(trial, _)| (weight, &trial.gait_errors_rad));
-            let omega_rad_s = mean(known.iter().map(|(trial, _)| trial.omega_rad_s));
-            let all = || (omega_rad_s, combined(&command, weighted), combined_errors(errors));
-            (!known.is_empty()).then(all)
-        };
-        let mut known: Vec<_> = frequencies.iter().filter_map(at_frequency).collect();
+            if measured.is_empty() {
+                continue;
+            }
+            let weight = 1.0 / measured.len() as f64;
+            let gaits = measured.iter().map(|(_, gait)| (weight, gait));
+            let errors = measured.iter().map(|(trial, _)| (weight, &trial.gait_errors_rad));
+            let omega_rad_s = mean(measured.iter().map(|(trial, _)| trial.omega_rad_s));
+            known.push((omega_rad_s, combined(&command, gaits), combined_errors(errors)));
+        }
         known.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
         Self { command, known }
     }
 
-    /// In proportion between two frequencies that are known, as at the nearest beyond them, with
-    /// standard errors; `None` where no gait was measured.
+    /// Interpolates the gait and its standard errors linearly between measured frequencies; beyond them takes the
+    /// nearest gait. `None` if no gait was measured.
     pub(crate) fn at(&self, omega_rad_s: f64) -> Option<(Gait, GaitErrors)> {
         let after = self.known.partition_point(|(known, ..)| *known <= omega_rad_s);
         let (low, below, errors_below) = self.known.get(after.saturating_sub(1))?;
@@ -51,22 +53,25 @@ impl GaitOverFrequency {
         if high <= low || omega_rad_s <= *low {
             return Some((*below, *errors_below));
         }
-        let part = (omega_rad_s - low) / (high - low);
-        let weighted = [(1.0 - part, below), (part, above)];
-        let errors = [(1.0 - part, errors_below), (part, errors_above)];
+        let fraction = (omega_rad_s - low) / (high - low);
+        let weighted = [(1.0 - fraction, below), (fraction, above)];
+        let errors = [(1.0 - fraction, errors_below), (fraction, errors_above)];
         Some((combined(&self.command, weighted.into_iter()), combined_errors(errors.into_iter())))
     }
 }
 
-/// Standard errors of a weighted mean of independent gaits.
+/// Returns the standard errors of a weighted mean of independent gaits.
 fn combined_errors<'e>(errors: impl Iterator<Item = (f64, &'e GaitErrors)> + Clone) -> GaitErrors {
-    let squares = |joint: usize, number: usize| -> f64 {
-        errors.clone().map(|(weight, errors)| (weight * errors[joint][number]).powi(2)).sum()
-    };
-    std::array::from_fn(|joint| std::array::from_fn(|number| squares(joint, number).sqrt()))
+    std::array::from_fn(|joint| {
+        std::array::from_fn(|number| {
+            let errors = errors.clone();
+            let squares = errors.map(|(weight, errors)| (weight * errors[joint][number]).powi(2));
+            squares.sum::<f64>().sqrt()
+        })
+    })
 }
 
-/// Weighted mean of gaits that follow one command; phases by the shorter way around.
+/// Returns the weighted mean of gaits that follow one command; phases are averaged as differences from the command.
 fn combined<'g>(command: &Gait, gaits: impl Iterator<Item = (f64, &'g Gait)> + Clone) -> Gait {
     let joint = |i: usize, command: JointCommand| {
         let start = JointCommand { offset_rad: 0.0, amplitude_rad: 0.0, ..command };
@@ -97,10 +102,10 @@ mod tests {
             let (gait, _) = gaits.at(omega_rad_s).expect("known");
             gait.joints[0].expect("commanded").offset_rad
         };
-        // Repeats that are a little slower than their mean.
+        // Just outside the known range, the nearest known gait applies.
         assert_eq!([1.9, 2.0, 4.0, 4.1].map(offset_rad), [0.1, 0.1, 0.3, 0.3]);
         assert!((offset_rad(3.0) - 0.2).abs() < 1e-12);
-        // Errors of two that are independent.
+        // Standard errors of two independent gaits.
         let errors_rad =
             [2.0, 3.0].map(|omega_rad_s| gaits.at(omega_rad_s).expect("known").1[1][2]);
         assert!((errors_rad[0] - 0.3).abs() < 1e-12 && (errors_rad[1] - 0.25).abs() < 1e-12);

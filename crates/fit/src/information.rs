@@ -1,102 +1,103 @@
-//! What single trials tell of a fitted model's coefficients, to first order: those that were fitted,
-//! and any other that could be made. How well that would measure is a power of its frequency
-//! ([`super::tell_apart`]).
+//! First-order information that single trials give about the coefficients of a fitted model, for fitted trials and for
+//! candidates. The noise of a candidate trial is modelled as a power of its frequency ([`super::discrimination`]).
 
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
-use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
+use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_robot::{Gait, JointCommand, Robot};
 use trilink_tables::{Columns as _, Extrapolation};
 
+use super::discrimination::NoiseModel;
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::GaitOverFrequency;
 use super::input::FreeParameter;
 use super::least_absolute::{Residual, minimise};
 use super::measured_range::MeasuredRange;
 use super::measurement::Measurement;
-use super::resampler::Resampler;
 use super::search::limits;
-use super::tell_apart::Noise;
 use super::terms::Response;
+use super::variation::Variation;
 
-/// What one trial tells, relative to its metrics.
+/// Information that one trial gives about the coefficients. All changes are relative to the trial's metrics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialInformation {
     pub metrics: GaitMetrics,
-    /// Weights in the objective; zero of what is not measured.
+    /// Weights in the objective; zero for metrics that are not measured.
     pub weights: ByFitted<f64>,
-    /// Changes of the metrics with the logarithm of each free parameter.
+    /// Changes in the metrics per unit of the logarithm of each free parameter.
     pub slopes: Vec<ByFitted<f64>>,
-    /// Standard deviations of what a measurement is off by. d and v are one measurement.
+    /// Relative standard deviations of the measured metrics due to noise; d and v count as one measurement.
     pub noise: ByFitted<f64>,
-    /// Changes with a standard error of each number of the measured gait.
+    /// Changes in the metrics per standard error of each parameter of the measured gait.
     pub by_gait: Vec<ByFitted<f64>>,
-    /// Changes with each of the robot's uncertain numbers off by its standard deviation.
+    /// Changes in the metrics when each uncertain robot parameter is increased by its standard deviation.
     pub by_assumed: Vec<ByFitted<f64>>,
 }
 
-/// Trials of a fitted model.
+/// Information that trials give about the coefficients of a fitted model.
 pub struct FitInformation<'f> {
     point: &'f FittedPoint<'f>,
-    resampler: &'f Resampler,
-    /// Shifts of the logarithms of the free parameters.
+    variation: &'f Variation<'f>,
+    /// Shifts of the logarithms of the free parameters in each replicate.
     replicates: &'f [Vec<f64>],
-    others: &'f [Robot],
+    /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
+    perturbed_robots: &'f [Robot],
     gaits: GaitOverFrequency,
-    noise: Noise,
-    /// Metrics that any trial has.
+    noise: NoiseModel,
+    /// For each metric, whether any trial has a term for it in the objective.
     measured: ByFitted<bool>,
 }
 
 impl<'f> FitInformation<'f> {
     pub(super) fn new(
         point: &'f FittedPoint<'f>,
-        resampler: &'f Resampler,
+        variation: &'f Variation<'f>,
         replicates: &'f [Vec<f64>],
-        others: &'f [Robot],
+        perturbed_robots: &'f [Robot],
     ) -> Self {
         let objective = point.evaluator.objective;
-        let has = |metric: Metric| {
+        let measured = ByFitted::from_fn(|metric| {
             let mut terms = objective.measurements.iter().flat_map(|of| objective.terms(of));
             terms.any(|(of, ..)| of == metric)
-        };
+        });
         Self {
             point,
-            resampler,
+            variation,
             replicates,
-            others,
+            perturbed_robots,
             gaits: GaitOverFrequency::new(objective),
-            noise: Noise::new(resampler),
-            measured: ByFitted::from_fn(has),
+            noise: NoiseModel::new(&objective.measurements, &variation.noises()),
+            measured,
         }
     }
 
-    /// The free parameters, and their fitted values.
+    /// Returns the free parameters with their fitted values.
     pub fn free(&self) -> impl Iterator<Item = (&FreeParameter, f64)> {
         self.point.evaluator.parameters.iter().zip(self.point.values.iter().copied())
     }
 
-    /// What the logarithms of the free parameters are shifted by in each replicate.
+    /// Returns the shifts of the logarithms of the free parameters in each replicate.
     pub fn replicates(&self) -> &[Vec<f64>] {
         self.replicates
     }
 
-    /// The gait that is commanded.
+    /// Returns the campaign's commanded gait.
     pub fn command(&self) -> Gait {
         self.point.evaluator.objective.protocols[0].gait
     }
 
-    /// Whether the measured gait drives the model.
+    /// Whether the measured gait, rather than the command, drives the model.
     pub(crate) fn is_driven_as_measured(&self) -> bool {
         self.point.evaluator.objective.is_driven_as_measured()
     }
 
-    /// Lowest and highest frequency of the trials, rad/s.
+    /// Returns the lowest and the highest frequency of the trials, rad/s.
     pub fn range_rad_s(&self) -> [f64; 2] {
         trilink_statistics::extremes(self.measurements().iter().map(|of| of.omega_rad_s))
     }
 
-    /// Whether a trial with a commanded gait at a frequency is beyond those that were fitted.
+    /// Returns whether a trial with the given commanded gait and frequency lies outside the range of the fitted trials,
+    /// and in which quantities.
     pub fn extrapolation(&self, command: Gait, omega_rad_s: f64) -> Extrapolation {
         let objective = self.point.evaluator.objective;
         let problem = objective.problem(&objective.robot, command, omega_rad_s);
@@ -108,59 +109,55 @@ impl<'f> FitInformation<'f> {
         &self.point.evaluator.objective.measurements
     }
 
+    /// Returns the values of the free parameters for given shifts of their logarithms from the fit.
     fn values(&self, shifts: &[f64]) -> Vec<f64> {
-        let both = self.point.values.iter().zip(shifts);
-        both.map(|(value, shift)| value * shift.exp()).collect()
+        let pairs = self.point.values.iter().zip(shifts);
+        pairs.map(|(value, shift)| value * shift.exp()).collect()
     }
 
-    /// The trials that were fitted, at these shifts of the coefficients' logarithms; those are left out
-    /// of which the model has no motion there. With `assumed` also what the robot's uncertain numbers
-    /// make of them.
+    /// Returns the information of the fitted trials at the given shifts of the coefficients' logarithms. Trials for
+    /// which the model has no periodic solution are left out. `assumed` adds the changes due to the uncertain robot
+    /// parameters.
     pub fn trials(&self, shifts: &[f64], assumed: bool) -> Vec<TrialInformation> {
         let objective = self.point.evaluator.objective;
         let values = self.values(shifts);
         let mut evaluator = self.point.evaluator.clone();
         let metrics = evaluator.metrics(&values);
         let responses = evaluator.responses(&values, &metrics);
-        let others = if assumed { self.others } else { &[] };
-        let conditions = &objective.conditions;
-        let assumed: Vec<Vec<Option<GaitMetrics>>> = others
-            .par_iter()
-            .map(|other| {
-                let mut solver = Solver::default();
-                let mut of = |condition| {
-                    let robot = self.with_values(other, &values);
-                    let problem = objective.problem_of(&robot, condition).ok()?;
-                    solver.solve(&problem, FIT_ACCURACY).ok()
-                };
-                conditions.all.iter().map(&mut of).collect()
-            })
-            .collect();
-        let noises = self.resampler.noises();
-        let of_trial = |(trial, measurement): (usize, &Measurement)| {
-            let (condition, _) = conditions.of_trials[trial];
-            let response = responses[condition].as_ref()?;
-            let mut weights = ByFitted::splat(0.0);
-            objective.terms(measurement).for_each(|(metric, weight, _)| weights[metric] = weight);
-            let own = measurement.metrics;
-            let by_gait = &self.point.gait_effects[trial];
-            let relative = |of: &ByFitted<f64>| ByFitted::from_fn(|i| known(of[i] / own[i]));
-            Some(TrialInformation {
-                metrics: response.metrics,
-                weights,
-                slopes: slopes(response),
-                noise: relative(&noises[trial]),
-                by_gait: by_gait.iter().map(relative).collect(),
-                by_assumed: assumed
+        let perturbed = if assumed { self.perturbed_robots } else { &[] };
+        let assumed: Vec<Vec<Option<GaitMetrics>>> =
+            perturbed.par_iter().map(|robot| self.point.metrics_of_robot(robot, &values)).collect();
+        let noises = self.variation.noises();
+        let trials = self.measurements().iter().enumerate();
+        trials
+            .filter_map(|(trial, measurement)| {
+                let (condition, _) = objective.conditions.by_trial[trial];
+                let response = responses[condition].as_ref()?;
+                let mut weights = ByFitted::splat(0.0);
+                for (metric, weight, _) in objective.terms(measurement) {
+                    weights[metric] = weight;
+                }
+                let own = measurement.metrics;
+                let relative = |of: &ByFitted<f64>| ByFitted::from_fn(|i| known(of[i] / own[i]));
+                let by_assumed = assumed
                     .iter()
                     .map(|of| changes(&response.metrics, of[condition].as_ref()))
-                    .collect(),
+                    .collect();
+                Some(TrialInformation {
+                    metrics: response.metrics,
+                    weights,
+                    slopes: response.relative_slopes(),
+                    noise: relative(&noises[trial]),
+                    by_gait: self.point.gait_effects[trial].iter().map(relative).collect(),
+                    by_assumed,
+                })
             })
-        };
-        self.measurements().iter().enumerate().filter_map(of_trial).collect()
+            .collect()
     }
 
-    /// A trial with a commanded gait at a frequency, at these shifts; `None` where it has no stable motion.
+    /// Returns the information of a candidate trial with the given commanded gait and frequency, at the given shifts of
+    /// the coefficients' logarithms; `None` if the model has no stable solution. `assumed` adds the changes due to the
+    /// uncertain robot parameters.
     pub fn candidate(
         &self,
         command: Gait,
@@ -170,7 +167,8 @@ impl<'f> FitInformation<'f> {
     ) -> Option<TrialInformation> {
         let mut solver = Solver::default();
         let objective = self.point.evaluator.objective;
-        let robot = self.with_values(&objective.robot, &self.values(shifts));
+        let values = self.values(shifts);
+        let robot = self.point.with_values(&objective.robot, &values);
         let gait = self.driven_by(command, omega_rad_s)?;
         let problem = objective.problem(&robot, gait, omega_rad_s);
         let metrics = solver.solve(&problem, FIT_ACCURACY).ok()?;
@@ -178,32 +176,34 @@ impl<'f> FitInformation<'f> {
             return None;
         }
         let free: Vec<_> = self.free().map(|(free, _)| free.parameter).collect();
-        let by_gait = match self.is_driven_as_measured() {
-            true => self.gait_effects(&mut solver, &metrics, omega_rad_s)?,
-            false => Vec::new(),
+        let by_gait = if self.is_driven_as_measured() {
+            self.gait_effects(&mut solver, &metrics, omega_rad_s)?
+        } else {
+            Vec::new()
         };
-        let response = Response::of_last(&mut solver, metrics, &robot, &free).ok()?;
+        let response = Response::from_last_motion(&mut solver, metrics, &robot, &free).ok()?;
         let noise = self.noise.at(omega_rad_s);
         let weights = objective.protocols[0].term_weights();
         let is_measured = |i: Metric| self.measured[i] && noise[i] > 0.0;
-        let others = if assumed { self.others } else { &[] };
-        let by_assumed = others.iter().map(|other| {
+        let perturbed = if assumed { self.perturbed_robots } else { &[] };
+        let by_assumed = perturbed.iter().map(|robot| {
             let problem =
-                Problem { robot: self.with_values(other, &self.values(shifts)), ..problem.clone() };
+                Problem { robot: self.point.with_values(robot, &values), ..problem.clone() };
             changes(&metrics, solver.solve(&problem, FIT_ACCURACY).ok().as_ref())
         });
         Some(TrialInformation {
             metrics,
             weights: ByFitted::from_fn(|i| if is_measured(i) { weights[i] } else { 0.0 }),
-            slopes: slopes(&response),
+            slopes: response.relative_slopes(),
             noise: noise.map(known),
             by_gait,
             by_assumed: by_assumed.collect(),
         })
     }
 
-    /// What the nearest trial's standard errors of the measured gait make of the metrics of the motion
-    /// that was solved for last.
+    /// Returns the relative changes in `metrics`, those of the solver's last solution, per standard error of each
+    /// parameter of the measured gait. The standard errors are those of the trial that is nearest in frequency. `None`
+    /// if the solution has no derivatives.
     fn gait_effects(
         &self,
         solver: &mut Solver,
@@ -214,21 +214,23 @@ impl<'f> FitInformation<'f> {
         let distance = |of: &Measurement| (of.omega_rad_s / omega_rad_s).ln().abs();
         let nearest = self.measurements().iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
         let errors_rad = nearest.map_or([[0.0; 3]; 2], |of| of.gait_errors_rad);
-        let both = derivatives.as_flattened().iter().zip(errors_rad.as_flattened());
-        let effect = |(of, error_rad): (&GaitMetrics, &f64)| {
-            ByFitted::from_fn(|i| known(of[i] * error_rad / metrics[i]))
-        };
-        Some(both.map(effect).collect())
+        let pairs = derivatives.as_flattened().iter().zip(errors_rad.as_flattened());
+        let effects = pairs.map(|(derivative, error_rad)| {
+            ByFitted::from_fn(|i| known(derivative[i] * error_rad / metrics[i]))
+        });
+        Some(effects.collect())
     }
 
-    /// The gait that drives the model under a command: where it is measured, the command and what the
-    /// measured ones differ by from the campaign's.
+    /// Returns the gait that drives the model for a given command and frequency; `None` if no gait was measured. Where
+    /// measured gaits drive the model, it is the command changed by the mean deviation of the measured gaits from the
+    /// campaign's command at that frequency.
     fn driven_by(&self, command: Gait, omega_rad_s: f64) -> Option<Gait> {
         let own = self.command();
         let (measured, _) = self.gaits.at(omega_rad_s)?;
         let joint = |i: usize| {
-            let (command, own, measured) =
-                (command.joints[i]?, own.joints[i]?, measured.joints[i]?);
+            let command = command.joints[i]?;
+            let own = own.joints[i]?;
+            let measured = measured.joints[i]?;
             Some(JointCommand {
                 offset_rad: command.offset_rad + measured.offset_rad - own.offset_rad,
                 amplitude_rad: command.amplitude_rad * measured.amplitude_rad / own.amplitude_rad,
@@ -239,21 +241,14 @@ impl<'f> FitInformation<'f> {
         Some(Gait { joints: [0, 1].map(joint) })
     }
 
-    fn with_values(&self, robot: &Robot, values: &[f64]) -> Robot {
-        let mut robot = robot.clone();
-        let free = &self.point.evaluator.parameters;
-        free.iter().zip(values).for_each(|(free, value)| free.parameter.set(&mut robot, *value));
-        robot
-    }
-
-    /// Shifts of the coefficients' logarithms with which the model, linearised, is nearest to trials
-    /// whose metrics are off those of the fit by these parts; within the coefficients' bounds.
-    pub fn nearest(&self, trials: &[&TrialInformation], off: &[ByFitted<f64>]) -> Vec<f64> {
-        let residuals = trials.iter().zip(off).flat_map(|(trial, off)| {
+    /// Returns the shifts of the coefficients' logarithms, within their bounds, for which the linearised model comes
+    /// closest to `trials` whose metrics differ from those of the fit by the relative `deviations`.
+    pub fn nearest(&self, trials: &[&TrialInformation], deviations: &[ByFitted<f64>]) -> Vec<f64> {
+        let residuals = trials.iter().zip(deviations).flat_map(|(trial, deviation)| {
             let terms = Metric::FITTED.into_iter().filter(|i| trial.weights[*i] > 0.0);
             terms.map(move |i| {
                 let slope = trial.slopes.iter().map(|of| of[i]).collect();
-                Residual::single(off[i], trial.weights[i], slope)
+                Residual::single(deviation[i], trial.weights[i], slope)
             })
         });
         let residuals: Vec<Residual> = residuals.collect();
@@ -262,20 +257,13 @@ impl<'f> FitInformation<'f> {
     }
 }
 
-/// Changes with the logarithm of each free parameter, relative.
-fn slopes(response: &Response) -> Vec<ByFitted<f64>> {
-    let metrics = response.metrics;
-    let relative = |of: &ByMetric<f64>| ByFitted::from_fn(|i| known(of[i] / metrics[i]));
-    response.d_metrics_d_logarithm.iter().map(relative).collect()
-}
-
-/// What another motion has more than this one, relative; nothing where there is none.
-fn changes(metrics: &GaitMetrics, other: Option<&GaitMetrics>) -> ByFitted<f64> {
+/// Returns the relative changes from `metrics` to `other`; zero if `other` is `None`.
+pub(super) fn changes(metrics: &GaitMetrics, other: Option<&GaitMetrics>) -> ByFitted<f64> {
     let other = other.unwrap_or(metrics);
     ByFitted::from_fn(|i| known(other[i] / metrics[i] - 1.0))
 }
 
-/// Zero where a metric is missing or none.
+/// Returns the value, or zero if it is not finite.
 fn known(value: f64) -> f64 {
     if value.is_finite() { value } else { 0.0 }
 }

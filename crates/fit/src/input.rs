@@ -1,6 +1,6 @@
-//! What a fit reads of the configuration, and what that leaves free.
+//! Inputs of a fit from the configuration, and its free parameters.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 use trilink_robot::decay::DecayLaw;
@@ -12,41 +12,46 @@ use trilink_tables::config::{
 };
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
-    Contradiction, ContradictionKind, CycleRow, Resistance, RobotParameterRow, RobotQuantity, hash,
+    Contradiction, ContradictionKind, CycleRow, Resistance, RobotParameterRow, RobotQuantity,
+    UnlikeRepeats, hash,
 };
 
 use super::{FitData, FitKey, Measurement, Protocol};
 
-/// What is measured of a robot and is not what is configured differs from it by more than so many
-/// standard errors, and by more than this part.
-const MOST_ERRORS: f64 = 5.0;
-const MOST_PART: f64 = 0.05;
+/// Deviation of a measured robot parameter from its configured value, in standard errors of the measurement, above
+/// which the two contradict each other, provided that [`MAX_LOG_RATIO`] is exceeded as well.
+const MAX_STANDARD_ERRORS: f64 = 5.0;
+/// Magnitude of the logarithm of the ratio of a measured robot parameter to its configured value above which the two
+/// contradict each other, provided that [`MAX_STANDARD_ERRORS`] is exceeded as well.
+const MAX_LOG_RATIO: f64 = 0.05;
 
-/// What one model of one campaign is fitted with.
+/// Configuration that the fit of one model to one campaign depends on.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitInput {
     pub campaign: NamedEntry<FitCampaign>,
-    /// Without its list of what is free where the campaign has one.
+    /// Model to fit; its own list of free parameters is cleared if the campaign has one.
     pub model: NamedEntry<ModelConfig, Model>,
     pub robot: NamedEntry<RobotConfig>,
     pub gait: NamedEntry<GaitConfig>,
-    /// What the fit does not read, such as bounds of what is not free, has its default.
+    /// Settings of the fit. Settings that the fit does not read, such as the bounds of fixed parameters, have their
+    /// default values.
     pub fit: Fit,
 }
 
-/// The keys of a campaign that a fit reads.
+/// Configuration keys of a campaign that a fit reads.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FitCampaign {
     pub weights: Weights,
-    /// What the model leaves free, if the configuration says so.
+    /// Parameters that the campaign leaves free in this model; `None` if the configuration does not list them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free: Option<Free>,
 }
 
-type Measured = (Parameter, fn(&RobotParameterRow) -> Estimate);
+/// Robot parameter, and the function that reads its estimate from a row for joint-release or coast-down trials.
+type MeasuredParameter = (Parameter, fn(&RobotParameterRow) -> Estimate);
 
-/// The parameters that joint-release and coast-down trials measure.
-const MEASURED: [Measured; 4] = [
+/// Parameters that joint-release and coast-down trials measure.
+const MEASURED: [MeasuredParameter; 4] = [
     (Quantity::Stiffness.one(), |row| row.stiffness_nm_rad),
     (Quantity::Damping.one(), |row| row.damping_nm_s_rad),
     (Quantity::Roll.sum(), |row| row.roll_sum_kg_s),
@@ -54,22 +59,23 @@ const MEASURED: [Measured; 4] = [
 ];
 
 impl FitInput {
-    /// Those of all models of all campaigns, in the configuration's order.
+    /// Returns the inputs for all models of all campaigns, in the order of the configuration.
     pub fn all(config: &Config) -> Vec<Self> {
         let campaigns = config.campaign.iter();
         let fits = campaigns.flat_map(|(name, of)| of.models.iter().map(move |&m| (name, m)));
         fits.filter_map(|(campaign, model)| Self::new(config, campaign, model)).collect()
     }
 
-    /// Those of one model; `None` if there is no such campaign.
+    /// Returns the input for one model of one campaign; `None` if the configuration has no such campaign or model.
     pub fn new(config: &Config, campaign: &str, model: Model) -> Option<Self> {
-        let of = config.campaign.get(campaign)?;
-        let value = FitCampaign { weights: of.weights, free: of.free.get(&model).cloned() };
+        let configured = config.campaign.get(campaign)?;
+        let value =
+            FitCampaign { weights: configured.weights, free: configured.free.get(&model).cloned() };
         let mut input = Self {
             campaign: NamedEntry { name: campaign.to_owned(), value },
-            model: NamedEntry::of(&config.model, &model)?,
-            robot: NamedEntry::of(&config.robot, &of.robot)?,
-            gait: NamedEntry::of(&config.gait, &of.gait)?,
+            model: NamedEntry::find(&config.model, &model)?,
+            robot: NamedEntry::find(&config.robot, &configured.robot)?,
+            gait: NamedEntry::find(&config.gait, &configured.gait)?,
             fit: Fit { shared: None, ..config.fit.clone() },
         };
         if input.campaign.value.free.is_some() {
@@ -85,7 +91,8 @@ impl FitInput {
             copy_bounds(&mut read, fit, parameter);
         }
         if free.is_empty() {
-            (fit.starts, fit.profiles) = (1, false);
+            fit.starts = 1;
+            fit.profiles = false;
         }
         if input.model.value.input.is_some() {
             fit.gait_input = read.gait_input;
@@ -97,71 +104,91 @@ impl FitInput {
         FitKey::Own { campaign: self.campaign.name.clone(), model: self.model.name }
     }
 
-    /// What the campaign's trials measured, in order.
+    /// Returns the names of the campaign's trials that are unlike their repeats, which are not fitted.
+    pub(crate) fn unlike_repeats(&self, data: &FitData) -> BTreeSet<String> {
+        let trials = UnlikeRepeats::find(&data.trials).into_iter().map(|of| &data.trials[of.index]);
+        let own = trials.filter(|trial| trial.campaign == self.campaign.name);
+        own.map(|trial| trial.trial.clone()).collect()
+    }
+
+    /// Returns the measurements of the campaign's trials, sorted by [`Measurement::order`].
     pub fn measurements(&self, data: &FitData) -> Vec<Measurement> {
-        let trials = data.trials.iter().filter(|trial| trial.campaign == self.campaign.name);
+        let unlike = self.unlike_repeats(data);
+        let trials = data
+            .trials
+            .iter()
+            .filter(|trial| trial.campaign == self.campaign.name && !unlike.contains(&trial.trial));
         let mut measurements: Vec<Measurement> =
             trials.filter_map(|trial| Measurement::new(trial, self.fit.sigma)).collect();
         measurements.sort_by(Measurement::order);
         measurements
     }
 
-    /// How many trials the campaign has that measured nothing.
+    /// Counts the campaign's trials without usable metrics.
     pub fn trials_without_metrics(&self, data: &FitData) -> usize {
         let trials = data.trials.iter().filter(|trial| trial.campaign == self.campaign.name);
         trials.filter(|trial| Measurement::new(trial, self.fit.sigma).is_none()).count()
     }
 
-    /// Hash of what the fit reads of each trial. Numbers are printed such that they can be told apart.
+    /// Returns, by trial name, a hash of everything that the fit reads from the trial. The hash is computed from the
+    /// debug format, which represents numbers exactly.
     pub fn trials(&self, data: &FitData) -> BTreeMap<String, String> {
-        let of_trial = |measurement: Measurement| {
-            let cycles = data.cycles.get(&measurement.trial).map_or(&[][..], Vec::as_slice);
-            let used: Vec<&CycleRow> = cycles.iter().filter(|row| row.used).collect();
-            let hash = hash(format!("{measurement:?} {used:?}").as_bytes());
-            (measurement.trial, hash)
-        };
-        self.measurements(data).into_iter().map(of_trial).collect()
+        let measurements = self.measurements(data).into_iter();
+        measurements
+            .map(|measurement| {
+                let cycles = data.cycles.get(&measurement.trial).map_or(&[][..], Vec::as_slice);
+                let used: Vec<&CycleRow> = cycles.iter().filter(|row| row.used).collect();
+                let hash = hash(format!("{measurement:?} {used:?}").as_bytes());
+                (measurement.trial, hash)
+            })
+            .collect()
     }
 
-    /// What trials of other kinds say of the robot.
-    fn of_robot<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
+    /// Returns the rows of joint-release and coast-down trials with measured parameters of the campaign's robot.
+    fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
         data.robots.iter().filter(|row| row.robot == self.robot.name)
     }
 
-    /// Those that follow the model's laws: of rolling its own, in the joint no dry friction.
-    fn robot_rows<'d>(&self, data: &'d FitData) -> impl Iterator<Item = &'d RobotParameterRow> {
-        let of_roll = match self.model.value.roll {
+    /// Returns the rows of measured robot parameters that agree with the model's laws: those of coast-downs with the
+    /// same law of rolling resistance, and those of joint releases without dry friction in the joint.
+    fn applicable_rows<'d>(
+        &self,
+        data: &'d FitData,
+    ) -> impl Iterator<Item = &'d RobotParameterRow> {
+        let roll_law = match self.model.value.roll {
             RollLaw::None | RollLaw::Viscous => DecayLaw::Viscous,
             RollLaw::Coulomb => DecayLaw::Coulomb,
             RollLaw::CoulombViscous => DecayLaw::CoulombViscous,
         };
-        self.of_robot(data).filter(move |row| {
+        self.robot_rows(data).filter(move |row| {
             let is_coast = row.kind == TrialKind::CoastDown;
-            row.law == Some(if is_coast { of_roll } else { DecayLaw::Viscous })
+            row.law == Some(if is_coast { roll_law } else { DecayLaw::Viscous })
         })
     }
 
-    /// Hash of all of it.
+    /// Returns a hash of everything that the fit reads from the measured robot parameters.
     pub fn robots(&self, data: &FitData) -> String {
-        let values = |row: &RobotParameterRow| (row.law, MEASURED.map(|(_, of)| of(row)));
-        let rows: Vec<(Option<DecayLaw>, [Estimate; 4])> =
-            self.of_robot(data).map(values).collect();
+        let rows: Vec<(Option<DecayLaw>, i64, [Estimate; 4])> = self
+            .robot_rows(data)
+            .map(|row| (row.law, row.pooled_trials, MEASURED.map(|(_, estimate)| estimate(row))))
+            .collect();
         hash(format!("{rows:?}").as_bytes())
     }
 
-    /// The robot, if the configuration asks for it with the means over its trials, where there
-    /// are any, of what these measure (the proportions of the roll resistances stay as
-    /// configured); and which parameters these are.
+    /// Returns the robot, and the list of those of its parameters that have measured values. If the configuration asks
+    /// for measured values, each is the mean over the trials that measured the parameter; otherwise the list is empty.
+    /// The wheels' shares of the rolling resistance stay as configured.
     pub(super) fn measured_robot(&self, data: &FitData) -> (Robot, Vec<Parameter>) {
-        let (mut robot, mut measured) = (self.robot.value.to_robot(), Vec::new());
+        let mut robot = self.robot.value.to_robot();
+        let mut measured = Vec::new();
         if self.fit.robot_parameters == ParameterSource::Configured {
             return (robot, measured);
         }
-        for (parameter, of) in MEASURED {
-            let values = self.robot_rows(data).map(|row| of(row).value);
+        for (parameter, estimate) in MEASURED {
+            let values = self.applicable_rows(data).map(|row| estimate(row).value);
             let mut values: Vec<f64> =
                 values.filter(|value| *value > 0.0 && value.is_finite()).collect();
-            // The mean does not depend on the order of the trials.
+            // Sort, so that the mean does not depend on the order of the trials.
             values.sort_by(f64::total_cmp);
             if !values.is_empty() {
                 parameter.set(&mut robot, mean(values));
@@ -171,25 +198,27 @@ impl FitInput {
         (robot, measured)
     }
 
-    /// What a trial tells of the robot that the model has not, or that is not what is configured.
+    /// Returns a contradiction between the robot's trials and the model or the configuration: a resistance that the
+    /// model lacks, or a parameter that differs from its configured value. `None` if there is no contradiction.
     pub fn contradiction(&self, data: &FitData) -> Option<Contradiction> {
         self.missing_law(data).or_else(|| self.wrong_number(data))
     }
 
-    /// What resists the motion of a trial, where nothing does so in the model.
+    /// Returns the resistances that a trial of the robot shows but the model lacks; `None` if there is no such trial.
     fn missing_law(&self, data: &FitData) -> Option<Contradiction> {
         let roll = self.model.value.roll;
-        self.of_robot(data).find_map(|row| {
+        self.robot_rows(data).find_map(|row| {
             let law = row.law?;
             let is_coast = row.kind == TrialKind::CoastDown;
-            let parts = [
+            let resistances = [
                 (Resistance::ViscousRoll, is_coast && law.is_viscous() && !roll.is_viscous()),
                 (Resistance::DryRoll, is_coast && law.is_dry() && !roll.is_dry()),
                 (Resistance::DryJoint, !is_coast && law.is_dry()),
             ];
-            let missing =
-                parts.into_iter().filter_map(|(part, is_missing)| is_missing.then_some(part));
-            let missing: Vec<Resistance> = missing.collect();
+            let missing: Vec<Resistance> = resistances
+                .into_iter()
+                .filter_map(|(resistance, is_missing)| is_missing.then_some(resistance))
+                .collect();
             (!missing.is_empty()).then(|| Contradiction {
                 kind: ContradictionKind::MissingLaw,
                 trial: row.trial.clone(),
@@ -203,21 +232,21 @@ impl FitInput {
         })
     }
 
-    /// A number that is not what is configured, the one by most: beyond [`MOST_ERRORS`] standard errors and
-    /// [`MOST_PART`] of it. Nothing where what is measured is used.
+    /// Returns the measured parameter that deviates most from its configured value; `None` if none deviates by more
+    /// than both [`MAX_STANDARD_ERRORS`] and [`MAX_LOG_RATIO`], or if the fit uses the measured values.
     fn wrong_number(&self, data: &FitData) -> Option<Contradiction> {
         if self.fit.robot_parameters == ParameterSource::Measured {
             return None;
         }
-        let off = |of: &RobotQuantity| of.times_configured().ln().abs();
-        let is_off = |of: &RobotQuantity| {
+        let quantities = self.applicable_rows(data).flat_map(|row| {
+            row.quantities().map(move |of| (of.times_configured().ln().abs(), row, of))
+        });
+        let wrong = quantities.filter(|(log_ratio, _, of)| {
             let errors = (of.measured.value - of.configured).abs() / of.measured.se;
-            errors > MOST_ERRORS && off(of) > MOST_PART && off(of).is_finite()
-        };
-        let told = self.robot_rows(data).flat_map(|row| row.quantities().map(move |of| (row, of)));
-        let told = told.filter(|(_, of)| is_off(of));
-        let (row, of) = told.max_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)))?;
-        let RobotQuantity { name, unit, measured, configured } = of;
+            errors > MAX_STANDARD_ERRORS && *log_ratio > MAX_LOG_RATIO && log_ratio.is_finite()
+        });
+        let (_, row, quantity) = wrong.max_by(|(a, ..), (b, ..)| a.total_cmp(b))?;
+        let RobotQuantity { name, unit, measured, configured } = quantity;
         Some(Contradiction {
             kind: ContradictionKind::WrongNumber,
             trial: row.trial.clone(),
@@ -230,63 +259,74 @@ impl FitInput {
         })
     }
 
-    /// The robot with each of its parameters in turn off by the standard deviation that the
-    /// configuration gives, or the trials that measured it have.
-    pub(super) fn uncertain_robots(&self, robot: &Robot, data: &FitData) -> Vec<Robot> {
-        let off = |parameter: Parameter, deviation: f64| {
-            let mut other = robot.clone();
-            parameter.set(&mut other, parameter.of(robot) + deviation);
-            other
-        };
-        let (laws, gait) = (self.model.value.laws(), self.gait.value.to_gait());
-        let configured = self.robot.value.deviations(laws, &gait).into_iter();
-        let mut robots: Vec<Robot> = configured.map(|(of, deviation)| off(of, deviation)).collect();
+    /// Returns, for each independent error of the robot's parameters, the robot with the parameters that have this
+    /// error increased by their standard deviations. The standard deviations are configured or, if measured values are
+    /// used, derived from the trials that measured the parameter.
+    pub(super) fn perturbed_robots(&self, robot: &Robot, data: &FitData) -> Vec<Robot> {
+        let gait = self.gait.value.to_gait();
+        let mut errors = self.robot.value.errors(self.model.value.laws(), &gait);
         if self.fit.robot_parameters == ParameterSource::Measured {
-            for (parameter, of) in MEASURED {
-                let found = self.robot_rows(data).map(of);
-                let found = found.filter(|found| found.value > 0.0 && found.se > 0.0);
-                let squares: Vec<f64> = found.map(|found| found.se.powi(2)).collect();
+            for (parameter, estimate) in MEASURED {
+                // Trials whose parameter was estimated jointly have the same error.
+                let estimates = self
+                    .applicable_rows(data)
+                    .map(|row| (estimate(row), row.pooled_trials.max(1) as f64));
+                let estimates = estimates.filter(|(of, _)| of.value > 0.0 && of.se > 0.0);
+                let squares: Vec<f64> =
+                    estimates.map(|(of, pooled)| pooled * of.se.powi(2)).collect();
                 let error = squares.iter().sum::<f64>().sqrt() / squares.len() as f64;
                 if error > 0.0 {
-                    robots.push(off(parameter, error));
+                    errors.push(vec![(parameter, error)]);
                 }
             }
         }
-        robots
+        let robots = errors.into_iter().map(|shared| {
+            let mut perturbed = robot.clone();
+            for (parameter, deviation) in shared {
+                parameter.set(&mut perturbed, parameter.value_in(robot) + deviation);
+            }
+            perturbed
+        });
+        robots.collect()
     }
 
-    /// What the campaign's trials have in common.
+    /// Returns the gait and the weights common to the campaign's trials.
     pub fn protocol(&self) -> Protocol {
-        let (name, gait) = (self.campaign.name.clone(), self.gait.value.to_gait());
-        Protocol { name, gait, weights: self.campaign.value.weights }
+        Protocol {
+            name: self.campaign.name.clone(),
+            gait: self.gait.value.to_gait(),
+            weights: self.campaign.value.weights,
+        }
     }
 
-    /// What drives the model.
+    /// Returns whether the measured or the commanded gait drives the model.
     pub fn gait_input(&self) -> GaitInput {
         self.model.value.input.unwrap_or(self.fit.gait_input)
     }
 
-    /// The parameters that the fit frees, with their bounds: those of the campaign's list, else the
-    /// model's. What the motion does not depend on is left out.
+    /// Returns the free parameters with their bounds: those that the campaign lists, or otherwise those of the model.
+    /// Parameters that do not affect the model's solution are left out.
     pub fn free(&self) -> Vec<FreeParameter> {
-        let (model, gait) = (&self.model.value, self.gait.value.to_gait());
+        let model = &self.model.value;
+        let gait = self.gait.value.to_gait();
         let listed = self.campaign.value.free.clone();
         let listed = listed.map_or_else(|| model.free(), |Free(listed)| listed).into_iter();
-        let known = listed.filter(|parameter| model.laws().know(*parameter, &gait));
         let mut fit = self.fit.clone();
-        let free = |parameter: Parameter| {
-            let quantity = parameter.quantity();
-            let range = quantity.definition().range;
-            let [low, high] = fit.bounds_mut(quantity).copied().unwrap_or(range);
-            let is_beside_dry = quantity == Quantity::Skid && model.laws().skid.is_dry();
-            let low = if is_beside_dry { BESIDE_DRY * low } else { low };
-            FreeParameter { parameter, bounds: [low, high] }
-        };
-        known.map(free).collect()
+        listed
+            .filter(|parameter| model.laws().is_relevant(*parameter, &gait))
+            .map(|parameter| {
+                let quantity = parameter.quantity();
+                let range = quantity.definition().range;
+                let [low, high] = fit.bounds_mut(quantity).copied().unwrap_or(range);
+                let has_dry_friction = quantity == Quantity::Skid && model.laws().skid.is_dry();
+                let low = if has_dry_friction { DRY_BOUND_FACTOR * low } else { low };
+                FreeParameter { parameter, bounds: [low, high] }
+            })
+            .collect()
     }
 }
 
-/// Takes over what bounds a parameter.
+/// Copies the bounds for a parameter's quantity from one set of fit settings to another.
 fn copy_bounds(from: &mut Fit, to: &mut Fit, parameter: Parameter) {
     let quantity = parameter.quantity();
     if let (Some(from), Some(to)) = (from.bounds_mut(quantity), to.bounds_mut(quantity)) {
@@ -294,13 +334,13 @@ fn copy_bounds(from: &mut Fit, to: &mut Fit, parameter: Parameter) {
     }
 }
 
-/// Part of its lower bound from which viscous skid resistance goes out beside dry friction: there it
-/// may be as good as none, and the law that of dry friction alone.
-const BESIDE_DRY: f64 = 0.01;
-/// Relative distance from a bound that counts as at it.
+/// Factor applied to the lower bound of the viscous skid resistance in a model that also has dry friction. Near the
+/// reduced bound the viscous resistance is negligible, so that only dry friction remains.
+const DRY_BOUND_FACTOR: f64 = 0.01;
+/// Relative distance from a bound within which a value counts as being at the bound.
 const AT_BOUND: f64 = 1e-3;
 
-/// A parameter that a fit leaves free, and its bounds.
+/// Free parameter of a fit, with its bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeParameter {
     pub parameter: Parameter,
@@ -308,7 +348,7 @@ pub struct FreeParameter {
 }
 
 impl FreeParameter {
-    /// At which of its bounds a value is: lower, upper.
+    /// Returns whether a value is at the lower bound, and whether it is at the upper bound.
     pub fn is_at_bound(&self, value: f64) -> [bool; 2] {
         let [low, high] = self.bounds;
         [value < low * (1.0 + AT_BOUND), value > high * (1.0 - AT_BOUND)]
@@ -326,7 +366,7 @@ mod tests {
         let campaign = "kinematic-symmetric";
         let of = |config: &Config| {
             let input = FitInput::new(config, campaign, Model::SKID).expect("the paper's");
-            toml::to_string(&input).expect("plain data")
+            toml::to_string(&input).expect("the input of a fit can be serialised")
         };
         let mut config = Config::default();
         let before = of(&config);
@@ -335,7 +375,9 @@ mod tests {
         };
         model(&mut config, Model::SKID_ROLL, |other| other.free = None);
         assert_eq!(of(&config), before);
-        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Quantity::Skid.of(1)])));
+        model(&mut config, Model::SKID, |own| {
+            own.free = Some(Free(vec![Quantity::Skid.parameter(1)]))
+        });
         let with_free = of(&config);
         assert_ne!(with_free, before);
         model(&mut config, Model::SKID, |own| own.input = Some(GaitInput::Commanded));
@@ -343,22 +385,24 @@ mod tests {
         assert_ne!(with_input, with_free);
         config.fit.gait_input = GaitInput::Commanded;
         assert_eq!(of(&config), with_input);
-        // The campaign's list goes first.
-        let listed = Free(vec![Quantity::Skid.of(0)]);
+        // The campaign's list takes precedence.
+        let listed = Free(vec![Quantity::Skid.parameter(0)]);
         let free = &mut config.campaign.get_mut(campaign).expect("the paper's").free;
         free.insert(Model::SKID, listed);
         let with_list = of(&config);
-        model(&mut config, Model::SKID, |own| own.free = Some(Free(vec![Quantity::Skid.of(2)])));
+        model(&mut config, Model::SKID, |own| {
+            own.free = Some(Free(vec![Quantity::Skid.parameter(2)]))
+        });
         assert_eq!(of(&config), with_list);
     }
 
     #[test]
-    fn beside_dry_friction_viscous_resistance_may_be_as_good_as_none() {
+    fn viscous_skid_resistance_may_be_negligible_if_there_is_dry_friction() {
         let bounds = |name| {
             let config = Config::default();
             let input = FitInput::new(&config, "kinematic-skewed", Model::new(name));
             let free = input.expect("the paper's").free();
-            let of = free.iter().find(|free| free.parameter == Quantity::Skid.of(1));
+            let of = free.iter().find(|free| free.parameter == Quantity::Skid.parameter(1));
             of.expect("is free").bounds
         };
         assert_eq!(bounds("skid-roll"), [1.0, 1000.0]);
@@ -366,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_a_model_knows_of_the_robot_is_uncertain() {
+    fn only_parameters_of_the_model_are_uncertain() {
         let campaign = "kinematic-symmetric";
         let mut config = Config::default();
         let robot = config.robot.get_mut("kinematic").expect("the paper's");
@@ -377,22 +421,58 @@ mod tests {
         let robots = |name| {
             let input = FitInput::new(&config, campaign, Model::new(name)).expect("the paper's");
             let robot = input.robot.value.to_robot();
-            (input.uncertain_robots(&robot, &FitData::default()), robot)
+            (input.perturbed_robots(&robot, &FitData::default()), robot)
         };
         let (others, robot) = robots("coulomb");
-        let off = |other: &Robot| {
-            let transition_m_s = other.transition_m_s - robot.transition_m_s;
-            [other.skid_dry_n[1] - robot.skid_dry_n[1], transition_m_s]
-        };
-        let off: Vec<[f64; 2]> = others.iter().map(off).collect();
-        assert_eq!(off.len(), 2);
-        assert!((off[0][0] - 0.2).abs() < 1e-12 && off[0][1] == 0.0, "{off:?}");
-        assert!((off[1][1] - 0.002).abs() < 1e-12 && off[1][0] == 0.0, "{off:?}");
+        let deviations: Vec<[f64; 2]> = others
+            .iter()
+            .map(|other| {
+                let transition_m_s = other.transition_m_s - robot.transition_m_s;
+                [other.skid_dry_n[1] - robot.skid_dry_n[1], transition_m_s]
+            })
+            .collect();
+        assert_eq!(deviations.len(), 2);
+        let [dry, transition] = [deviations[0], deviations[1]];
+        assert!((dry[0] - 0.2).abs() < 1e-12 && dry[1] == 0.0, "{deviations:?}");
+        assert!((transition[1] - 0.002).abs() < 1e-12 && transition[0] == 0.0, "{deviations:?}");
         assert!(robots("skid-roll").0.is_empty());
     }
 
     #[test]
-    fn what_the_trials_do_not_tell_stays_as_configured() {
+    fn parameters_measured_with_one_instrument_are_changed_together() {
+        let mut config = Config::default();
+        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        robot.set_deviation(Quantity::H, [0.0005]);
+        robot.set_deviation(Quantity::B, [0.001]);
+        robot.set_deviation(Quantity::Mass, [0.01, 0.002, 0.002]);
+        robot.set_same(Quantity::H, "ruler");
+        robot.set_same(Quantity::B, "ruler");
+        let input = FitInput::new(&config, "kinematic-symmetric", Model::SKID_ROLL);
+        let input = input.expect("the paper's");
+        let robot = input.robot.value.to_robot();
+        let others = input.perturbed_robots(&robot, &FitData::default());
+        let changes: Vec<[f64; 5]> = others
+            .iter()
+            .map(|other| {
+                let lengths = [other.h_m[1] - robot.h_m[1], other.b_m[0] - robot.b_m[0]];
+                let masses = [0, 1, 2].map(|i| other.mass_kg[i] - robot.mass_kg[i]);
+                [lengths[0], lengths[1], masses[0], masses[1], masses[2]]
+            })
+            .collect();
+        let expected = [
+            [0.0005, 0.001, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 0.01, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 0.002, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.002],
+        ];
+        assert_eq!(changes.len(), expected.len());
+        for (found, expected) in changes.iter().flatten().zip(expected.as_flattened()) {
+            assert!((found - expected).abs() < 1e-12, "{changes:?}");
+        }
+    }
+
+    #[test]
+    fn parameters_that_no_trial_measured_stay_as_configured() {
         let row = |robot: &str| RobotParameterRow {
             robot: robot.to_owned(),
             law: Some(DecayLaw::Viscous),
@@ -428,7 +508,7 @@ mod tests {
         for (found, expected) in robot.roll_kg_s.iter().zip([0.6, 0.3, 0.3]) {
             assert!((found - expected).abs() < 1e-12);
         }
-        // What is used is not said to be wrong, what the model does not know is.
+        // A measured value that the fit uses is no contradiction; a law that the model lacks is one.
         let alike = data.robots.iter().filter(|row| row.law == Some(DecayLaw::Viscous));
         let alike = FitData { robots: alike.cloned().collect(), ..FitData::default() };
         assert_eq!(input.contradiction(&alike), None);
@@ -438,7 +518,7 @@ mod tests {
             (ContradictionKind::MissingLaw, vec![Resistance::DryRoll])
         );
         input.fit.robot_parameters = ParameterSource::Configured;
-        let told = |value: f64, se: f64, configured: f64| {
+        let contradiction = |value: f64, se: f64, configured: f64| {
             let row = RobotParameterRow {
                 trial: "push".to_owned(),
                 roll_sum_kg_s: Estimate { value, se },
@@ -447,17 +527,17 @@ mod tests {
             };
             input.contradiction(&FitData { robots: vec![row], ..FitData::default() })
         };
-        let wrong = told(1.375, 0.01, 1.2).expect("another number");
+        let wrong = contradiction(1.375, 0.01, 1.2).expect("another number");
         assert_eq!((&*wrong.trial, &*wrong.quantity, &*wrong.robot), ("push", "sum c_R", "ours"));
         assert_eq!((wrong.measured, wrong.configured), (1.375, 1.2));
-        // Within the errors, within a few per cent, without an error, not configured.
+        // Cases: within five standard errors, within 5 %, without a standard error, not configured.
         for (value, se, configured) in
             [(1.375, 0.1, 1.2), (1.23, 0.001, 1.2), (1.375, f64::NAN, 1.2), (1.375, 0.01, f64::NAN)]
         {
-            assert_eq!(told(value, se, configured), None);
+            assert_eq!(contradiction(value, se, configured), None);
         }
         input.fit.robot_parameters = ParameterSource::Measured;
-        // A model with dry rolling is told by trials that follow its law.
+        // The trials determine a dry law of rolling resistance if they follow the model's law.
         input.model.value.roll = RollLaw::CoulombViscous;
         let (robot, measured) = input.measured_robot(&data);
         let [roll, roll_dry] = [robot.roll_kg_s, robot.roll_dry_n].map(|of| of.iter().sum::<f64>());

@@ -1,4 +1,4 @@
-//! A fit that is in the tables, and how far what it predicts may be off, without fitting again.
+//! Fit restored from its tables without refitting, and the uncertainty of its predictions.
 
 use std::collections::BTreeMap;
 
@@ -14,28 +14,31 @@ use super::information::FitInformation;
 use super::job::{Fit, Job};
 use super::resampler::Resampler;
 use super::rows::why_no_bands;
+use super::variation::Variation;
 use super::{FitData, FitInput, Replicates};
 
-/// Relative difference of the objective of tables and of what they were made from that is none.
+/// Maximum relative difference between the stored objective and the one for the current data, for which the stored fit
+/// counts as a fit to these data.
 const SAME_OBJECTIVE: f64 = 1e-3;
 
-/// A fit as the tables have it.
+/// Result of an earlier fit, as read back from the output tables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KnownFit {
     pub row: FitRow,
-    /// The same driven by the other gait, if there is one.
+    /// Fit of the same model driven by the other gait (measured or commanded), if there is one.
     pub alternative: Option<FitRow>,
     pub replicates: Vec<BootstrapRow>,
 }
 
-/// How far predictions of a fit may be off, see [`KnownFit::with_bands`].
+/// Uncertainty of the predictions of a fit; see [`KnownFit::with_bands`].
 pub struct PredictionBands<'b>(Bands<'b>);
 
 impl PredictionBands<'_> {
-    /// 95 % limits of the metrics of the motion that a solver has solved for last, of this problem.
+    /// Returns the 95 % limits of `metrics`, which must be those of the periodic solution of `problem`; `solver` must
+    /// have found this solution last.
     ///
     /// # Errors
-    /// The motion has no derivatives, or a replicate none at all.
+    /// Returns an error if the solution has no derivatives, or if the model has no periodic solution for a replicate.
     pub fn limits(
         &self,
         solver: Solver,
@@ -45,58 +48,60 @@ impl PredictionBands<'_> {
         Ok(self.0.band(solver, problem, metrics)?.limits(&metrics, &[[0.0; 3]; 2]))
     }
 
-    /// What the coefficients may be off by: shifts of the logarithms of the free parameters in each
-    /// replicate, corrected as those of the intervals are.
+    /// Returns the free parameters, and the shifts of their logarithms in each replicate, with the same noise
+    /// correction as in the confidence intervals.
     pub fn replicates(&self) -> (&[Parameter], &[Vec<f64>]) {
         self.0.replicates()
     }
 
-    /// A robot with what its coefficients may be as well, by `most` replicates at most.
+    /// Returns robots with the coefficients of refits: of the first `most` bootstrap replicates, and of all refits that
+    /// are not replicates. They are copies of `robot`, except that a refit with a changed robot parameter keeps its own
+    /// robot.
     pub fn alternatives(&self, robot: &Robot, most: usize) -> Alternatives {
         self.0.alternatives(robot, most)
     }
 
-    /// The robot that the fit assumes, but for the free parameters.
+    /// Returns the robot on which the fit is based; its free parameters have their values from before the fit.
     pub fn robot(&self) -> &Robot {
         self.0.robot()
     }
 
-    /// The same with one of its parameters off by its standard deviation, and what shifts the logarithms
-    /// of the free parameters have in the fit with it.
+    /// Returns, for each uncertain robot parameter, the robot with that parameter increased by its standard deviation,
+    /// and the shifts of the logarithms of the free parameters from the original fit to the refit with this robot.
     pub fn assumed(&self) -> impl Iterator<Item = (&Robot, &[f64])> {
         self.0.assumed()
     }
 }
 
 impl KnownFit {
-    /// Does something with the bands that the fit's predictions have: those of `predictions.parquet`,
-    /// for any gait that is commanded, at any frequency. `data` are what was fitted.
+    /// Calls `task` with the uncertainty of the fit's predictions for any commanded gait and frequency, as computed for
+    /// `predictions.parquet`. `data` are the fitted measurements.
     ///
     /// # Errors
-    /// There are none.
+    /// Returns the reason if the predictions of the fit have no intervals.
     pub fn with_bands<T>(
         &self,
         input: &FitInput,
         data: &FitData,
         task: impl FnOnce(&PredictionBands) -> T,
     ) -> Result<T, NoInterval> {
-        self.with_fit(input, data, |bands, _, _| task(&PredictionBands(bands)))
+        self.with_fit(input, data, |bands, _, _, _| task(&PredictionBands(bands)))
     }
 
-    /// Does something with what single trials tell of the coefficients, those of `data`, which were
-    /// fitted, and others.
+    /// Calls `task` with the information that single trials, fitted or candidate, give about the coefficients. `data`
+    /// are the fitted measurements.
     ///
     /// # Errors
-    /// That is not known.
+    /// Returns the reason if the predictions of the fit have no intervals.
     pub fn with_information<T>(
         &self,
         input: &FitInput,
         data: &FitData,
         task: impl FnOnce(&FitInformation) -> T,
     ) -> Result<T, NoInterval> {
-        self.with_fit(input, data, |bands, job, point| {
+        self.with_fit(input, data, |bands, job, point, variation| {
             let (_, replicates) = bands.replicates();
-            task(&FitInformation::new(point, job.resampler, replicates, &job.others))
+            task(&FitInformation::new(point, variation, replicates, &job.perturbed_robots))
         })
     }
 
@@ -104,7 +109,7 @@ impl KnownFit {
         &self,
         input: &FitInput,
         data: &FitData,
-        task: impl FnOnce(Bands, &Job, &FittedPoint) -> T,
+        task: impl FnOnce(Bands, &Job, &FittedPoint, &Variation) -> T,
     ) -> Result<T, NoInterval> {
         if let Some(why) = why_no_bands(&self.row, self.replicates.len()) {
             return Err(why);
@@ -117,13 +122,13 @@ impl KnownFit {
         let given = BTreeMap::from([(self.row.gait_input, self.replicates.clone())]);
         let replicates = Replicates { numbers: 0..0, given };
         let job = Job::new(input, data, &resampler, &replicates);
-        let otherwise = self.alternative.as_ref().filter(|other| other.status.is_ok());
-        let fit = job.known(&self.row, otherwise);
-        let Fit { point, replicates, systematic, .. } = &fit;
+        let alternative = self.alternative.as_ref().filter(|other| other.status.is_ok());
+        let fit = job.restore(&self.row, alternative);
+        let Fit { point, replicates, systematic, variation, .. } = &fit;
         if (point.cost - self.row.j).abs() > SAME_OBJECTIVE * self.row.j.abs().max(1e-6) {
             return Err(NoIntervalReason::OtherTrials.into());
         }
-        let bands = Bands::new(point, replicates, &resampler, systematic, &job.others);
-        Ok(task(bands, &job, point))
+        let bands = Bands::new(point, replicates, variation, systematic, &job.perturbed_robots);
+        Ok(task(bands, &job, point, variation))
     }
 }

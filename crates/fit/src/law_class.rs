@@ -1,54 +1,62 @@
-//! Whether a fitted law with dry friction is told from another one at all.
+//! Whether a fitted law with dry friction can be distinguished from a simpler law.
 //!
-//! Below the transition speed v_t dry friction `F tanh(v / v_t)` is viscous, with `F / v_t`; where
-//! no wheel ever skids faster, a campaign tells neither F nor v_t. Where a wheel's F is so large
-//! that a factor e of it moves no metric by a trial's noise, the wheels are as good as constrained.
+//! At skid velocities below the transition speed v_t, dry friction `F tanh(v / v_t)` is viscous with the coefficient
+//! `F / v_t`; if no wheel ever skids faster, a campaign determines neither F nor v_t. If F is so large that a change by
+//! the factor e changes every metric by less than a trial's noise, the wheels are effectively constrained.
 
 use trilink_mechanics::{FIT_ACCURACY, MotionError, Solver};
+use trilink_robot::Robot;
 use trilink_tables::{LINEAR_PART, LawKind, LawLike};
 
 use super::fitted_point::FittedPoint;
-use super::resampler::Resampler;
+use super::objective::Objective;
+use super::variation::Variation;
 
-/// Samples of a cycle.
+/// Number of samples per cycle at which the skid velocities of the wheels are evaluated.
 const SAMPLES: usize = 64;
 
-/// What a fit's law, which has dry friction, is like at all of its motions, if any.
-pub(super) fn law_is_like(point: &FittedPoint, resampler: &Resampler) -> Option<LawLike> {
+/// Returns the simpler friction law to which a fitted law that includes dry friction is equivalent in all of the
+/// model's solutions; `None` if the two laws can be distinguished.
+pub(super) fn law_is_like(point: &FittedPoint, variation: &Variation) -> Option<LawLike> {
     let objective = point.evaluator.objective;
     let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
-    let (skid, transition_m_s) = (objective.laws.skid, robot.transition_m_s);
-    let fastest_m_s = || -> Result<f64, MotionError> {
-        let (mut solver, mut fastest_m_s) = (Solver::default(), 0.0_f64);
-        for condition in &objective.conditions.all {
-            let problem = objective.problem_of(&robot, condition)?;
-            solver.forget();
-            solver.solve(&problem, FIT_ACCURACY)?;
-            let cycle = solver.cycle(SAMPLES)?;
-            let all = cycle.iter().flat_map(|sample| sample.skid_m_s);
-            fastest_m_s = all.fold(fastest_m_s, |fastest, of| fastest.max(of.abs()));
-        }
-        Ok(fastest_m_s)
-    };
-    let is_slow = fastest_m_s().is_ok_and(|fastest| fastest <= LINEAR_PART * transition_m_s);
+    let transition_m_s = robot.transition_m_s;
+    let max_skid_m_s = max_skid_velocity_m_s(objective, &robot);
+    let is_slow = max_skid_m_s.is_ok_and(|max_m_s| max_m_s <= LINEAR_PART * transition_m_s);
     is_slow.then(|| {
-        let dry_n = if skid.has_static() { robot.skid_static_n } else { robot.skid_dry_n };
-        let is_idle = is_idle(point, resampler);
-        let kind = if is_idle { LawKind::Constrained } else { LawKind::Viscous };
+        let has_static = objective.laws.skid.has_static();
+        let dry_n = if has_static { robot.skid_static_n } else { robot.skid_dry_n };
+        let is_insensitive = is_insensitive(point, variation);
+        let kind = if is_insensitive { LawKind::Constrained } else { LawKind::Viscous };
         LawLike { kind, viscous_kg_s: dry_n.map(|dry_n| dry_n / transition_m_s) }
     })
 }
 
-/// Whether a factor e of any free parameter moves no metric by a trial's noise.
-fn is_idle(point: &FittedPoint, resampler: &Resampler) -> bool {
+/// Returns the maximum skid velocity of the wheels in the model's solutions for all conditions, m/s.
+fn max_skid_velocity_m_s(objective: &Objective, robot: &Robot) -> Result<f64, MotionError> {
+    let mut solver = Solver::default();
+    let mut max_m_s = 0.0_f64;
+    for condition in &objective.conditions.all {
+        let problem = objective.problem_of(robot, condition)?;
+        solver.forget();
+        solver.solve(&problem, FIT_ACCURACY)?;
+        for skid_m_s in solver.cycle(SAMPLES)?.iter().flat_map(|sample| sample.skid_m_s) {
+            max_m_s = max_m_s.max(skid_m_s.abs());
+        }
+    }
+    Ok(max_m_s)
+}
+
+/// Whether changing any free parameter by the factor e changes every metric by less than a trial's noise.
+fn is_insensitive(point: &FittedPoint, variation: &Variation) -> bool {
     let objective = point.evaluator.objective;
-    let trials = objective.measurements.iter().zip(resampler.noises()).enumerate();
-    let mut all = trials.flat_map(|(trial, (measurement, noises))| {
-        let response = &point.responses[objective.conditions.of_trials[trial].0];
+    let trials = objective.measurements.iter().zip(variation.noises()).enumerate();
+    let mut terms = trials.flat_map(|(trial, (measurement, noises))| {
+        let response = &point.responses[objective.conditions.by_trial[trial].0];
         let terms = objective.terms(measurement);
         terms.map(move |(metric, ..)| (response, metric, noises[metric]))
     });
-    all.all(|(response, metric, noise)| {
+    terms.all(|(response, metric, noise)| {
         let slopes = response.iter().flat_map(|of| &of.d_metrics_d_logarithm);
         slopes.map(|slopes| slopes[metric].abs()).fold(0.0, f64::max) < noise
     })

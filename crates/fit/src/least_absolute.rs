@@ -1,12 +1,11 @@
-//! Least absolute deviations (L1 regression): the minimum of a sum of absolute deviations of affine
-//! functions in a box, exactly.
+//! Least absolute deviations (L1 regression): the exact minimum of a sum of absolute deviations of affine functions
+//! within a box.
 //!
-//! Every affine function deviates from many values, the breakpoints of one convex, piecewise
-//! linear function ([`Deviations`]). The minimum is at a vertex, where as many of the affine
-//! functions as there are variables are at a breakpoint. From vertex to vertex the descent follows
-//! the edge with the steepest fall, to the weighted median of the breakpoints on it. A linear
-//! program with two rows per breakpoint has the same solution; a general solver takes longer for
-//! it than all motions of a campaign take.
+//! Each affine function deviates from many values, which are the breakpoints of one convex, piecewise linear function
+//! ([`Deviations`]). The minimum is at a vertex: a point where as many affine functions as there are variables are at a
+//! breakpoint. From each vertex the descent follows the edge of steepest descent up to the weighted median of the
+//! breakpoints along it. The equivalent linear program has two rows per breakpoint; a general-purpose solver would need
+//! more time for it than solving the model for a whole campaign takes.
 //!
 //! Reference: P. Bloomfield and W. L. Steiger, *Least Absolute Deviations*, Birkhaeuser 1983,
 //! chapter 7.
@@ -17,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::deviations::Deviations;
 
-/// An affine function of the variables; it contributes its deviations.
+/// Affine function of the variables, with the weighted sum of its absolute deviations from given values (breakpoints).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Residual {
     pub value: f64,
@@ -26,7 +25,8 @@ pub(super) struct Residual {
 }
 
 impl Residual {
-    /// A linear function that deviates from one value.
+    /// Creates the residual of the linear function with the given slope (zero at the origin), with the weighted
+    /// absolute deviation from a single value, `breakpoint`.
     pub(crate) fn single(breakpoint: f64, weight: f64, slope: Vec<f64>) -> Self {
         let deviations = Arc::new(Deviations::new(vec![(breakpoint, weight)]));
         Self { value: 0.0, slope, deviations }
@@ -41,7 +41,7 @@ impl Residual {
     }
 }
 
-/// The sum of the residuals' deviations at `x`.
+/// Returns the sum of the weighted absolute deviations of all residuals at `x`.
 pub(super) fn sum(residuals: &[Residual], x: &DVector<f64>) -> f64 {
     residuals.iter().map(|residual| residual.deviations.value(residual.at(x))).sum()
 }
@@ -50,15 +50,16 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// A residual that a vertex has at one of its breakpoints.
+/// Member of the basis of a vertex: the index of a residual whose value is at one of its breakpoints, and the index of
+/// this breakpoint.
 #[derive(Clone, Copy)]
 struct Tight {
     residual: usize,
     breakpoint: usize,
 }
 
-/// The `x` with the smallest [`sum`] and with every `x[i]` within `bounds[i]`, which must
-/// hold 0; a `held` variable stays there.
+/// Returns the `x` within `bounds` that minimises [`sum`]. The bounds must contain 0; the variable at index `held`
+/// stays at 0.
 pub(super) fn minimise(
     residuals: &[Residual],
     bounds: &[[f64; 2]],
@@ -66,26 +67,32 @@ pub(super) fn minimise(
 ) -> DVector<f64> {
     const MAX_EDGES: usize = 500;
     let count = bounds.len();
-    let steepest_of = |residual: &Residual| {
-        let slopes = residual.slope.iter().map(|slope| slope.abs()).sum::<f64>();
-        residual.deviations.total_weight() * slopes
-    };
-    // Two walls whose slopes cancel in between and outweigh everything outside; the first vertex
-    // is the origin, held by breakpoints without weight.
-    let weight = 1e3 * residuals.iter().map(steepest_of).sum::<f64>() + 1.0;
-    let wall = |(i, bounds): (usize, &[f64; 2])| {
-        let [low, high] = if held == Some(i) { [0.0; 2] } else { *bounds };
-        let walls = vec![(low, weight), (0.0, 0.0), (high, weight)];
-        let slope = (0..count).map(|j| if i == j { 1.0 } else { 0.0 }).collect();
-        Residual { value: 0.0, slope, deviations: Arc::new(Deviations::new(walls)) }
-    };
-    let walls: Vec<Residual> = bounds.iter().enumerate().map(wall).collect();
+    // Each variable has two barriers, whose slopes cancel between the bounds and outweigh everything outside. The first
+    // vertex is the origin, where each variable is tight at a breakpoint of zero weight.
+    let slopes = residuals.iter().map(|residual| {
+        let slope = residual.slope.iter().map(|slope| slope.abs()).sum::<f64>();
+        residual.deviations.total_weight() * slope
+    });
+    let weight = 1e3 * slopes.sum::<f64>() + 1.0;
+    let walls: Vec<Residual> = bounds
+        .iter()
+        .enumerate()
+        .map(|(i, bounds)| {
+            let [low, high] = if held == Some(i) { [0.0; 2] } else { *bounds };
+            let walls = vec![(low, weight), (0.0, 0.0), (high, weight)];
+            let slope = (0..count).map(|j| if i == j { 1.0 } else { 0.0 }).collect();
+            Residual { value: 0.0, slope, deviations: Arc::new(Deviations::new(walls)) }
+        })
+        .collect();
     let all: Vec<&Residual> = residuals.iter().chain(&walls).collect();
-    let at_origin = |(i, wall): (usize, &Residual)| Tight {
-        residual: residuals.len() + i,
-        breakpoint: wall.deviations.count_below(0.0),
-    };
-    let mut basis: Vec<Tight> = walls.iter().enumerate().map(at_origin).collect();
+    let mut basis: Vec<Tight> = walls
+        .iter()
+        .enumerate()
+        .map(|(i, wall)| Tight {
+            residual: residuals.len() + i,
+            breakpoint: wall.deviations.count_below(0.0),
+        })
+        .collect();
     let mut x = DVector::zeros(count);
     for _ in 0..MAX_EDGES {
         let rows = DMatrix::from_fn(count, count, |i, j| all[basis[i].residual].slope[j]);
@@ -103,8 +110,8 @@ pub(super) fn minimise(
     x
 }
 
-/// Which residual of the basis to leave, and to which side, for the steepest fall; `None` at the
-/// minimum.
+/// Returns the index within the basis of the residual that leaves the basis in the direction of steepest descent, and
+/// the sign of that residual's change; `None` at the minimum.
 fn steepest(
     all: &[&Residual],
     basis: &[Tight],
@@ -115,7 +122,7 @@ fn steepest(
     let mut size = 0.0_f64;
     for (k, residual) in all.iter().enumerate() {
         let deviations = &residual.deviations;
-        // What is tight turns with its own breakpoint, the others of it do not.
+        // A tight residual has the slope at its own breakpoint; other breakpoints at the same value do not count.
         let signed = match basis.iter().find(|tight| tight.residual == k) {
             Some(Tight { breakpoint, .. }) => {
                 deviations.slope_above(*breakpoint) + deviations.weight(*breakpoint)
@@ -130,7 +137,7 @@ fn steepest(
     let mut best: Option<(usize, f64, f64)> = None;
     for (leaves, tight) in basis.iter().enumerate() {
         let along = slope.dot(&edges.column(leaves));
-        // Leaving a breakpoint costs its own weight.
+        // Leaving a breakpoint adds the weight of that breakpoint to the slope.
         let fall = along.abs() - all[tight.residual].deviations.weight(tight.breakpoint);
         let rounding = 1e-12 * size * edges.column(leaves).amax();
         if fall > rounding && best.is_none_or(|(_, _, most)| fall > most) {
@@ -140,22 +147,22 @@ fn steepest(
     best.map(|(leaves, sign, _)| (leaves, sign))
 }
 
-/// The breakpoints of one residual that lie on a direction.
+/// Breakpoints of one residual along a direction.
 struct Crossing<'r> {
     residual: usize,
     deviations: &'r Deviations,
     value: f64,
     along: f64,
-    /// Breakpoints below those that may end the fall, and below those that do not.
+    /// Index of the first breakpoint at which the descent may still end; `high` is the end of the range (exclusive).
     low: usize,
     high: usize,
-    /// Of those that it is above at the length in question.
+    /// Number of breakpoints below the residual at the step length under consideration.
     count: usize,
 }
 
 impl<'r> Crossing<'r> {
-    /// Those of all residuals that change along a direction, on which the `leaves`-th of the basis
-    /// goes up or down (`sign`).
+    /// Returns the crossings of all residuals that change along a direction. The residual of `basis[leaves]` leaves its
+    /// breakpoint upwards or downwards according to `sign`.
     fn all(
         all: &[&'r Residual],
         basis: &[Tight],
@@ -164,30 +171,44 @@ impl<'r> Crossing<'r> {
         x: &DVector<f64>,
         direction: &DVector<f64>,
     ) -> Vec<Self> {
-        let crossing = |(residual, of): (usize, &&'r Residual)| {
-            let deviations = &*of.deviations;
-            let is_leaving = basis[leaves].residual == residual;
-            let (value, along) = match is_leaving {
-                true => (deviations.breakpoint(basis[leaves].breakpoint), sign),
-                false => (of.at(x), of.along(direction)),
+        let mut crossings = Vec::with_capacity(all.len());
+        for (index, residual) in all.iter().enumerate() {
+            let deviations = &*residual.deviations;
+            let is_leaving = basis[leaves].residual == index;
+            let is_tight = !is_leaving && basis.iter().any(|tight| tight.residual == index);
+            let (value, along) = if is_leaving {
+                (deviations.breakpoint(basis[leaves].breakpoint), sign)
+            } else {
+                (residual.at(x), residual.along(direction))
             };
-            let is_tight = !is_leaving && basis.iter().any(|tight| tight.residual == residual);
-            let [low, high] = match along > 0.0 {
-                true => [deviations.count_up_to(value), deviations.len()],
-                false => [0, deviations.count_below(value)],
+            if is_tight || along == 0.0 {
+                continue;
+            }
+            let [low, high] = if along > 0.0 {
+                [deviations.count_up_to(value), deviations.len()]
+            } else {
+                [0, deviations.count_below(value)]
             };
-            let crossing = Self { residual, deviations, value, along, low, high, count: low };
-            (!is_tight && along != 0.0).then_some(crossing)
-        };
-        all.iter().enumerate().filter_map(crossing).collect()
+            crossings.push(Self {
+                residual: index,
+                deviations,
+                value,
+                along,
+                low,
+                high,
+                count: low,
+            });
+        }
+        crossings
     }
 
+    /// Returns the step length at which the residual reaches a breakpoint.
     fn distance(&self, breakpoint: usize) -> f64 {
         (self.deviations.breakpoint(breakpoint) - self.value) / self.along
     }
 
-    /// How many breakpoints the residual is above after a length: all up to it where it rises,
-    /// the rest where it falls.
+    /// Returns the number of breakpoints below the residual after a step of the given length; a breakpoint that the
+    /// residual just reaches counts as below if the residual increases.
     fn count_after(&self, length: f64) -> usize {
         let value = self.value + self.along * length;
         let open = self.deviations.breakpoints(self.low..self.high);
@@ -195,19 +216,21 @@ impl<'r> Crossing<'r> {
         self.low + open.partition_point(is_below)
     }
 
-    /// Slope along the direction above so many breakpoints.
+    /// Returns the slope of this residual's deviations per unit of step length while `count` breakpoints are below the
+    /// residual.
     fn slope(&self, count: usize) -> f64 {
         self.along * self.deviations.slope_above(count)
     }
 }
 
-/// The first breakpoint after which the sum does not fall any more, and its distance: of those
-/// that are left the middle one of the residual that has most of them tells which half of all to
-/// go on with.
+/// Returns the first breakpoint along the direction beyond which the sum of the deviations does not decrease, with its
+/// step length; `None` if there is none. The search bisects all remaining breakpoints at the step length of one of
+/// them: the middle breakpoint of the residual with the most remaining ones.
 fn lowest(mut crossings: Vec<Crossing>) -> Option<(Tight, f64)> {
-    let (mut found, mut settled) = (None, 0.0);
+    let mut found = None;
+    let mut settled = 0.0;
     loop {
-        // What has no breakpoint left has one slope.
+        // Residuals without remaining breakpoints have a constant slope.
         crossings.retain(|crossing| {
             let is_open = crossing.low < crossing.high;
             settled += if is_open { 0.0 } else { crossing.slope(crossing.low) };
@@ -216,13 +239,15 @@ fn lowest(mut crossings: Vec<Crossing>) -> Option<(Tight, f64)> {
         let widest = crossings.iter().max_by_key(|crossing| crossing.high - crossing.low);
         let Some(widest) = widest else { return found };
         let breakpoint = widest.low.midpoint(widest.high);
-        let (residual, length) = (widest.residual, widest.distance(breakpoint));
+        let residual = widest.residual;
+        let length = widest.distance(breakpoint);
         let mut slope = settled;
         for crossing in &mut crossings {
-            // The end itself is passed, whatever its distance is rounded to.
-            crossing.count = match crossing.residual == residual {
-                true => breakpoint + usize::from(crossing.along > 0.0),
-                false => crossing.count_after(length),
+            // This breakpoint counts as passed, regardless of rounding errors in its distance.
+            crossing.count = if crossing.residual == residual {
+                breakpoint + usize::from(crossing.along > 0.0)
+            } else {
+                crossing.count_after(length)
             };
             slope += crossing.slope(crossing.count);
         }
@@ -234,12 +259,13 @@ fn lowest(mut crossings: Vec<Crossing>) -> Option<(Tight, f64)> {
             let is_upward = crossing.along > 0.0;
             let mut count = crossing.count;
             if rises && crossing.residual == residual {
-                // This one is found; what is before it may be, too.
+                // This breakpoint is a candidate; an earlier one may still be the first.
                 count = if is_upward { breakpoint } else { breakpoint + 1 };
             }
-            match rises == is_upward {
-                true => crossing.high = count,
-                false => crossing.low = count,
+            if rises == is_upward {
+                crossing.high = count;
+            } else {
+                crossing.low = count;
             }
         }
     }
@@ -256,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn one_variable_s_minimum_is_the_weighted_median() {
+    fn the_minimum_in_one_variable_is_the_weighted_median() {
         let residual = |weight: f64, zero: f64| residual(weight, -zero, vec![1.0]);
         let residuals =
             [residual(1.0, 5.0), residual(1.0, -2.0), residual(3.0, 1.0), residual(1.5, 2.0)];
@@ -284,7 +310,7 @@ mod tests {
             for (x, [low, high]) in x.iter().zip(bounds) {
                 prop_assert!((low - 1e-9..=high + 1e-9).contains(x), "{x}");
             }
-            // Convex: what is lowest among its neighbours is lowest of all.
+            // The sum is convex, so that a minimum among neighbouring points is the global minimum.
             let lowest = sum(&residuals, &x);
             for other in tries {
                 for size in [1.0, 0.1, 1e-3] {

@@ -1,25 +1,26 @@
-//! Fits every model of every campaign to the trials (section IV.D): the best coefficients, what
-//! they are worth, and which model the measurements prefer.
+//! Fits every model of every campaign to the trials (section IV.D): the best coefficients, their uncertainty, and the
+//! preferred model.
 //!
-//! Confidence intervals are those of the bootstrap: of the spread of cycles and of repeated
-//! trials. An error that all trials share, such as a servo that does not follow its command
-//! or a wrong mass, is not in them.
+//! The bootstrap gives the random uncertainty: the scatter between cycles and between repeated trials. The systematic
+//! uncertainty covers errors that are common to all trials: a model that needs different coefficients for different
+//! blocks of frequencies, robot parameters with a given standard deviation, and a gait that differs from its command.
+//! The confidence intervals do not cover any other common errors.
 //!
-//! Of the models that fit, the one with the lowest Bayesian information criterion is preferred. Beside
-//! that stand how often it is so in resampled measurements (selection frequency of the bootstrap),
-//! what each model predicts of a frequency that is left out and of those above the fitted ones, and
-//! which one more trial would tell it from the preferred one.
+//! Among the adequate models, the one with the lowest Bayesian information criterion is preferred. The comparison also
+//! reports how often the bootstrap selects each model, how well each one predicts frequencies that were left out and
+//! frequencies above the fitted ones, and which additional trial would best discriminate between each model and the
+//! preferred one.
 //!
-//! - [`fit`] takes `input` and `measurement` through `job`, one model of one campaign.
-//! - The misfit J (eq. 21 and 22): `conditions`, `terms`, `objective`; its minimum: `starts`, `search`,
+//! - [`fit`] processes one model of one campaign at a time: `input`, `measurement`, `job`.
+//! - Misfit J (eq. 21 and 22): `conditions`, `terms`, `objective`; its minimisation: `starts`, `search`,
 //!   `least_absolute`, `hessian`.
-//! - Uncertainty: `trial_noise`, `resample`, `resampler`, `noise_correction`, `profile`, `intervals`.
-//! - Which model: `adequacy` (lack of fit), `criterion`, `compare`, `law_class`; `shared`, `sharing`
-//!   (one set of coefficients for several campaigns).
-//! - With a fitted model: `predict` and `bands`, [`simulate`], [`optimise`] (the best gait), [`design`]
-//!   (the next trials).
+//! - Uncertainty: `trial_noise`, `resample`, `resampler`, `variation`, `profile`, `intervals`.
+//! - Model selection: `adequacy` (lack of fit), `criterion`, `compare`, `law_class`; `shared`, `sharing` (one set of
+//!   coefficients for several campaigns).
+//! - Applications of a fitted model: `predict` and `bands`, [`simulate`], [`optimise`] (the best gait), [`design`] (the
+//!   next trials).
 //!
-//! The motion of a configured model; [`fit`] has an example of a fit:
+//! Steady-state motion of a configured model (see [`fit`] for an example of a fit):
 //!
 //! ```
 //! use trilink_fit::simulate::Setup;
@@ -42,6 +43,7 @@ mod conditions;
 mod criterion;
 pub mod design;
 mod deviations;
+mod discrimination;
 mod fitted_point;
 mod folder;
 mod gait_over_frequency;
@@ -55,9 +57,9 @@ mod law_class;
 mod least_absolute;
 mod measured_range;
 mod measurement;
-mod noise_correction;
 mod objective;
 pub mod optimise;
+mod precision;
 mod predict;
 mod profile;
 mod resample;
@@ -68,9 +70,9 @@ mod shared;
 mod sharing;
 pub mod simulate;
 mod starts;
-mod tell_apart;
 mod terms;
 mod trial_noise;
+mod variation;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -79,8 +81,8 @@ use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::{
-    BootstrapRow, ComparisonRow, CycleRow, FitRow, PredictionRow, ProfileRow, ResidualRow,
-    RobotParameterRow, SharedFitRow, StartRow, TrialRow,
+    BootstrapRow, ComparisonRow, CycleRow, FitRow, PrecisionRow, PredictionRow, ProfileRow,
+    ResidualRow, RobotParameterRow, SharedFitRow, StartRow, TrialRow,
 };
 
 use job::Job;
@@ -98,13 +100,13 @@ pub use objective::{Evaluator, Objective, Protocol};
 pub use shared::SharedInput;
 pub use starts::{Start, search};
 
-/// What is fitted.
+/// Measurements that models are fitted to.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitData {
     pub trials: Vec<TrialRow>,
-    /// By trial; of those that have none the standard errors are resampled.
+    /// Cycles by trial name; trials without cycles are resampled according to their standard errors.
     pub cycles: BTreeMap<String, Vec<CycleRow>>,
-    /// What trials of other kinds measured of the robots.
+    /// Robot parameters measured by joint-release and coast-down trials.
     pub robots: Vec<RobotParameterRow>,
 }
 
@@ -114,11 +116,12 @@ impl From<Vec<TrialRow>> for FitData {
     }
 }
 
-/// The tables of a fit.
+/// Tables that a fit produces.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Fitted {
     pub fits: Vec<FitRow>,
-    /// The same models driven by the other gait than the configured one, without profiles.
+    /// Fits of the same models driven by the gait that is not configured (measured or commanded); they have no profiles
+    /// if there are replicates.
     pub alternatives: Vec<FitRow>,
     pub starts: Vec<StartRow>,
     pub profiles: Vec<ProfileRow>,
@@ -126,42 +129,45 @@ pub struct Fitted {
     pub comparison: Vec<ComparisonRow>,
     pub predictions: Vec<PredictionRow>,
     pub residuals: Vec<ResidualRow>,
-    /// Of what is fitted to all campaigns of a robot together.
+    /// Fits of one set of coefficients to all campaigns of a robot.
     pub shared: Vec<SharedFitRow>,
+    /// Repeatability and reproducibility of the metrics of each campaign.
+    pub precision: Vec<PrecisionRow>,
 }
 
-/// Which replicates there are, of those that the settings ask for.
+/// Bootstrap replicates to fit, and those that other shards (separate runs of the same fit) have computed.
 #[derive(Debug, Clone)]
 pub struct Replicates {
-    /// Numbers of those that are fitted.
+    /// Indices of the replicates to fit.
     pub numbers: Range<usize>,
-    /// Those that come before and were fitted elsewhere, by what drives their models.
+    /// Replicates with lower indices that other shards (separate runs of the same fit) have computed, by the gait that
+    /// drives the model.
     pub given: BTreeMap<GaitInput, Vec<BootstrapRow>>,
 }
 
 impl Default for Replicates {
-    /// All of them are fitted.
+    /// Returns the default: all replicates are to be fitted, and none are given.
     fn default() -> Self {
         Self { numbers: 0..usize::MAX, given: BTreeMap::new() }
     }
 }
 
-/// Something that has happened; on any thread.
+/// Progress event of a fit, which may be reported from any thread.
 #[derive(Debug, Clone, Copy)]
 pub enum FitEvent<'f> {
-    /// Another replicate of a model that is driven so is fitted: `done` of `total` are.
+    /// A replicate has been fitted: `done` of `total` for this model and driving gait.
     Replicate { driven_by: GaitInput, row: &'f BootstrapRow, done: usize, total: usize },
-    /// A model is done.
+    /// A model has been fitted to a campaign.
     Fitted(&'f FitRow),
-    /// One that all campaigns of a robot share.
+    /// A model has been fitted to all campaigns of a robot.
     Shared(&'f SharedFitRow),
 }
 
-/// Is notified of it.
+/// Callback that receives the progress of a fit.
 pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 
-/// Fits all campaigns; models, starts, profiles and replicates in parallel, results in order.
-/// They depend neither on the number of threads nor on the order of the trials.
+/// Fits all models of all campaigns. Models, starts, profiles and replicates run in parallel; the results have a fixed
+/// order and depend neither on the number of threads nor on the order of the trials.
 ///
 /// ```
 /// use trilink_tables::config::{Config, GaitInput, SigmaKind};
@@ -187,22 +193,23 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// };
 /// let trials: Vec<TrialRow> = [1.0, 2.0, 3.0, 4.0].map(trial).into();
 /// let fitted = fit(&config, &FitData::from(trials), &|_| {});
-/// let skid0_kg_s = fitted.fits[0].parameters[Quantity::Skid.of(0)];
+/// let skid0_kg_s = fitted.fits[0].parameters[Quantity::Skid.parameter(0)];
 /// assert!((skid0_kg_s / 104.0 - 1.0).abs() < 1e-4);
 /// ```
 pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
-    let (inputs, replicates) = (FitInputs::new(config), Replicates::default());
+    let inputs = FitInputs::new(config);
+    let replicates = Replicates::default();
     let token = CancelToken::default();
     fit_except(&inputs, data, BTreeMap::new(), &replicates, on_event, &token)
-        .expect("the token is not shared, so nothing cancels it")
+        .expect("the cancellation token is not shared, so nothing can cancel the fit")
 }
 
-/// All that is fitted.
+/// Inputs for all fits of a configuration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitInputs {
-    /// Each model of each campaign, in the configuration's order.
+    /// Inputs for each model of each campaign, in the order of the configuration.
     pub own: Vec<FitInput>,
-    /// What the campaigns of a robot share.
+    /// Inputs for each model that is fitted to all campaigns of a robot together.
     pub shared: Vec<SharedInput>,
 }
 
@@ -212,11 +219,11 @@ impl FitInputs {
     }
 }
 
-/// [`fit`] of those models only that are not `cached`, with these replicates; what is shared has all of
-/// its own. The tables are those that a fit of all would have given.
+/// Fits the models that are not `cached`, as [`fit`] does, with the given replicates, and returns the tables of all
+/// models, equal to those from a fit of all models. Fits to several campaigns together compute all of their replicates.
 ///
 /// # Errors
-/// The work was cancelled.
+/// Returns an error if the fit is cancelled.
 pub fn fit_except(
     inputs: &FitInputs,
     data: &FitData,
@@ -225,10 +232,8 @@ pub fn fit_except(
     on_event: OnEvent,
     cancel: &CancelToken,
 ) -> Result<Fitted, Cancelled> {
-    let key = FitInput::key;
     let campaigns: Vec<&[FitInput]> =
         inputs.own.chunk_by(|a, b| a.campaign.name == b.campaign.name).collect();
-    let is_new = |input: &&FitInput| !cached.contains_key(&key(input));
     let sampled: Vec<(&[FitInput], Resampler)> = campaigns
         .into_iter()
         .map(|inputs| {
@@ -238,9 +243,8 @@ pub fn fit_except(
         .collect();
     let new: Vec<(&FitInput, &Resampler)> = sampled
         .iter()
-        .flat_map(|(inputs, resampler)| {
-            inputs.iter().filter(is_new).map(move |input| (input, resampler))
-        })
+        .flat_map(|(inputs, resampler)| inputs.iter().map(move |input| (input, resampler)))
+        .filter(|(input, _)| !cached.contains_key(&input.key()))
         .collect();
     let fitted: Vec<(FitKey, Fitted)> = new
         .par_iter()
@@ -249,32 +253,39 @@ pub fn fit_except(
             let job = Job::new(input, data, resampler, replicates).cancelled_by(cancel);
             let fitted = job.run(on_event)?;
             fitted.fits.iter().for_each(|fit| on_event(FitEvent::Fitted(fit)));
-            Ok((key(input), fitted))
+            Ok((input.key(), fitted))
         })
         .collect::<Result<_, Cancelled>>()?;
     cached.extend(fitted);
     let shared = fit_shared(inputs, data, &cached, on_event, cancel)?;
     let mut all = Fitted { shared, ..Fitted::default() };
     for (inputs, resampler) in sampled {
-        let models = inputs.iter().filter_map(|input| cached.remove(&key(input)));
+        let models = inputs.iter().filter_map(|input| cached.remove(&input.key()));
         let mut models: Vec<Fitted> = models.collect();
-        let contradicts =
-            |model| inputs.iter().find(|of| of.model.name == model)?.contradiction(data);
-        let (replicates, without) =
-            (inputs[0].fit.bootstrap, inputs[0].trials_without_metrics(data));
-        compare::complete(&mut models, without, &resampler, replicates, contradicts);
+        let replicates = inputs[0].fit.bootstrap;
+        let without_metrics = inputs[0].trials_without_metrics(data);
+        compare::complete(&mut models, without_metrics, &resampler, replicates, |model| {
+            inputs.iter().find(|input| input.model.name == model)?.contradiction(data)
+        });
         models.into_iter().for_each(|fitted| all.extend(fitted));
+        all.precision.extend(precision::rows(
+            &inputs[0].campaign.name,
+            &inputs[0].gait.value.to_gait(),
+            &resampler.measurements,
+        ));
     }
     for fit in &mut all.fits {
-        let is_of = |row: &&SharedFitRow| {
-            row.fit.model == fit.model && row.campaigns.contains(&fit.campaign)
-        };
-        fit.sharing = all.shared.iter().find(is_of).and_then(|row| row.fit.sharing);
+        let shared = all
+            .shared
+            .iter()
+            .find(|row| row.fit.model == fit.model && row.campaigns.contains(&fit.campaign));
+        fit.sharing = shared.and_then(|row| row.fit.sharing);
     }
     Ok(all)
 }
 
-/// What campaigns share, beside the `known` fits to each of them; as they are where they are known.
+/// Returns the rows of the models that are fitted to several campaigns together: from `known` if it has the row, or
+/// else from a new fit that uses the separate fits in `known`.
 fn fit_shared(
     inputs: &FitInputs,
     data: &FitData,
@@ -282,14 +293,13 @@ fn fit_shared(
     on_event: OnEvent,
     cancel: &CancelToken,
 ) -> Result<Vec<SharedFitRow>, Cancelled> {
-    let of_model = |shared: &SharedInput| {
+    let rows = inputs.shared.par_iter().with_max_len(1).map(|shared| {
         if let Some(Fitted { shared, .. }) = known.get(&shared.key()) {
             return Ok(shared.clone());
         }
         let row = shared.fit(data, known, cancel)?;
         on_event(FitEvent::Shared(&row));
         Ok(vec![row])
-    };
-    let rows = inputs.shared.par_iter().with_max_len(1).map(of_model);
+    });
     Ok(rows.collect::<Result<Vec<_>, Cancelled>>()?.concat())
 }

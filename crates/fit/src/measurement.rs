@@ -1,65 +1,66 @@
-//! What one trial measured.
+//! Measured metrics and gait of one trial.
 
 use std::cmp::Ordering;
 use std::ops::RangeInclusive;
 
 use trilink_robot::JointCommand;
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
-use trilink_statistics::{mean_deviation, student};
+use trilink_statistics::{c4, student};
 use trilink_tables::config::SigmaKind;
-use trilink_tables::{TrialRow, TrialStatus};
+use trilink_tables::{SAME_FREQUENCY, TrialRow, TrialStatus};
 
-/// What one trial measured.
+/// Measured metrics and gait of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measurement {
     pub trial: String,
-    /// Which one of the campaigns that are fitted together; 0 of one that is fitted by itself.
+    /// Day of the recording.
+    pub day: String,
+    /// Index among the campaigns that are fitted together; 0 if there is only one campaign.
     pub campaign: usize,
-    /// Commanded if that is known: repeats of a frequency have it in common.
+    /// Commanded frequency, which is common to repeats; the measured one if no command is known.
     pub frequency_rad_s: f64,
+    /// Measured frequency.
     pub omega_rad_s: f64,
-    /// What is missing has no term in the objective.
+    /// Trial means of the metrics; a missing metric has no term in the objective.
     pub metrics: GaitMetrics,
-    /// Standard errors of the metrics.
+    /// Standard errors of the trial means.
     pub errors: GaitMetrics,
-    /// Cycles that the metrics are means of.
+    /// Number of cycles averaged in the trial means.
     pub cycles: usize,
-    /// Mean and first harmonic of the measured joint angles, and the standard errors of offset,
-    /// amplitude and phase.
+    /// Mean and first harmonic of the measured joint angles.
     pub gait: [JointCommand; 2],
+    /// Standard errors of offset, amplitude and phase of each joint.
     pub gait_errors_rad: [[f64; 3]; 2],
-    /// Whether raw skid ratios stand for debiased ones that are not known.
+    /// Whether raw skid ratios are used because the debiased ones are missing.
     pub lacks_debiased: bool,
-    /// Whether a filter before the export has left its errors untold.
+    /// Whether coordinates were filtered before the export, so that the standard errors are not valid.
     pub is_filtered: bool,
 }
 
-/// Frequencies that differ by less than this part are the same.
-pub(super) const SAME_FREQUENCY: f64 = 0.005;
-/// What a metric of a trial can be, in its unit; any other is missing.
-const MEASURABLE: RangeInclusive<f64> = 1e-9..=1e9;
+/// Plausible range of a metric, in the metric's unit; values outside are treated as missing.
+const PLAUSIBLE: RangeInclusive<f64> = 1e-9..=1e9;
 
 impl Measurement {
-    /// The measurement of a trial; `None` if the trial has failed or has no metrics. A single
-    /// metric is missing where it is not above zero (1e-9), as a skid ratio of which nothing is
-    /// left above the noise: eq. 21 divides by it.
+    /// Creates the measurement for a trial; `None` if the trial has failed, has no frequency, or has neither d nor v. A
+    /// metric that is not above zero (1e-9), such as a debiased skid ratio that does not exceed the noise, is treated
+    /// as missing, since relative deviations (eq. 21 of the paper) are divided by it.
     pub fn new(trial: &TrialRow, kind: SigmaKind) -> Option<Self> {
         let sigma = trial.sigma(kind);
         let raw = GaitMetrics { sigma: sigma.map(|sigma| sigma.value), ..trial.metrics };
-        let known = |value: f64| if MEASURABLE.contains(&value) { value } else { f64::NAN };
         let metrics = GaitMetrics::from(ByMetric::<f64>::from_fn(|metric| {
-            let is_size = metric.definition().is_size;
-            if is_size { known(raw[metric]) } else { raw[metric] }
+            let value = raw[metric];
+            let is_missing = metric.definition().is_size && !PLAUSIBLE.contains(&value);
+            if is_missing { f64::NAN } else { value }
         }));
         let usable = trial.status != TrialStatus::Failed
             && trial.omega_rad_s > 0.0
             && trial.omega_rad_s.is_finite()
             && (metrics.d_m.is_finite() || metrics.v_m_s.is_finite());
-        let commanded = trial.omega_commanded_rad_s;
         usable.then(|| Self {
             trial: trial.trial.clone(),
+            day: trial.day.clone(),
             campaign: 0,
-            frequency_rad_s: if commanded > 0.0 { commanded } else { trial.omega_rad_s },
+            frequency_rad_s: trial.frequency_rad_s(),
             omega_rad_s: trial.omega_rad_s,
             metrics,
             errors: GaitMetrics { sigma: sigma.map(|sigma| sigma.se), ..trial.metrics_se },
@@ -71,26 +72,25 @@ impl Measurement {
         })
     }
 
-    /// Degrees of freedom of the errors; none where nothing tells how many cycles they are of.
-    pub(super) fn freedom(&self) -> f64 {
+    /// Returns the degrees of freedom of the standard errors; 0 if the number of cycles is unknown.
+    pub(super) fn degrees_of_freedom(&self) -> f64 {
         self.cycles.saturating_sub(1) as f64
     }
 
-    /// What the errors are to be multiplied with to be standard deviations without bias. An error of a few
-    /// cycles is as wide as Student's distribution, so that one trial is within 1.96 of them; of what many
-    /// trials have in common it says too much.
-    pub(super) fn unbiased(&self) -> f64 {
-        let freedom = self.freedom();
-        if freedom > 0.0 { 1.0 / (student(freedom) * mean_deviation(freedom)) } else { 1.0 }
+    /// Returns the factor that turns standard errors into unbiased standard deviations. Standard errors from a small
+    /// number of cycles are widened as by Student's t distribution, so that 1.96 of them contain one trial's error;
+    /// that would be too wide for a quantity estimated from many trials together.
+    pub(super) fn bias_correction(&self) -> f64 {
+        let freedom = self.degrees_of_freedom();
+        if freedom > 0.0 { 1.0 / (student(freedom) * c4(freedom)) } else { 1.0 }
     }
 
-    /// Standard deviations of the gait's numbers, without bias.
+    /// Returns the unbiased standard deviations of offset, amplitude and phase for each joint.
     pub(super) fn gait_deviations_rad(&self) -> [[f64; 3]; 2] {
-        self.gait_errors_rad.map(|of_joint| of_joint.map(|error| self.unbiased() * error))
+        self.gait_errors_rad.map(|of_joint| of_joint.map(|error| self.bias_correction() * error))
     }
 
-    /// By campaign, then by frequency, then by name, then by what was measured: an order that does not depend on
-    /// that of the trials.
+    /// Compares by campaign, frequency, name and measured values, so that sorting does not depend on the initial order.
     pub fn order(&self, other: &Self) -> Ordering {
         let numbers = |of: &Self| {
             let all = of.metrics.to_array().into_iter().chain(of.errors.to_array());
@@ -103,8 +103,8 @@ impl Measurement {
             .then_with(|| numbers(self).cmp(numbers(other)))
     }
 
-    /// Indices of the measurements of each frequency of each campaign; the measurements are in their
-    /// order.
+    /// Returns the indices of the measurements at each frequency of each campaign. The measurements must be sorted by
+    /// [`Self::order`].
     pub(super) fn frequencies(sorted: &[Self]) -> Vec<Vec<usize>> {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (i, measurement) in sorted.iter().enumerate() {
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_metric_that_no_trial_can_have_is_missing() {
+    fn a_metric_outside_its_plausible_range_is_missing() {
         let mut row = TrialRow { omega_rad_s: 2.0, ..TrialRow::blank() };
         for absurd in [0.0, -0.4, 5e-324, 1e308, f64::INFINITY] {
             row.metrics = GaitMetrics { d_m: absurd, v_m_s: 0.1, ..GaitMetrics::MISSING };

@@ -1,4 +1,4 @@
-//! How far a model is from the measurements (eq. 21 and 22).
+//! Misfit between a model and the measurements: the objective J (eq. 21 and 22).
 
 use trilink_base::cancel::CancelToken;
 use trilink_mechanics::{FIT_ACCURACY, Laws, MotionError, Problem, Solver};
@@ -12,50 +12,60 @@ use super::input::FreeParameter;
 use super::measurement::Measurement;
 use super::terms::{Linearised, Response, Target, Terms};
 
-/// Eq. 22 for one model, averaged over a campaign's trials; of several campaigns of one robot the
-/// sum of these.
+/// Failure of a fit: the model has no steady-state motion for one of the trials, or there is nothing to fit.
+#[derive(Debug, Clone)]
+pub struct Failure {
+    /// Kind of failure: any status but `Ok`.
+    pub status: FitStatus,
+    pub reason: String,
+}
+
+/// Objective for one model: the weighted sum of relative deviations (eq. 22 of the paper), averaged over the trials of
+/// a campaign, and summed over campaigns if several of one robot are fitted together.
 #[derive(Debug, Clone)]
 pub struct Objective {
     pub laws: Laws,
-    /// The robot as configured.
+    /// Robot with its free parameters at their values from before the fit.
     pub robot: Robot,
-    /// The campaigns, as [`Measurement::campaign`] counts them.
+    /// Gait and weights of each campaign, indexed by [`Measurement::campaign`].
     pub protocols: Vec<Protocol>,
-    /// What drives the model.
+    /// Whether the measured or the commanded gait drives the model.
     pub gait_input: GaitInput,
     pub measurements: Vec<Measurement>,
-    /// Cancels the searches.
+    /// Token that cancels the searches.
     pub(super) cancel: CancelToken,
     pub(super) conditions: Conditions,
 }
 
-/// What the trials of a campaign have in common.
+/// Gait and weights common to all trials of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Protocol {
-    /// The campaign, where it is not alone.
+    /// Name of the campaign; empty if only one campaign is fitted.
     pub name: String,
-    /// The command.
+    /// Commanded gait.
     pub gait: Gait,
     pub weights: Weights,
 }
 
 impl Protocol {
-    /// Weights of the metrics that have a term.
+    /// Returns the weight of each metric in the objective.
     pub fn term_weights(&self) -> ByFitted<f64> {
-        ByFitted::from_fn(|metric| self.weights.of(metric))
+        ByFitted::from_fn(|metric| self.weights.for_metric(metric))
     }
 }
 
-/// One trial as it was measured or drawn.
+/// Metrics of one trial, measured or resampled.
 #[derive(Debug, Clone)]
 pub(super) struct Observation {
     pub trial: usize,
     pub metrics: ByFitted<f64>,
+    /// Differences of the trial's inputs (frequency and gait parameters) from those of its condition, the group of
+    /// trials that share one periodic solution.
     pub differences: Differences,
 }
 
 impl Objective {
-    /// Of one campaign's sorted measurements.
+    /// Builds the objective for one campaign from its measurements, which must be sorted by [`Measurement::order`].
     pub fn new(
         laws: Laws,
         robot: Robot,
@@ -64,11 +74,12 @@ impl Objective {
         gait_input: GaitInput,
         measurements: Vec<Measurement>,
     ) -> Self {
-        let alone = Protocol { name: String::new(), gait, weights };
-        Self::pooled(laws, robot, vec![alone], gait_input, measurements)
+        let protocol = Protocol { name: String::new(), gait, weights };
+        Self::pooled(laws, robot, vec![protocol], gait_input, measurements)
     }
 
-    /// Of the sorted measurements of one campaign after the other.
+    /// Builds the objective for several campaigns from their measurements, which must be sorted by
+    /// [`Measurement::order`].
     pub(crate) fn pooled(
         laws: Laws,
         robot: Robot,
@@ -87,33 +98,37 @@ impl Objective {
         all
     }
 
-    /// The same driven by another gait.
+    /// Returns the same objective with the model driven by the given gait input.
     pub(crate) fn driven_as(&self, gait_input: GaitInput) -> Self {
-        let Self { laws, ref robot, ref protocols, ref measurements, .. } = *self;
-        let (robot, protocols) = (robot.clone(), protocols.clone());
-        let driven = Self::pooled(laws, robot, protocols, gait_input, measurements.clone());
+        let driven = Self::pooled(
+            self.laws,
+            self.robot.clone(),
+            self.protocols.clone(),
+            gait_input,
+            self.measurements.clone(),
+        );
         Self { cancel: self.cancel.clone(), ..driven }
     }
 
-    /// The gait and the weights of a measurement's campaign.
+    /// Returns the gait and the weights of the campaign that a measurement belongs to.
     pub(super) fn protocol(&self, measurement: &Measurement) -> &Protocol {
         &self.protocols[measurement.campaign]
     }
 
-    /// How many of these trials each campaign has.
+    /// Returns, for each campaign, how many of the trials with the given indices belong to it.
     pub(super) fn trials_by_campaign(&self, trials: impl Iterator<Item = usize>) -> Vec<f64> {
         let mut counts = vec![0.0; self.protocols.len()];
         trials.for_each(|trial| counts[self.measurements[trial].campaign] += 1.0);
         counts
     }
 
-    /// How many trials the campaign of each measurement has.
+    /// Returns, for each measurement, the number of trials in the same campaign.
     pub(super) fn campaign_sizes(&self) -> Vec<f64> {
         let counts = self.trials_by_campaign(0..self.measurements.len());
-        self.measurements.iter().map(|of| counts[of.campaign]).collect()
+        self.measurements.iter().map(|measurement| counts[measurement.campaign]).collect()
     }
 
-    /// The robot with `values` for the free `parameters`.
+    /// Returns the robot with the free `parameters` set to `values`.
     pub(crate) fn robot_with(&self, parameters: &[FreeParameter], values: &[f64]) -> Robot {
         let mut robot = self.robot.clone();
         for (free, value) in parameters.iter().zip(values) {
@@ -122,17 +137,17 @@ impl Objective {
         robot
     }
 
-    /// The model's motion with a gait at any frequency.
+    /// Returns the problem whose solution is the model's steady-state motion for a gait and a frequency.
     pub fn problem(&self, robot: &Robot, gait: Gait, omega_rad_s: f64) -> Problem {
         Problem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s }
     }
 
-    /// Whether the measured gait of each trial drives the model, not the command.
+    /// Whether the measured gait of each trial drives the model, rather than the command.
     pub(crate) fn is_driven_as_measured(&self) -> bool {
         self.gait_input == GaitInput::Measured
     }
 
-    /// The gait that drives the model in one trial; `None` if it was to be measured and was not.
+    /// Returns the gait that drives the model in a trial; `None` if the measured gait should drive it but is missing.
     pub(crate) fn gait_of(&self, measurement: &Measurement) -> Option<Gait> {
         let mut gait = self.protocol(measurement).gait;
         if self.is_driven_as_measured() {
@@ -141,14 +156,13 @@ impl Objective {
             }
         }
         let mut numbers = gait.joints.into_iter().flatten().flat_map(JointCommand::to_array);
-        let is_known = numbers.all(f64::is_finite);
-        is_known.then_some(gait)
+        numbers.all(f64::is_finite).then_some(gait)
     }
 
-    /// The model's motion in a condition.
+    /// Returns the problem whose solution is the model's steady-state motion for a condition.
     ///
     /// # Errors
-    /// The gait that drives it was not measured.
+    /// Returns an error if the measured gait should drive the model but is missing.
     pub(super) fn problem_of(
         &self,
         robot: &Robot,
@@ -158,26 +172,28 @@ impl Objective {
         Ok(self.problem(robot, gait, condition.omega_rad_s))
     }
 
-    /// Eq. 22 for one trial.
+    /// Returns the contribution of one trial to the objective: the weighted sum of the relative deviations of its
+    /// metrics from the simulated ones (eq. 22 of the paper).
     pub fn contribution(&self, measurement: &Measurement, simulated: &GaitMetrics) -> f64 {
-        self.parts(measurement, simulated).values().iter().sum()
+        self.contributions(measurement, simulated).values().iter().sum()
     }
 
-    /// The terms of eq. 22 for one trial, 0 where there is none.
-    pub(super) fn parts(
+    /// Returns the term of each metric in the contribution of one trial to the objective (eq. 22 of the paper); 0 for a
+    /// metric that is not in the objective.
+    pub(super) fn contributions(
         &self,
         measurement: &Measurement,
         simulated: &GaitMetrics,
     ) -> ByFitted<f64> {
-        let mut parts = ByFitted::splat(0.0);
+        let mut contributions = ByFitted::splat(0.0);
         for (metric, weight, measured) in self.terms(measurement) {
-            parts[metric] = weight * ((measured - simulated[metric]) / measured).abs();
+            contributions[metric] = weight * ((measured - simulated[metric]) / measured).abs();
         }
-        parts
+        contributions
     }
 
-    /// The terms of eq. 22 for one trial: metrics, weights and measured values. What was not
-    /// measured and what weighs nothing is left out.
+    /// Returns the metrics of a trial that have a term in the objective (eq. 22 of the paper), with their weights and
+    /// measured values. Metrics that were not measured or have zero weight are omitted.
     pub(super) fn terms(
         &self,
         measurement: &Measurement,
@@ -188,17 +204,17 @@ impl Objective {
         terms.into_iter().filter(|(_, weight, measured)| *weight > 0.0 && measured.is_finite())
     }
 
-    /// The measurements as they are.
+    /// Returns the original, not resampled, measurements.
     pub(super) fn observations(&self) -> Vec<Observation> {
         (0..self.measurements.len()).map(|trial| self.observation(trial)).collect()
     }
 
     pub(super) fn observation(&self, trial: usize) -> Observation {
         let metrics = self.measurements[trial].metrics.into();
-        Observation { trial, metrics, differences: self.conditions.of_trials[trial].1 }
+        Observation { trial, metrics, differences: self.conditions.by_trial[trial].1 }
     }
 
-    /// Something that evaluates the objective and remembers the last motions.
+    /// Creates an evaluator of the objective for the given free parameters.
     pub fn evaluator(&self, parameters: Vec<FreeParameter>) -> Evaluator<'_> {
         let count = self.conditions.all.len();
         Evaluator {
@@ -215,25 +231,27 @@ impl Objective {
     }
 }
 
-/// Evaluates the objective, each motion from the last one of its condition.
+/// Evaluator of the objective, whose solver starts from the previous periodic solution of each condition.
 #[derive(Clone)]
 pub struct Evaluator<'a> {
     pub objective: &'a Objective,
     pub parameters: Vec<FreeParameter>,
     solvers: Vec<Solver>,
     observations: Vec<Observation>,
-    /// What the trials' motions make of their conditions', as far as that is known.
+    /// Expansion of each condition's metrics in terms of its trials' frequencies and gaits; `None` where none was
+    /// computed.
     pub(super) expansions: Vec<Option<Expansion>>,
     pub(super) terms: Terms,
-    /// Of the motions' metrics, relative.
+    /// Relative accuracy of the simulated metrics.
     pub accuracy: f64,
-    /// Steady motions solved for so far.
+    /// Number of periodic solutions computed.
     pub solves: usize,
 }
 
 impl Evaluator<'_> {
-    /// An evaluator of other observations; its motions start from those here.
-    pub(super) fn of_others(&self, observations: Vec<Observation>) -> Self {
+    /// Returns an evaluator for other observations, whose solver starts from the periodic solutions that this evaluator
+    /// has found.
+    pub(super) fn with_observations(&self, observations: Vec<Observation>) -> Self {
         let Self { objective, ref parameters, ref solvers, ref expansions, accuracy, .. } = *self;
         Self {
             objective,
@@ -253,11 +271,12 @@ impl Evaluator<'_> {
         self
     }
 
-    /// Eq. 22 of observations: a trial's metric is its condition's in the ratio that the
-    /// expansion has at the point where it was made.
+    /// Returns the terms of the objective (eq. 22 of the paper) for the given observations. The latest expansion gives
+    /// the ratio of each trial's metrics to those of its condition.
     pub(super) fn terms_of(&self, observations: &[Observation]) -> Terms {
         let objective = self.objective;
-        let counts = objective.trials_by_campaign(observations.iter().map(|of| of.trial));
+        let trials = observations.iter().map(|observation| observation.trial);
+        let counts = objective.trials_by_campaign(trials);
         let share = |trial: usize| 1.0 / counts[objective.measurements[trial].campaign];
         let mut shares = vec![0.0; self.solvers.len()];
         for &Observation { trial, .. } in observations {
@@ -281,43 +300,48 @@ impl Evaluator<'_> {
     }
 
     fn condition_of(&self, trial: usize) -> usize {
-        self.objective.conditions.of_trials[trial].0
+        self.objective.conditions.by_trial[trial].0
     }
 
-    /// The metrics of a trial over its condition's.
+    /// Returns the ratios of a trial's metrics to those of its condition (the group of trials that share one periodic
+    /// solution), given the differences of the trial's frequency and gait parameters from those of the condition.
     pub(super) fn ratios(&self, condition: usize, differences: &Differences) -> ByFitted<f64> {
         let expansion = self.expansions[condition].as_ref();
         expansion.map_or(ByFitted::splat(1.0), |expansion| expansion.ratios(differences))
     }
 
-    /// Whether the trials of a condition differ.
+    /// Whether any trial of a condition (group of trials that share one periodic solution) differs from the condition
+    /// in frequency or gait parameters.
     fn is_spread(&self, condition: usize) -> bool {
-        let of_trials = &self.objective.conditions.of_trials;
+        let by_trial = &self.objective.conditions.by_trial;
         let mut trials = self.objective.conditions.all[condition].trials.iter();
-        trials.any(|trial| of_trials[*trial].1.iter().any(|difference| *difference != 0.0))
+        trials.any(|trial| by_trial[*trial].1.iter().any(|difference| *difference != 0.0))
     }
 
-    /// Whether those of any condition do.
+    /// Whether any trial differs in frequency or gait parameters from its condition (group of trials that share one
+    /// periodic solution).
     pub(super) fn has_expansions(&self) -> bool {
         (0..self.solvers.len()).any(|condition| self.is_spread(condition))
     }
 
-    /// The objective; a trial without a motion counts with a penalty.
+    /// Evaluates the objective; a trial for which the model has no periodic solution contributes a penalty.
     pub fn cost(&mut self, values: &[f64]) -> f64 {
         let metrics = self.metrics(values);
         self.expand(&metrics, false);
         self.terms.cost(metrics.into_iter())
     }
 
-    /// The metrics of every condition's motion; `None` where there is none, or none matters.
+    /// Solves the model for every condition and returns the metrics; `None` where the model has no periodic solution,
+    /// or where a condition has no observations.
     pub(super) fn metrics(&mut self, values: &[f64]) -> Vec<Option<GaitMetrics>> {
         let robot = self.objective.robot_with(&self.parameters, values);
-        let count = self.solvers.len();
-        let solve = |i| if self.terms.is_idle(i) { None } else { self.solve(i, &robot).ok() };
-        (0..count).map(solve).collect()
+        (0..self.solvers.len())
+            .map(|i| if self.terms.is_unused(i) { None } else { self.solve(i, &robot).ok() })
+            .collect()
     }
 
-    /// The metrics of the motions that were solved for last, with their derivatives.
+    /// Returns `metrics`, which must be those of the latest periodic solutions, with their derivatives; `None` for a
+    /// condition without metrics or derivatives.
     pub(super) fn responses(
         &mut self,
         values: &[f64],
@@ -325,19 +349,22 @@ impl Evaluator<'_> {
     ) -> Vec<Option<Response>> {
         let robot = self.objective.robot_with(&self.parameters, values);
         let wanted: Vec<Parameter> = self.parameters.iter().map(|free| free.parameter).collect();
-        let response = |(metrics, solver): (&Option<GaitMetrics>, &mut Solver)| {
-            Response::of_last(solver, (*metrics)?, &robot, &wanted).ok()
-        };
-        metrics.iter().zip(&mut self.solvers).map(response).collect()
+        let pairs = metrics.iter().zip(&mut self.solvers);
+        pairs
+            .map(|(metrics, solver)| {
+                Response::from_last_motion(solver, (*metrics)?, &robot, &wanted).ok()
+            })
+            .collect()
     }
 
-    /// Expands the conditions' motions, those that were solved for last: where trials differ, or
-    /// all of them.
+    /// Expands the metrics of the latest periodic solutions in terms of the trials' inputs (frequency and gait
+    /// parameters): for conditions from which trials differ in their inputs, or for all conditions if `with_all`.
     pub(super) fn expand(&mut self, metrics: &[Option<GaitMetrics>], with_all: bool) {
         for (condition, metrics) in metrics.iter().enumerate() {
-            let (true, Some(metrics)) = (with_all || self.is_spread(condition), metrics) else {
+            let Some(metrics) = metrics else { continue };
+            if !with_all && !self.is_spread(condition) {
                 continue;
-            };
+            }
             let Ok(derivatives) = self.solvers[condition].derivatives() else { continue };
             let mut expansion = Expansion::new(metrics, &derivatives);
             if let Some(last) = self.expansions[condition].take() {
@@ -350,32 +377,36 @@ impl Evaluator<'_> {
         }
     }
 
-    /// Adds the second order where trials differ. It is known where nothing is free.
+    /// Adds second derivatives to the expansions for conditions whose trials differ in their inputs. If there is no
+    /// free parameter, the expansions already contain them.
     pub(super) fn add_second_order(&mut self, values: &[f64]) {
         if values.is_empty() {
             return;
         }
         let robot = self.objective.robot_with(&self.parameters, values);
-        let Conditions { all, of_trials, .. } = &self.objective.conditions;
+        let Conditions { all, by_trial, .. } = &self.objective.conditions;
         for (i, condition) in all.iter().enumerate() {
             let problem = self.objective.problem_of(&robot, condition);
-            let (true, Ok(problem)) = (self.is_spread(i), problem) else { continue };
+            let Ok(problem) = problem else { continue };
+            if !self.is_spread(i) {
+                continue;
+            }
             let differences: Vec<Differences> =
-                condition.trials.iter().map(|trial| of_trials[*trial].1).collect();
+                condition.trials.iter().map(|trial| by_trial[*trial].1).collect();
             let mut solver = self.solvers[i].successor();
             self.expansions[i] = Expansion::solve(&mut solver, &problem, &differences).ok();
         }
     }
 
-    /// The objective linearised at `values`, where the trials' motions are expanded.
+    /// Linearises the objective at `values` and expands the trials' metrics there.
     pub(super) fn expanded(&mut self, values: &[f64]) -> Linearised {
         let metrics = self.metrics(values);
         self.expand(&metrics, false);
         self.linearised_at(values, &metrics)
     }
 
-    /// The same, where the metrics of the motions that were solved for last are known, and the
-    /// trials' motions were expanded elsewhere.
+    /// Linearises the objective at `values`, given the metrics of the latest periodic solutions; the expansion of the
+    /// trials' metrics remains that of an earlier point.
     pub(super) fn linearised_at(
         &mut self,
         values: &[f64],
@@ -385,17 +416,25 @@ impl Evaluator<'_> {
         self.terms.linearised(&responses)
     }
 
-    /// Whether all motions exist at `values`.
-    pub fn status(&mut self, values: &[f64]) -> FitStatus {
+    /// Checks that the model has a periodic solution for every condition at `values`.
+    ///
+    /// # Errors
+    /// Returns an error for the first condition without a periodic solution.
+    pub fn check_motions(&mut self, values: &[f64]) -> Result<(), Failure> {
         let robot = self.objective.robot_with(&self.parameters, values);
         for i in 0..self.solvers.len() {
             if let Err(error) = self.solve(i, &robot) {
                 let omega_rad_s = self.objective.conditions.all[i].omega_rad_s;
-                let status = error.status();
-                return FitStatus::Failed(format!("{status}: at {omega_rad_s:.3} rad/s {error}"));
+                let status = match error {
+                    MotionError::Singular { .. } => FitStatus::Singular,
+                    MotionError::GaitUnknown => FitStatus::Failed,
+                    _ => FitStatus::Diverged,
+                };
+                let reason = format!("at {omega_rad_s:.3} rad/s: {error}");
+                return Err(Failure { status, reason });
             }
         }
-        FitStatus::Ok
+        Ok(())
     }
 
     fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {

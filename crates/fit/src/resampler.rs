@@ -1,4 +1,4 @@
-//! Resampled measurements of one campaign, or of several that are fitted together.
+//! Resampling of measurements from one campaign, or from several that are fitted together.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use super::objective::Objective;
 use super::resample::{CampaignResampler, DrawnTrial};
 use super::trial_noise::TrialNoise;
 
-/// Draws measurements, of each campaign by itself ([`super::resample`]).
+/// Resampler that draws the measurements of each campaign independently ([`super::resample`]).
 pub(super) struct Resampler {
     seed: u64,
     pub measurements: Vec<Measurement>,
@@ -20,24 +20,25 @@ pub(super) struct Resampler {
 }
 
 impl Resampler {
-    /// Of sorted measurements; `cycles` are those that count, by trial.
+    /// Prepares measurements, which must be sorted by [`Measurement::order`], for resampling; `cycles` are the tables
+    /// of cycles by trial name.
     pub(crate) fn new(
         seed: u64,
         measurements: Vec<Measurement>,
         cycles: &BTreeMap<String, Vec<CycleRow>>,
     ) -> Self {
-        let of_campaign = |own: &[Measurement]| CampaignResampler::new(own.to_vec(), cycles);
         let campaigns = measurements.chunk_by(|a, b| a.campaign == b.campaign);
-        let campaigns = campaigns.map(of_campaign).collect();
+        let campaigns = campaigns.map(|own| CampaignResampler::new(own.to_vec(), cycles)).collect();
         Self { seed, measurements, campaigns }
     }
 
-    /// Random numbers of some purpose, the same for every model of the campaign, whatever its name.
+    /// Creates the random generator for a purpose and an index. Its seed depends neither on the model nor on the name
+    /// of the campaign.
     pub(crate) fn random(&self, purpose: &str, number: usize) -> ChaCha8Rng {
         self.random_of(0, purpose, number)
     }
 
-    /// The same for one of several campaigns: what they draw is independent.
+    /// Creates the random generator for a purpose and an index; the generators of different campaigns are independent.
     fn random_of(&self, campaign: usize, purpose: &str, number: usize) -> ChaCha8Rng {
         let mut hash = blake3::Hasher::new();
         hash.update(&self.seed.to_le_bytes());
@@ -49,79 +50,95 @@ impl Resampler {
         ChaCha8Rng::from_seed(*hash.finalize().as_bytes())
     }
 
-    /// Whether nothing differs between resamples.
-    pub(crate) fn is_silent(&self) -> bool {
-        let gait = |of: &Measurement| of.gait_errors_rad.as_flattened().iter().any(|e| *e > 0.0);
+    /// Whether the measurements have no noise, so that all resamples are equal.
+    pub(crate) fn is_noise_free(&self) -> bool {
         self.noises().iter().flat_map(ByFitted::values).all(|noise| *noise == 0.0 || noise.is_nan())
-            && !self.measurements.iter().any(gait)
+            && !self.measurements.iter().any(|measurement| {
+                measurement.gait_errors_rad.as_flattened().iter().any(|error| *error > 0.0)
+            })
     }
 
-    /// Metrics with terms in an objective of which nothing tells the noise.
-    pub(crate) fn without_noise(&self, objective: &Objective) -> Vec<&'static str> {
+    /// Returns the names of the metrics that are in the objective but whose noise is not known.
+    pub(crate) fn metrics_without_noise(&self, objective: &Objective) -> Vec<&'static str> {
         let noises = self.noises();
-        let is_silent = |i: &Metric| {
-            let all = self.measurements.iter().zip(&noises);
-            let mut with_term = all
+        let unknown = Metric::FITTED.into_iter().filter(|i| {
+            let mut with_term = self
+                .measurements
+                .iter()
+                .zip(&noises)
                 .filter(|(of, _)| objective.terms(of).any(|(metric, ..)| metric == *i))
                 .peekable();
             with_term.peek().is_some() && with_term.all(|(_, noises)| noises[*i] == 0.0)
-        };
-        Metric::FITTED.into_iter().filter(is_silent).map(Metric::name).collect()
+        });
+        unknown.map(Metric::name).collect()
     }
 
-    /// Degrees of freedom of all measurements' standard errors together; infinite where nothing tells how
-    /// many cycles they are of.
-    pub(crate) fn freedom(&self) -> f64 {
-        match self.measurements.iter().map(Measurement::freedom).sum() {
+    /// Returns the pooled degrees of freedom of all standard errors; infinite if no trial has a known number of cycles.
+    pub(crate) fn degrees_of_freedom(&self) -> f64 {
+        match self.measurements.iter().map(Measurement::degrees_of_freedom).sum() {
             0.0 => f64::INFINITY,
-            freedom => freedom,
+            degrees_of_freedom => degrees_of_freedom,
         }
     }
 
-    /// What every measurement is off by: its noise, and the standard deviations of the trials' own spread.
-    pub(crate) fn noises_and_spreads(&self) -> impl Iterator<Item = (&TrialNoise, ByFitted<f64>)> {
-        self.campaigns.iter().flat_map(CampaignResampler::noises)
+    /// Returns the noise of every trial due to its cycles.
+    fn all_noises(&self) -> impl Iterator<Item = &TrialNoise> {
+        self.campaigns.iter().flat_map(|campaign| &campaign.noises)
     }
 
-    /// How many times the standard deviation of each metric's noise so many cycles and repeats tell, at random.
-    pub(crate) fn told(&self, number: usize) -> Vec<ByFitted<f64>> {
-        let of_campaign = |(nth, campaign): (usize, &CampaignResampler)| {
-            campaign.told(self.random_of(nth, "told noise", number))
-        };
-        self.campaigns.iter().enumerate().flat_map(of_campaign).collect()
+    /// Returns the noise of the trial with the given index due to its cycles.
+    pub(crate) fn noise(&self, mut index: usize) -> &TrialNoise {
+        for campaign in &self.campaigns {
+            if let Some(noise) = campaign.noises.get(index) {
+                return noise;
+            }
+            index -= campaign.noises.len();
+        }
+        unreachable!("the index is that of a measurement")
     }
 
-    /// Standard deviations of what the metrics of every measurement are off by, without bias.
+    /// Draws, for each trial, the ratio of the estimated to the true standard deviation of the noise due to its cycles,
+    /// given their number.
+    pub(crate) fn noise_ratios(&self, number: usize) -> Vec<f64> {
+        let campaigns = self.campaigns.iter().enumerate();
+        campaigns
+            .flat_map(|(nth, campaign)| {
+                campaign.noise_ratios(self.random_of(nth, "told noise", number))
+            })
+            .collect()
+    }
+
+    /// Returns the unbiased standard deviations of the metrics of every trial due to its cycles.
     pub(crate) fn noises(&self) -> Vec<ByFitted<f64>> {
-        let both = |(noise, spread): (&TrialNoise, ByFitted<f64>)| {
-            ByFitted::from_fn(|i| noise.deviation(i).hypot(spread[i]))
-        };
-        self.noises_and_spreads().map(both).collect()
+        self.all_noises().map(|noise| ByFitted::from_fn(|i| noise.deviation(i))).collect()
     }
 
-    /// The resample with this number; the same for every model of the campaign.
-    pub(crate) fn draw(&self, number: usize) -> Vec<DrawnTrial> {
-        self.draw_by(number, ["", "gait"], CampaignResampler::draw)
+    /// Draws the noise of all trials due to their cycles; the noise with a given index is the same for every model of a
+    /// campaign.
+    pub(crate) fn draw_noise(&self, number: usize) -> Vec<DrawnTrial> {
+        self.draw_campaigns(number, ["", "gait"], CampaignResampler::draw_noise)
     }
 
-    /// The same with frequencies drawn, too, by random numbers of its own.
+    /// Draws the resample with the given index, in which frequencies are resampled, too.
     pub(crate) fn draw_frequencies(&self, number: usize) -> Vec<DrawnTrial> {
         let purposes = ["frequencies", "trials of frequencies", "gait of frequencies"];
-        self.draw_by(number, purposes, CampaignResampler::draw_frequencies)
+        self.draw_campaigns(number, purposes, CampaignResampler::draw_frequencies)
     }
 
-    /// Of each campaign by itself, by random numbers of these purposes.
-    fn draw_by<const N: usize>(
+    /// Draws a resample of each campaign independently with `draw`, and concatenates these resamples; `draw` gets one
+    /// random generator for each of the given purposes.
+    fn draw_campaigns<const N: usize>(
         &self,
         number: usize,
         purposes: [&str; N],
         draw: fn(&CampaignResampler, [ChaCha8Rng; N]) -> Vec<DrawnTrial>,
     ) -> Vec<DrawnTrial> {
-        let (mut drawn, mut first) = (Vec::with_capacity(self.measurements.len()), 0);
+        let mut drawn = Vec::with_capacity(self.measurements.len());
+        let mut first = 0;
         for (nth, campaign) in self.campaigns.iter().enumerate() {
             let random = purposes.map(|purpose| self.random_of(nth, purpose, number));
-            let of_campaign = draw(campaign, random).into_iter();
-            drawn.extend(of_campaign.map(|of| DrawnTrial { index: first + of.index, ..of }));
+            let own = draw(campaign, random).into_iter();
+            drawn.extend(own.map(|of| DrawnTrial { index: first + of.index, ..of }));
             first += campaign.measurements.len();
         }
         drawn

@@ -1,4 +1,4 @@
-//! What a fit leaves in the tables.
+//! Table rows for a fit.
 
 use trilink_robot::metrics::{Metric, WeightKey};
 use trilink_robot::{ByParameter, Parameter, Robot};
@@ -13,43 +13,53 @@ use super::bands::Bands;
 use super::criterion::criterion;
 use super::fitted_point::HeldPoint;
 use super::input::FreeParameter;
-use super::intervals::Intervals;
+use super::intervals::{Intervals, StandardUncertainty};
 use super::job::{Fit, Job};
+use super::objective::Failure;
 use super::predict::{predictions, residuals};
 use super::profile::Class;
 use super::starts::Start;
 
-/// Starts within this part of the best objective have reached it.
-const REACHED: f64 = 1e-6;
+/// Relative difference from the best objective within which a start counts as having reached the minimum.
+const REACHED_TOLERANCE: f64 = 1e-6;
 
 impl Job<'_> {
-    pub(super) fn row(&self, fit: &Fit, starts: &[Start], status: FitStatus) -> FitRow {
+    /// Returns the table row for a fit.
+    pub(super) fn row(&self, fit: &Fit, starts: &[Start], motions: Result<(), Failure>) -> FitRow {
         let Fit { point, cost, resumed, solves, profiles, .. } = fit;
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
         let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
-        let classed = |class: Class| {
-            let both = free.iter().zip(profiles);
-            both.filter(|(_, profile)| profile.class == class).map(|(of, _)| *of).collect()
+        let with_class = |class: Class| {
+            let pairs = free.iter().zip(profiles);
+            pairs.filter(|(_, profile)| profile.class == class).map(|(free, _)| *free).collect()
         };
-        let held = |parameter: &Parameter| self.knows(*parameter) && !free.contains(parameter);
-        let both = parameters.iter().zip(&point.values);
-        let at_bound = both.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
-        let count = |of: &dyn Fn(&Start) -> bool| starts.iter().filter(|s| of(s)).count() as i64;
-        let intervals = match status.is_ok() {
-            true => fit.intervals(self.resampler),
-            false => Intervals::NONE,
-        };
+        let measured = self.measured.iter().copied();
+        let measured = measured.filter(|of| self.model_has(*of) && !free.contains(of)).collect();
+        let pairs = parameters.iter().zip(&point.values);
+        let at_bound = pairs.filter(|(free, value)| free.is_at_bound(**value).contains(&true));
+        let max_cost = cost * (1.0 + REACHED_TOLERANCE);
+        let starts_reached = starts.iter().filter(|start| start.cost <= max_cost).count();
+        let starts_failed = starts.iter().filter(|start| start.stopped.is_failure()).count();
+        let intervals = if motions.is_ok() { fit.intervals() } else { Intervals::NONE };
         let Adequacy { lack_of_fit, by_metric, autocorrelation, runs, .. } = fit.adequacy;
         let [lack_of_fit_d, lack_of_fit_v, lack_of_fit_sigma, lack_of_fit_alpha] = by_metric;
         let [lower, upper] = intervals.limits.map(|limits| spread(parameters, &limits));
-        let has_intervals = !free.is_empty() && status.is_ok() && intervals.why_none.is_none();
+        let has_intervals = !free.is_empty() && motions.is_ok() && intervals.why_none.is_none();
+        let uncertainty = |part: fn(&StandardUncertainty) -> f64| {
+            spread(parameters, &intervals.uncertainties.iter().map(part).collect::<Vec<f64>>())
+        };
         let few_frequencies = has_intervals && fit.systematic.blocks.is_empty();
+        let single_day = has_intervals && fit.variation.ignores_days();
         FitRow {
             lower,
             upper,
             scatter: spread(parameters, &intervals.scatter),
             systematic: spread(parameters, &intervals.systematic),
+            type_a: uncertainty(|of| of.type_a),
+            type_b: uncertainty(|of| of.type_b),
+            degrees_of_freedom: uncertainty(|of| of.degrees_of_freedom),
+            coverage_factor: uncertainty(|of| of.coverage_factor),
             no_interval: intervals.why_none,
             lack_of_fit: lack_of_fit[0],
             lack_of_fit_limit: lack_of_fit[1],
@@ -62,90 +72,115 @@ impl Job<'_> {
             runs: runs[0],
             runs_limit: runs[1],
             adequate: fit.adequacy.is_adequate,
+            undecided: fit.adequacy.undecided.clone(),
             misfit: fit.adequacy.misfit.clone(),
             notes: FitNotes { few_frequencies, ..self.notes() },
-            measured: self.measured.iter().copied().filter(held).collect(),
-            identifiable: classed(Class::Identifiable),
-            practically_not: classed(Class::PracticallyNot),
-            structurally_not: classed(Class::StructurallyNot),
+            single_day,
+            measured,
+            identifiable: with_class(Class::Identifiable),
+            practically_not: with_class(Class::PracticallyNot),
+            structurally_not: with_class(Class::StructurallyNot),
             law_is_like: fit.law_is_like.clone(),
             at_bound: at_bound.map(|(free, _)| free.parameter).collect(),
-            j: if status.is_ok() { *cost } else { f64::NAN },
+            j: if motions.is_ok() { *cost } else { f64::NAN },
             trials: self.objective.measurements.len() as i64,
             starts: starts.len() as i64,
-            starts_reached: count(&|start| start.cost <= cost * (1.0 + REACHED)),
-            starts_failed: count(&|start| start.stopped.is_failure()),
+            starts_reached: starts_reached as i64,
+            starts_failed: starts_failed as i64,
             resumed: *resumed as i64,
             solves: *solves as i64,
             free,
-            ..self.fit_row(&robot, status)
+            ..self.fit_row(&robot, motions)
         }
     }
 
+    /// Returns all rows for a fit: its own, and those for its starts, profiles, replicates, comparison, predictions and
+    /// residuals. `alternative` is the row of the same model driven by the other gait (measured or commanded).
     pub(super) fn rows(
         &self,
         mut fit: Fit,
         starts: &[Start],
-        status: FitStatus,
+        motions: Result<(), Failure>,
         alternative: Option<FitRow>,
     ) -> Fitted {
-        let comparison = match status.is_ok() {
-            true => self.comparison(&mut fit),
-            false => self.comparison_row(status.clone()),
+        let comparison = match &motions {
+            Ok(()) => self.comparison(&mut fit),
+            Err(failure) => self.comparison_row(failure.status),
         };
-        let row = self.row(&fit, starts, status);
-        let Fit { point, profiles, replicates, systematic, .. } = &fit;
+        let row = self.row(&fit, starts, motions);
+        let Fit { point, profiles, replicates, systematic, variation, .. } = &fit;
+        let perturbed = &self.perturbed_robots;
         let bands = match why_no_bands(&row, replicates.len()) {
-            None => Ok(Bands::new(point, replicates, self.resampler, systematic, &self.others)),
+            None => Ok(Bands::new(point, replicates, variation, systematic, perturbed)),
             Some(why) => Err(why),
         };
         let parameters = &point.evaluator.parameters;
         let robot = self.objective.robot_with(parameters, &point.values);
-        let (campaign, model) = (&self.input.campaign.name, self.input.model.name);
-        let start_row = |(number, start): (usize, &Start)| StartRow {
-            campaign: campaign.clone(),
-            model,
+        let predictions = predictions(self.input, point, &robot, &bands);
+        let numbered_starts = starts.iter().enumerate();
+        let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
+            profile.points.iter().map(move |point| (index, profile.limit, point))
+        });
+        let replicates = replicates.iter().zip(&fit.criteria).enumerate();
+        Fitted {
+            residuals: residuals(
+                &point.evaluator.objective.measurements,
+                &predictions,
+                &variation.noises(),
+            ),
+            predictions,
+            starts: numbered_starts
+                .map(|(number, start)| self.start_row(parameters, number, start))
+                .collect(),
+            profiles: profile_points
+                .map(|(index, limit, point)| self.profile_row(parameters, index, limit, point))
+                .collect(),
+            bootstrap: replicates
+                .map(|(number, (refit, criterion))| {
+                    self.replicate_row(parameters, number, refit, *criterion)
+                })
+                .collect(),
+            comparison: vec![comparison],
+            fits: vec![row],
+            alternatives: alternative.into_iter().collect(),
+            shared: Vec::new(),
+            precision: Vec::new(),
+        }
+    }
+
+    fn start_row(&self, parameters: &[FreeParameter], number: usize, start: &Start) -> StartRow {
+        StartRow {
+            campaign: self.input.campaign.name.clone(),
+            model: self.input.model.name,
             start: number as i64,
             began: spread(parameters, &start.began),
             ended: spread(parameters, &start.ended),
             j: start.cost,
             solves: start.solves as i64,
             stopped: start.stopped,
-        };
-        let profile_row = |(index, limit_j, point): (usize, f64, &HeldPoint)| ProfileRow {
-            campaign: campaign.clone(),
-            model,
+        }
+    }
+
+    fn profile_row(
+        &self,
+        parameters: &[FreeParameter],
+        index: usize,
+        limit_j: f64,
+        point: &HeldPoint,
+    ) -> ProfileRow {
+        ProfileRow {
+            campaign: self.input.campaign.name.clone(),
+            model: self.input.model.name,
             parameter: parameters[index].parameter,
             value: point.values[index],
             parameters: spread(parameters, &point.values),
             j: point.cost,
             limit_j,
-        };
-        let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
-            profile.points.iter().map(move |point| (index, profile.limit, point))
-        });
-        let replicate_row = |(number, (refit, criterion)): (usize, (&Start, &f64))| {
-            self.replicate_row(parameters, number, refit, *criterion)
-        };
-        let predictions = predictions(self.input, point, &robot, &bands);
-        Fitted {
-            residuals: residuals(&point.evaluator.objective.measurements, &predictions),
-            predictions,
-            starts: starts.iter().enumerate().map(start_row).collect(),
-            profiles: profile_points.map(profile_row).collect(),
-            bootstrap: replicates
-                .iter()
-                .zip(&fit.criteria)
-                .enumerate()
-                .map(replicate_row)
-                .collect(),
-            comparison: vec![comparison],
-            fits: vec![row],
-            alternatives: alternative.into_iter().collect(),
-            shared: Vec::new(),
         }
     }
 
+    /// Returns the table row for a bootstrap replicate; `criterion_resampled` is the Schwarz criterion of the model for
+    /// a resample in which the frequencies and the trials at each of them are drawn at random.
     pub(super) fn replicate_row(
         &self,
         parameters: &[FreeParameter],
@@ -165,29 +200,30 @@ impl Job<'_> {
         }
     }
 
-    /// What was fitted instead of what is missing, and what the objective lacks.
+    /// Returns notes on raw skid ratios used in place of missing debiased ones, on trials that are left out, and on
+    /// weighted metrics that no trial has.
     fn notes(&self) -> FitNotes {
         let measurements = &self.objective.measurements;
         let raw = measurements.iter().filter(|measurement| measurement.lacks_debiased);
-        let lacks = |i: &Metric| {
-            let mut measured = measurements.iter().map(|of| of.metrics[*i]);
+        let missing = Metric::FITTED.into_iter().filter(|metric| {
+            let mut measured = measurements.iter().map(|of| of.metrics[*metric]);
             let protocols = &self.objective.protocols;
-            protocols.iter().any(|of| of.term_weights()[*i] > 0.0) && measured.all(f64::is_nan)
-        };
-        let missing = Metric::FITTED.into_iter().filter(lacks);
+            protocols.iter().any(|of| of.term_weights()[*metric] > 0.0) && measured.all(f64::is_nan)
+        });
         FitNotes {
             raw_skid_trials: raw.map(|measurement| measurement.trial.clone()).collect(),
+            unlike_repeats: self.unlike_repeats.clone(),
             missing_metrics: missing.collect(),
             ..FitNotes::default()
         }
     }
 
-    /// The model's row of the comparison, without what needs the other models.
+    /// Returns the model's comparison row, except for the columns that need the other models.
     fn comparison(&self, fit: &mut Fit) -> ComparisonRow {
         let point = &fit.point;
-        let parts = point.parts();
-        let part = |key: WeightKey| key.metrics().map(|metric| parts[metric]).sum();
-        let [j_d, j_v, j_sigma, j_alpha] = WeightKey::ALL.map(part);
+        let contributions = point.contributions();
+        let [j_d, j_v, j_sigma, j_alpha] =
+            WeightKey::ALL.map(|key| key.metrics().map(|metric| contributions[metric]).sum());
         let (criterion, terms) = criterion(point);
         let free = point.values.len() as i64;
         let (j_left_out, solves) = point.leave_one_frequency_out();
@@ -211,29 +247,42 @@ impl Job<'_> {
     }
 
     pub(super) fn comparison_row(&self, status: FitStatus) -> ComparisonRow {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model.name);
-        ComparisonRow { campaign, model, status, ..ComparisonRow::blank() }
+        ComparisonRow {
+            campaign: self.input.campaign.name.clone(),
+            model: self.input.model.name,
+            status,
+            ..ComparisonRow::blank()
+        }
     }
 
-    /// A row with the parameters that the model knows; all else is missing.
-    pub(super) fn fit_row(&self, robot: &Robot, status: FitStatus) -> FitRow {
-        let (campaign, model) = (self.input.campaign.name.clone(), self.input.model.name);
-        let parameters = self.parameters_of(robot);
-        let gait_input = self.objective.gait_input;
-        FitRow { campaign, model, gait_input, parameters, status, ..FitRow::blank() }
+    /// Returns a row with the parameters of the model and the failure of the fit, if any; all other values are
+    /// missing.
+    pub(super) fn fit_row(&self, robot: &Robot, motions: Result<(), Failure>) -> FitRow {
+        let failure = motions.err();
+        FitRow {
+            campaign: self.input.campaign.name.clone(),
+            model: self.input.model.name,
+            gait_input: self.objective.gait_input,
+            parameters: ByParameter::from_fn(|parameter| {
+                if self.model_has(parameter) { parameter.value_in(robot) } else { f64::NAN }
+            }),
+            status: failure.as_ref().map_or(FitStatus::Ok, |failure| failure.status),
+            failure: failure.map_or_else(String::new, |failure| failure.reason),
+            ..FitRow::blank()
+        }
     }
 
-    fn parameters_of(&self, robot: &Robot) -> ByParameter<f64> {
-        let value = |of| if self.knows(of) { of.of(robot) } else { f64::NAN };
-        ByParameter::from_fn(value)
-    }
-
-    fn knows(&self, parameter: Parameter) -> bool {
-        self.objective.protocols.iter().any(|of| self.objective.laws.know(parameter, &of.gait))
+    /// Whether the model's solution depends on the parameter.
+    fn model_has(&self, parameter: Parameter) -> bool {
+        self.objective
+            .protocols
+            .iter()
+            .any(|of| self.objective.laws.is_relevant(parameter, &of.gait))
     }
 }
 
-/// Why the predictions of a fit have no intervals.
+/// Returns the reason why the predictions of a fit with the given number of bootstrap replicates have no confidence
+/// intervals; `None` if they have intervals.
 pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> Option<NoInterval> {
     use NoIntervalReason::{FitFailed, Inadequate, NoReplicates, NothingFitted};
     let reason = match fit {
@@ -247,7 +296,7 @@ pub(super) fn why_no_bands(fit: &FitRow, replicates: usize) -> Option<NoInterval
     Some(reason.into())
 }
 
-/// Values of the free parameters among all parameters; the others are missing.
+/// Returns the values of the free parameters, indexed by parameter; fixed parameters have missing values.
 fn spread(parameters: &[FreeParameter], values: &[f64]) -> ByParameter<f64> {
     let mut all = ByParameter::MISSING;
     for (free, value) in parameters.iter().zip(values) {

@@ -1,11 +1,9 @@
-//! The search for the free coefficients: sequential least absolute deviations with a trust
-//! region.
+//! Search for the free coefficients: sequential least absolute deviations with a trust region.
 //!
-//! The objective is a sum of absolute values, and its minimum lies where several of them have
-//! their breakpoints. Each iteration minimises the sum of the linearised residuals, breakpoints
-//! and all, within a trust region of the coefficients' logarithms: near a vertex of breakpoints
-//! the iterates converge like Newton's. argmin runs it; none of argmin's own solvers converges on
-//! breakpoints.
+//! The objective is a sum of absolute values whose minimum lies at breakpoints of several of these. Each iteration
+//! minimises the sum of the linearised residuals, breakpoints included, within a trust region for the logarithms of the
+//! coefficients; near the minimum the iterates converge as in Newton's method. argmin runs the iterations; none of its
+//! own solvers converges if the minimum lies at breakpoints.
 //!
 //! Reference: R. Fletcher, *Practical Methods of Optimization*, 2nd ed., Wiley 1987, section
 //! 14.4.
@@ -30,16 +28,19 @@ use super::objective::Evaluator;
 use super::terms::{Linearised, PENALTY};
 
 const MAX_ITERATIONS: u64 = 200;
-/// Trust-region radius at first and at most: coefficients may change by these factors' logarithms.
+/// Initial trust-region radius, in terms of the coefficients' logarithms.
 const FIRST_RADIUS: f64 = 1.0;
 const MAX_RADIUS: f64 = 3.0;
-/// And at least when the motions become more accurate.
-const NEXT_RADIUS: f64 = 0.1;
-/// Fall of the objective, relative to it, below which it has converged.
-pub(super) const CONVERGED: f64 = 1e-11;
-/// Shortest step, as a multiple of the motions' accuracy, that updates the Hessians.
-const INFORMATIVE: f64 = 10.0;
+/// Minimum trust-region radius after switching to a higher solver accuracy.
+const MIN_RESTART_RADIUS: f64 = 0.1;
+/// Predicted relative decrease of the objective below which the last, most accurate iterations of a search have
+/// converged.
+pub(super) const CONVERGENCE_TOLERANCE: f64 = 1e-11;
+/// Minimum step in the logarithms of the parameters for which the Hessians are updated, as a multiple of the solver's
+/// relative accuracy.
+const MIN_UPDATE_STEP: f64 = 10.0;
 
+/// Translates the reason why argmin ended a run; `cost` is the final objective.
 fn stopped(reason: Option<&TerminationReason>, cost: f64) -> Stopped {
     match reason {
         _ if cost >= PENALTY => Stopped::NoMotion,
@@ -48,27 +49,27 @@ fn stopped(reason: Option<&TerminationReason>, cost: f64) -> Stopped {
     }
 }
 
-/// Counts searches that have ended.
+/// Shared counter of finished searches.
 pub(super) type Ended = Arc<AtomicUsize>;
 
-/// A search between two runs of the executor.
+/// State of a search between two runs of argmin's executor.
 #[derive(Debug, Clone)]
 pub(super) struct Iterate {
     pub values: Vec<f64>,
     pub cost: f64,
-    /// Of the last run.
+    /// Reason why the latest run of argmin's executor ended.
     pub stopped: Stopped,
     solver: TrustRegion,
 }
 
 impl Iterate {
-    /// A search that begins at `values`.
-    pub(crate) fn begin(evaluator: &mut Evaluator, values: Vec<f64>) -> Self {
+    /// Starts a search at `values`.
+    pub(crate) fn new(evaluator: &mut Evaluator, values: Vec<f64>) -> Self {
         let at = evaluator.expanded(&values);
         Self::from_linearised(values, at)
     }
 
-    /// A search that begins at `values`, where the objective is known.
+    /// Starts a search at `values`, given the objective linearised there.
     pub(crate) fn from_linearised(
         values: Vec<f64>,
         Linearised { cost, residuals }: Linearised,
@@ -78,20 +79,20 @@ impl Iterate {
             hessians: Hessians::default(),
             radius: FIRST_RADIUS,
             held: None,
-            tolerance: CONVERGED,
+            tolerance: CONVERGENCE_TOLERANCE,
             is_last: false,
         };
         Self { values, cost, stopped: Stopped::NothingFree, solver }
     }
 
-    /// The same with one parameter that stays as it is.
+    /// Holds the parameter at `index` fixed.
     pub(crate) fn holding(mut self, index: usize) -> Self {
         self.solver.held = Some(index);
         self
     }
 
-    /// Evaluates motions of another accuracy, where the last step would have led that promised
-    /// too little to be taken.
+    /// Switches to another solver accuracy and takes the last step that the previous run proposed. The run itself did
+    /// not take this step, because the predicted decrease of the objective was below the tolerance.
     pub(crate) fn with_accuracy(mut self, evaluator: &mut Evaluator, accuracy: f64) -> Self {
         evaluator.accuracy = accuracy;
         let (step, _) = self.solver.best_step(&evaluator.parameters, &self.values);
@@ -100,33 +101,35 @@ impl Iterate {
             evaluator.add_second_order(&self.values);
         }
         self = self.expand(evaluator);
-        // What coarse motions could not resolve may have closed the region.
-        self.solver.radius = self.solver.radius.max(NEXT_RADIUS);
+        // Errors of the less accurate solutions may have shrunk the trust region.
+        self.solver.radius = self.solver.radius.max(MIN_RESTART_RADIUS);
         self
     }
 
-    /// Expands the trials' motions where the search is.
+    /// Recomputes, at the current parameter values, the Taylor expansion that yields the metrics of trials with similar
+    /// inputs from one solution of the model, and the objective with it.
     pub(crate) fn expand(mut self, evaluator: &mut Evaluator) -> Self {
-        let at = evaluator.expanded(&self.values);
-        (self.cost, self.solver.residuals) = (at.cost, at.residuals);
+        let linearised = evaluator.expanded(&self.values);
+        self.cost = linearised.cost;
+        self.solver.residuals = linearised.residuals;
         self
     }
 
-    /// Iterates until the objective can hardly fall, relative to itself; `is_last` if nothing
-    /// goes on from the end.
+    /// Iterates until the predicted relative decrease of the objective is below `tolerance`. `is_last` states that no
+    /// other run will continue from the result; `ended` counts finished searches.
     pub(crate) fn run(
         self,
-        on: &mut Evaluator,
+        evaluator: &mut Evaluator,
         tolerance: f64,
         is_last: bool,
         ended: &Ended,
     ) -> Self {
-        // After cancellation rayon still starts the searches that are queued, which may be thousands.
-        if on.objective.cancel.is_cancelled() {
+        // After a cancellation, rayon still starts the queued searches, of which there may be thousands.
+        if evaluator.objective.cancel.is_cancelled() {
             return self;
         }
         let solver = TrustRegion { tolerance, is_last, ..self.solver };
-        let result = Executor::new(on, solver)
+        let result = Executor::new(evaluator, solver)
             .configure(|state| state.param(self.values).cost(self.cost).max_iters(MAX_ITERATIONS))
             .timer(false)
             .ctrlc(false)
@@ -138,25 +141,26 @@ impl Iterate {
     }
 }
 
-/// The values of the parameters and the objective there.
+/// argmin's state: parameter values and objective.
 type State = IterState<Vec<f64>, (), (), (), (), f64>;
 
-/// The method, with what it knows beside the iterate.
+/// Method of sequential least absolute deviations as a solver for argmin, with the state that argmin does not store.
 #[derive(Debug, Clone)]
 struct TrustRegion {
     residuals: Vec<Residual>,
     hessians: Hessians,
-    /// Largest change of a parameter's logarithm.
+    /// Radius of the trust region: maximum change in the logarithm of a parameter in one step.
     radius: f64,
-    /// A parameter that stays as it is.
+    /// Index of the parameter that is held fixed; `None` if there is none.
     held: Option<usize>,
     tolerance: f64,
-    /// Whether the residuals are not needed where the objective is as low as predicted.
+    /// Whether no other run continues from the final values, so that this run may end without linearising the residuals
+    /// there.
     is_last: bool,
 }
 
 impl TrustRegion {
-    /// The next step of the parameters' logarithms, and the fall that it predicts.
+    /// Returns the next step in the logarithms of the parameters, and the predicted decrease of the objective.
     fn best_step(&self, parameters: &[FreeParameter], values: &[f64]) -> (DVector<f64>, f64) {
         let limits = limits(parameters, values, self.radius);
         self.hessians.best_step(&self.residuals, &limits, self.held)
@@ -187,15 +191,15 @@ impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
         }
         let next = values_after(&evaluator.parameters, values, &step);
         let metrics = evaluator.metrics(&next);
-        let found = evaluator.terms.cost(metrics.iter().copied());
+        let next_cost = evaluator.terms.cost(metrics.iter().copied());
         let is_inside = step.amax() < 0.9 * self.radius;
-        let is_as_predicted = (found - (cost - expected)).abs() <= self.tolerance * cost;
+        let is_as_predicted = (next_cost - (cost - expected)).abs() <= self.tolerance * cost;
         if self.is_last && is_inside && is_as_predicted {
-            return Ok((state.param(next).cost(found).terminate_with(converged), None));
+            return Ok((state.param(next).cost(next_cost).terminate_with(converged), None));
         }
         let found = evaluator.linearised_at(&next, &metrics);
-        // Slopes that differ by no more than their inaccuracy say nothing of the Hessians.
-        if step.amax() > INFORMATIVE * evaluator.accuracy {
+        // For shorter steps, the change in slope is within the errors of the slopes.
+        if step.amax() > MIN_UPDATE_STEP * evaluator.accuracy {
             self.hessians.update(&self.residuals, &found.residuals, step.as_slice());
         }
         let ratio = (cost - found.cost) / expected;
@@ -212,7 +216,7 @@ impl<'e, 'o> Solver<&'e mut Evaluator<'o>, State> for TrustRegion {
     }
 }
 
-/// Counts finished searches.
+/// Observer that counts finished searches.
 struct Observer(Ended);
 
 impl Observe<State> for Observer {
@@ -222,20 +226,23 @@ impl Observe<State> for Observer {
     }
 }
 
-/// The parameters' values after a step of their logarithms.
+/// Returns the parameter values after a step in their logarithms, within their bounds.
 fn values_after(parameters: &[FreeParameter], values: &[f64], step: &DVector<f64>) -> Vec<f64> {
-    let after = |(parameter, (value, step)): (&FreeParameter, (&f64, &f64))| {
+    let each = parameters.iter().zip(values.iter().zip(step.iter()));
+    each.map(|(parameter, (value, step))| {
         let [low, high] = parameter.bounds;
         if *step == 0.0 { *value } else { (value * step.exp()).clamp(low, high) }
-    };
-    parameters.iter().zip(values.iter().zip(step.iter())).map(after).collect()
+    })
+    .collect()
 }
 
-/// How far the parameters' logarithms may go from `values` within the bounds and a trust region.
+/// Returns, for each parameter, the range of steps in its logarithm from `values` that stay within its bounds and
+/// within a trust region of the given radius.
 pub(super) fn limits(parameters: &[FreeParameter], values: &[f64], radius: f64) -> Vec<[f64; 2]> {
-    let limit = |(parameter, value): (&FreeParameter, &f64)| {
+    let each = parameters.iter().zip(values);
+    each.map(|(parameter, value)| {
         let [low, high] = parameter.bounds.map(|bound| (bound / value).ln());
         [low.clamp(-radius, 0.0), high.clamp(0.0, radius)]
-    };
-    parameters.iter().zip(values).map(limit).collect()
+    })
+    .collect()
 }

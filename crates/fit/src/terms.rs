@@ -1,4 +1,4 @@
-//! The terms of eq. 22 as functions of the conditions' metrics.
+//! Terms of eq. 22 as functions of the conditions' metrics.
 
 use std::sync::Arc;
 
@@ -9,27 +9,30 @@ use trilink_robot::{Parameter, Robot};
 use super::deviations::Deviations;
 use super::least_absolute::Residual;
 
-/// What a trial without a steady motion contributes to the objective: far more than any motion
-/// does, so that the search turns back.
+/// Contribution to the objective of a trial for which the model has no periodic solution: far larger than any other, so
+/// that the search turns back.
 pub(super) const PENALTY: f64 = 1e3;
 
-/// A condition's simulated metrics, and for every free parameter their derivatives with respect to its logarithm.
+/// Simulated metrics for a condition (group of trials that share one periodic solution), and their derivatives with
+/// respect to the logarithm of each free parameter.
 #[derive(Debug, Clone)]
 pub(super) struct Response {
     pub metrics: GaitMetrics,
     pub d_metrics_d_logarithm: Vec<ByMetric<f64>>,
 }
 
-/// The objective at a point, linearised.
+/// Objective linearised at given values of the free parameters.
 #[derive(Debug, Clone)]
 pub(super) struct Linearised {
     pub cost: f64,
-    /// The metrics with a term as affine functions of the logarithms of the free parameters, and
-    /// what they deviate from. A condition without a motion has none.
+    /// For each metric in the objective, its approximation by an affine function of the logarithms of the free
+    /// parameters, and its weighted deviations from the measured values. Metrics for which there is no periodic
+    /// solution are left out.
     pub residuals: Vec<Residual>,
 }
 
-/// A value that a condition's metric deviates from.
+/// Measured value of a metric, with its weight in the objective, for a condition (group of trials that share one
+/// periodic solution).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target {
     pub condition: usize,
@@ -38,79 +41,88 @@ pub(super) struct Target {
     pub weight: f64,
 }
 
-/// Eq. 22 as a function of the conditions' metrics. What repeats add is one convex function of
-/// each, so that it costs no more with more of them.
+/// Objective (eq. 22 of the paper) as a function of the metrics of the conditions (groups of trials that share one
+/// periodic solution). The trials of a condition are merged into one convex function per metric, so that the cost of an
+/// evaluation hardly grows with the number of repeats.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Terms {
-    /// Trials of each condition, as a part of all.
+    /// Weight of each group of trials that share one periodic solution: the sum, over the trials of the group, of the
+    /// reciprocal of the number of trials in the trial's campaign.
     shares: Vec<f64>,
-    /// Of each condition's metrics.
+    /// Deviations from the measured values, for each metric of each condition.
     deviations: Vec<ByFitted<Option<Arc<Deviations>>>>,
 }
 
 impl Terms {
-    /// Of conditions with these parts of all trials.
+    /// Collects the targets by condition (group of trials that share one periodic solution); `shares` are the weights
+    /// of the conditions.
     pub(crate) fn new(shares: Vec<f64>, targets: impl Iterator<Item = Target>) -> Self {
         let mut collected = vec![ByFitted::from_fn(|_| Vec::new()); shares.len()];
         for Target { condition, metric, value, weight } in targets {
             collected[condition][metric].push((value, weight));
         }
-        let some = |of: Vec<(f64, f64)>| (!of.is_empty()).then(|| Arc::new(Deviations::new(of)));
-        Self { shares, deviations: collected.into_iter().map(|of| of.map(some)).collect() }
+        let deviations = collected.into_iter().map(|by_metric| {
+            by_metric.map(|targets: Vec<(f64, f64)>| {
+                (!targets.is_empty()).then(|| Arc::new(Deviations::new(targets)))
+            })
+        });
+        Self { shares, deviations: deviations.collect() }
     }
 
-    /// The same with the weight of each metric times a factor.
+    /// Returns the terms with the weights of each metric multiplied by that metric's factor.
     pub(crate) fn reweighted(&self, factors: &ByFitted<f64>) -> Self {
-        let of_condition = |of: &ByFitted<Option<Arc<Deviations>>>| {
-            ByFitted::from_fn(|i| Some(Arc::new(of[i].as_ref()?.times(factors[i]))))
-        };
-        let deviations = self.deviations.iter().map(of_condition).collect();
-        Self { shares: self.shares.clone(), deviations }
+        let deviations = self.deviations.iter().map(|by_metric| {
+            ByFitted::from_fn(|i| Some(Arc::new(by_metric[i].as_ref()?.times(factors[i]))))
+        });
+        Self { shares: self.shares.clone(), deviations: deviations.collect() }
     }
 
-    /// Whether a condition's motion does not matter.
-    pub(crate) fn is_idle(&self, condition: usize) -> bool {
+    /// Whether no trial belongs to the condition (group of trials that share one periodic solution) at the given index.
+    pub(crate) fn is_unused(&self, condition: usize) -> bool {
         self.shares[condition] == 0.0
     }
 
-    /// The objective from the metrics that were simulated for each condition; a trial without a
-    /// motion counts with a penalty.
+    /// Evaluates the objective for the simulated metrics of each condition; a condition without a periodic solution
+    /// (`None`) contributes a penalty.
     pub(crate) fn cost(&self, simulated: impl Iterator<Item = Option<GaitMetrics>>) -> f64 {
         let all = simulated.zip(&self.deviations).zip(&self.shares);
-        all.map(|((metrics, deviations), share)| {
-            let most = share * PENALTY;
-            metrics.map_or(most, |metrics| {
-                let of_metric = |(metric, of): (Metric, &Option<Arc<Deviations>>)| {
-                    of.as_ref().map_or(0.0, |of| of.value(metrics[metric]))
-                };
-                deviations.iter().map(of_metric).sum::<f64>().min(most)
-            })
+        all.map(|((metrics, by_metric), share)| {
+            let penalty = share * PENALTY;
+            let Some(metrics) = metrics else { return penalty };
+            let contributions = by_metric.iter().map(|(metric, deviations)| {
+                deviations.as_ref().map_or(0.0, |of| of.value(metrics[metric]))
+            });
+            contributions.sum::<f64>().min(penalty)
         })
         .sum()
     }
 
-    /// What each metric adds to it where the logarithms of the free parameters are off those of
-    /// the responses by these steps.
-    pub(crate) fn parts(&self, responses: &[Option<Response>], steps: &[f64]) -> ByFitted<f64> {
-        let mut parts = ByFitted::splat(0.0);
-        for (response, deviations) in responses.iter().zip(&self.deviations) {
+    /// Returns the contribution of each metric to the objective after a step in the logarithms of the free parameters,
+    /// with the metrics linearised by `responses`.
+    pub(crate) fn contributions(
+        &self,
+        responses: &[Option<Response>],
+        steps: &[f64],
+    ) -> ByFitted<f64> {
+        let mut contributions = ByFitted::splat(0.0);
+        for (response, by_metric) in responses.iter().zip(&self.deviations) {
             let Some(response) = response else { continue };
             let change = response.change(steps);
-            for (metric, of) in deviations.iter() {
+            for (metric, deviations) in by_metric.iter() {
                 let value = response.metrics[metric] + change[metric];
-                parts[metric] += of.as_ref().map_or(0.0, |of| of.value(value));
+                contributions[metric] += deviations.as_ref().map_or(0.0, |of| of.value(value));
             }
         }
-        parts
+        contributions
     }
 
-    /// The objective, linearised, from metrics and their derivatives.
+    /// Returns the objective linearised at the given responses.
     pub(crate) fn linearised(&self, responses: &[Option<Response>]) -> Linearised {
-        let metrics = responses.iter().map(|of| of.as_ref().map(|of| of.metrics));
+        let metrics = responses.iter().map(|response| response.as_ref().map(|of| of.metrics));
         Linearised { cost: self.cost(metrics), residuals: self.residuals(responses) }
     }
 
-    /// The functions alone.
+    /// Returns the residuals linearised at the given responses.
     pub(crate) fn residuals(&self, responses: &[Option<Response>]) -> Vec<Residual> {
         let mut residuals = Vec::new();
         for (response, deviations) in responses.iter().zip(&self.deviations) {
@@ -126,11 +138,11 @@ impl Terms {
 }
 
 impl Response {
-    /// Of the motion of a robot that was solved for last.
+    /// Differentiates the metrics of the periodic solution that the solver found last.
     ///
     /// # Errors
-    /// It has no derivatives.
-    pub(crate) fn of_last(
+    /// Returns an error if the periodic solution has no derivatives.
+    pub(crate) fn from_last_motion(
         solver: &mut Solver,
         metrics: GaitMetrics,
         robot: &Robot,
@@ -141,13 +153,25 @@ impl Response {
         }
         let derivatives = solver.derivatives_of(free)?.parameters;
         let d_metrics_d_logarithm = free.iter().map(|parameter| {
-            let value = parameter.of(robot);
+            let value = parameter.value_in(robot);
             ByMetric::from(derivatives[*parameter]).map(|derivative| derivative * value)
         });
         Ok(Self { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
     }
 
-    /// What shifts of the logarithms of the free parameters make of the metrics.
+    /// Returns the relative changes in the metrics per unit of the logarithm of each free parameter; 0 where there is
+    /// no relative change, as for a metric that is zero.
+    pub(crate) fn relative_slopes(&self) -> Vec<ByFitted<f64>> {
+        let relative = |of: &ByMetric<f64>| {
+            ByFitted::from_fn(|i| {
+                let slope = of[i] / self.metrics[i];
+                if slope.is_finite() { slope } else { 0.0 }
+            })
+        };
+        self.d_metrics_d_logarithm.iter().map(relative).collect()
+    }
+
+    /// Returns the first-order change in the metrics due to shifts of the logarithms of the free parameters.
     pub(crate) fn change(&self, shifts: &[f64]) -> ByMetric<f64> {
         let mut change = ByMetric::splat(0.0);
         for (shift, derivatives) in shifts.iter().zip(&self.d_metrics_d_logarithm) {
@@ -156,7 +180,7 @@ impl Response {
         change
     }
 
-    /// A metric, and its derivatives.
+    /// Returns the value of a metric, and its derivatives with respect to the logarithms of the free parameters.
     pub(crate) fn affine(&self, metric: Metric) -> (f64, Vec<f64>) {
         let slope = self.d_metrics_d_logarithm.iter().map(|each| each[metric]).collect();
         (self.metrics[metric], slope)

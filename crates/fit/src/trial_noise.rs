@@ -1,88 +1,95 @@
-//! What a trial's metrics and its measured gait are off by, which have noise in common: the cycles that
-//! differ in their skid differ in their angles, too.
+//! Correlated noise in a trial's metrics and measured gait. Both are computed from the same cycles, and cycles that
+//! differ in their skid also differ in their joint angles.
 //!
-//! Of the standard deviation of each number, a part is what cycles differ by; in that all numbers move
-//! together, as they do from cycle to cycle. The rest, which the cycles have in common, is independent.
+//! A fraction of the standard deviation of each quantity is due to the differences between cycles; this component has
+//! the same correlation between quantities as the single cycles. The remaining component, which all cycles of the trial
+//! have in common, is independent for each quantity.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use trilink_robot::metrics::{ByFitted, Metric};
-use trilink_statistics::{mean, mean_deviation, wrap};
+use trilink_statistics::{c4, mean, wrap};
 use trilink_tables::CycleRow;
 
 use super::conditions::GAIT_NUMBERS;
 use super::measurement::Measurement;
 
-/// The metrics with terms in the objective, then the numbers of the gait.
+/// Number of metrics in the objective plus number of gait parameters.
 const NUMBERS: usize = METRICS + GAIT_NUMBERS;
 const METRICS: usize = Metric::FITTED.len();
 
-/// Noise of one trial.
+/// Noise of the metrics and gait parameters of one trial.
 pub(super) struct TrialNoise {
-    /// Standard deviations, without bias; 0 of what nothing tells.
+    /// Unbiased standard deviation of each metric in the objective and of each gait parameter (rad); 0 where it is not
+    /// known.
     deviations: [f64; NUMBERS],
-    /// The cycles' part of each.
+    /// For each metric in the objective and each gait parameter, the fraction of its standard deviation that is due to
+    /// differences between cycles.
     shares: [f64; NUMBERS],
-    /// What each cycle differs by from all, such that the squares of a number sum to 1; 0 of what does not
-    /// differ.
+    /// For each cycle, the deviations of the metrics and gait parameters from their means over the cycles, scaled so
+    /// that their squares sum to 1 over the cycles; 0 for quantities that do not differ between cycles.
     cycles: Vec<[f64; NUMBERS]>,
 }
 
-/// What a trial is off by, in standard deviations.
+/// Random deviations of a trial's metrics and gait parameters, in units of their standard deviations.
 pub(super) struct Deviates {
     pub metrics: ByFitted<f64>,
     pub gait: [f64; GAIT_NUMBERS],
 }
 
 impl TrialNoise {
-    /// Of standard deviations of the metrics, and the cycles that count, if they are at hand.
+    /// Prepares the noise model of a trial from the standard deviations of its metrics and from its used cycles;
+    /// `cycles` may be empty.
     pub(crate) fn new<'c>(
         measurement: &Measurement,
-        of_metrics: &ByFitted<f64>,
+        metric_deviations: &ByFitted<f64>,
         cycles: impl Iterator<Item = &'c CycleRow>,
     ) -> Self {
-        let of_gait = measurement.gait_deviations_rad();
-        let deviations = joined(of_metrics, of_gait.as_flattened())
+        let gait_deviations = measurement.gait_deviations_rad();
+        let deviations = concatenated(metric_deviations, gait_deviations.as_flattened())
             .map(|deviation| if deviation.is_finite() { deviation } else { 0.0 });
         let mut cycles: Vec<_> = cycles.map(|cycle| numbers(measurement, cycle)).collect();
-        let freedom = cycles.len().saturating_sub(1) as f64;
+        let cycle_freedom = cycles.len().saturating_sub(1) as f64;
         let shares = std::array::from_fn(|i| {
-            let middle = mean(cycles.iter().map(|cycle| cycle[i]));
-            let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - middle).powi(2)).sum();
+            let mean = mean(cycles.iter().map(|cycle| cycle[i]));
+            let squares: f64 = cycles.iter().map(|cycle| (cycle[i] - mean).powi(2)).sum();
             let differs = squares > 0.0 && squares.is_finite();
-            let unit = |value: f64| if differs { (value - middle) / squares.sqrt() } else { 0.0 };
-            cycles.iter_mut().for_each(|cycle| cycle[i] = unit(cycle[i]));
-            let by_cycles = (squares / freedom / (freedom + 1.0)).sqrt() / mean_deviation(freedom);
-            // Of an error of 0, with either sign, there is no part.
-            let is_shared = differs && deviations[i] > 0.0;
-            if is_shared { (by_cycles / deviations[i]).min(1.0) } else { 0.0 }
+            for cycle in &mut cycles {
+                cycle[i] = if differs { (cycle[i] - mean) / squares.sqrt() } else { 0.0 };
+            }
+            let by_cycles =
+                (squares / cycle_freedom / (cycle_freedom + 1.0)).sqrt() / c4(cycle_freedom);
+            // A standard deviation of zero (of either sign) has no such fraction.
+            let has_share = differs && deviations[i] > 0.0;
+            if has_share { (by_cycles / deviations[i]).min(1.0) } else { 0.0 }
         });
         Self { deviations, shares, cycles }
     }
 
-    /// Standard deviation of a metric.
+    /// Returns the standard deviation of a metric.
     pub(crate) fn deviation(&self, metric: Metric) -> f64 {
         self.deviations[metric as usize]
     }
 
-    /// Standard deviations of the gait's numbers, rad.
+    /// Returns the standard deviations of the gait parameters, rad.
     pub(crate) fn gait_deviations_rad(&self) -> &[f64] {
         &self.deviations[METRICS..]
     }
 
-    /// The deviates of a resample of the cycles, by random numbers for the metrics and for the gait.
-    pub(crate) fn draw(&self, [of_metrics, of_gait]: &mut [ChaCha8Rng; 2]) -> Deviates {
+    /// Draws random deviations: the part due to differences between cycles by resampling the cycles, the rest from
+    /// normal distributions. The two random generators are for the metrics and for the gait.
+    pub(crate) fn draw(&self, [for_metrics, for_gait]: &mut [ChaCha8Rng; 2]) -> Deviates {
         let mut normal = ByFitted::splat(0.0);
         // d and v are one measurement.
         for (_, normal) in normal.iter_mut().filter(|(metric, _)| *metric != Metric::V) {
-            *normal = StandardNormal.sample(of_metrics);
+            *normal = StandardNormal.sample(for_metrics);
         }
         normal[Metric::V] = normal[Metric::D];
         let normal_of_gait: [f64; GAIT_NUMBERS] =
-            std::array::from_fn(|_| StandardNormal.sample(of_gait));
+            std::array::from_fn(|_| StandardNormal.sample(for_gait));
         let count = self.cycles.len();
-        let drawn: Vec<usize> = (0..count).map(|_| of_metrics.random_range(0..count)).collect();
+        let drawn: Vec<usize> = (0..count).map(|_| for_metrics.random_range(0..count)).collect();
         let deviate = |i: usize, normal: f64| {
             let share = self.shares[i];
             let by_cycles: f64 = drawn.iter().map(|&n| self.cycles[n][i]).sum();
@@ -94,35 +101,49 @@ impl TrialNoise {
         }
     }
 
-    /// Standard deviation of a predicted less the measured metric, where one of the gait's numbers changes
-    /// the prediction by so much for each.
-    pub(crate) fn deviation_of_residual(&self, metric: Metric, by_gait: &[f64]) -> f64 {
-        let own = std::iter::once((metric as usize, -self.deviation(metric)));
-        let factors: Vec<(usize, f64)> =
-            own.chain((METRICS..).zip(by_gait.iter().copied())).collect();
-        let together = |cycle: &[f64; NUMBERS]| {
-            let moved = factors.iter().map(|&(i, factor)| factor * self.shares[i] * cycle[i]);
-            moved.sum::<f64>().powi(2)
-        };
-        let apart = |&(i, factor): &(usize, f64)| factor.powi(2) * (1.0 - self.shares[i].powi(2));
-        let variance =
-            self.cycles.iter().map(together).sum::<f64>() + factors.iter().map(apart).sum::<f64>();
-        variance.sqrt()
+    /// Returns the covariance of predicted minus measured for two metrics, each with the changes in its prediction per
+    /// standard deviation of each gait parameter.
+    pub(crate) fn covariance_of_residuals(&self, metrics: [(Metric, &[f64]); 2]) -> f64 {
+        let factors = metrics.map(|(metric, gait_effects)| {
+            let mut factors = [0.0; NUMBERS];
+            factors[metric as usize] = -self.deviation(metric);
+            factors[METRICS..]
+                .iter_mut()
+                .zip(gait_effects)
+                .for_each(|(factor, own)| *factor = *own);
+            factors
+        });
+        let by_cycles = self.cycles.iter().map(|cycle| {
+            let [a, b] = factors.each_ref().map(|factors| {
+                (0..NUMBERS).map(|i| factors[i] * self.shares[i] * cycle[i]).sum::<f64>()
+            });
+            a * b
+        });
+        let [a, b] = &factors;
+        let independent = (0..NUMBERS).map(|i| a[i] * b[i] * (1.0 - self.shares[i].powi(2)));
+        by_cycles.sum::<f64>() + independent.sum::<f64>()
+    }
+
+    /// Returns the standard deviation of predicted minus measured for a metric; `gait_effects` are the changes in the
+    /// prediction per standard deviation of each gait parameter.
+    pub(crate) fn deviation_of_residual(&self, metric: Metric, gait_effects: &[f64]) -> f64 {
+        self.covariance_of_residuals([(metric, gait_effects); 2]).sqrt()
     }
 }
 
-/// The numbers of a cycle; phases next to the trial's.
+/// Returns the metrics and gait parameters measured in one cycle; phases are relative to the phase of the trial's mean
+/// gait, and wrapped to at most half a turn.
 fn numbers(measurement: &Measurement, cycle: &CycleRow) -> [f64; NUMBERS] {
     let gait = [0, 1].map(|joint| {
         let of = &cycle.gait[joint];
         let turned = wrap(of.phase_rad - measurement.gait[joint].phase_rad);
         [of.offset_rad, of.amplitude_rad, turned]
     });
-    joined(&cycle.metrics.into(), gait.as_flattened())
+    concatenated(&cycle.metrics.into(), gait.as_flattened())
 }
 
-/// Of the metrics with terms, and of the gait.
-fn joined(metrics: &ByFitted<f64>, gait: &[f64]) -> [f64; NUMBERS] {
+/// Concatenates the metrics in the objective and the gait parameters.
+fn concatenated(metrics: &ByFitted<f64>, gait: &[f64]) -> [f64; NUMBERS] {
     std::array::from_fn(|i| if i < METRICS { metrics.values()[i] } else { gait[i - METRICS] })
 }
 
@@ -135,36 +156,34 @@ mod tests {
 
     use super::*;
 
-    /// A trial whose cycles differ by `d` and, against it, by the phase of its first joint.
+    /// Returns the noise of a trial in whose cycles the phase of joint 1 decreases as d increases.
     fn noise() -> TrialNoise {
         let d_m = [0.40, 0.43, 0.42, 0.44, 0.41];
         let variance = d_m.iter().map(|d| (d - 0.42_f64).powi(2)).sum::<f64>() / 4.0;
         let mut row = TrialRow { omega_rad_s: 2.0, cycles: 5, ..TrialRow::blank() };
         row.metrics = GaitMetrics { d_m: 0.42, v_m_s: 0.1, ..GaitMetrics::MISSING };
-        // Pi and a little more or less.
+        // The phases of the cycles lie on both sides of pi.
         row.gait[0].phase_rad = std::f64::consts::PI;
-        let (cycles, error) = (
-            d_m.map(|d_m| {
-                let mut cycle = CycleRow::blank();
-                cycle.metrics.d_m = d_m;
-                cycle.gait[0].phase_rad = wrap(std::f64::consts::PI - 2.0 * (d_m - 0.42));
-                cycle
-            }),
-            (variance / 5.0).sqrt(),
-        );
-        // Half of the phase's variance is not the cycles'.
+        let error = (variance / 5.0).sqrt();
+        let cycles = d_m.map(|d_m| {
+            let mut cycle = CycleRow::blank();
+            cycle.metrics.d_m = d_m;
+            cycle.gait[0].phase_rad = wrap(std::f64::consts::PI - 2.0 * (d_m - 0.42));
+            cycle
+        });
+        // Half of the variance of the phase is not due to differences between cycles.
         row.gait[0].phase_rad_se = 2.0 * error * 2.0_f64.sqrt();
         let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
-        let unbiased = 1.0 / mean_deviation(4.0);
-        row.gait[0].phase_rad_se *= unbiased / measurement.unbiased();
+        let unbiased = 1.0 / c4(4.0);
+        row.gait[0].phase_rad_se *= unbiased / measurement.bias_correction();
         let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
-        let mut of_metrics = ByFitted::splat(0.0);
-        of_metrics[Metric::D] = unbiased * error;
-        TrialNoise::new(&measurement, &of_metrics, cycles.iter())
+        let mut metric_deviations = ByFitted::splat(0.0);
+        metric_deviations[Metric::D] = unbiased * error;
+        TrialNoise::new(&measurement, &metric_deviations, cycles.iter())
     }
 
     #[test]
-    fn what_differs_between_cycles_moves_together_and_the_rest_alone() {
+    fn differences_between_cycles_move_together_and_the_rest_independently() {
         let noise = noise();
         let phase = 2;
         let mut random = [3, 4].map(ChaCha8Rng::seed_from_u64);
@@ -178,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_an_error_of_zero_is_never_off() {
+    fn a_number_with_a_standard_error_of_zero_does_not_move() {
         let mut row = TrialRow { omega_rad_s: 2.0, cycles: 5, ..TrialRow::blank() };
         row.metrics = GaitMetrics { d_m: 0.42, v_m_s: 0.1, ..GaitMetrics::MISSING };
         row.gait[0].phase_rad_se = -0.0;
@@ -189,12 +208,12 @@ mod tests {
         }
         let noise = TrialNoise::new(&measurement, &ByFitted::splat(0.0), cycles.iter());
         let drawn = noise.draw(&mut [3, 4].map(ChaCha8Rng::seed_from_u64));
-        let off = noise.gait_deviations_rad()[2] * drawn.gait[2];
-        assert_eq!(off, 0.0, "{off}");
+        let deviation = noise.gait_deviations_rad()[2] * drawn.gait[2];
+        assert_eq!(deviation, 0.0, "{deviation}");
     }
 
     #[test]
-    fn a_residual_spreads_as_what_is_drawn() {
+    fn the_deviation_of_a_residual_is_that_of_the_draws() {
         let noise = noise();
         let d_m = noise.deviation(Metric::D);
         for by_phase in [0.0, 2.0 * d_m, -2.0 * d_m] {
@@ -204,11 +223,11 @@ mod tests {
                 let drawn = noise.draw(&mut random);
                 (by_phase * drawn.gait[2] - d_m * drawn.metrics[Metric::D]).powi(2)
             });
-            let (drawn, told) =
-                (mean(squares).sqrt(), noise.deviation_of_residual(Metric::D, &by_gait));
-            assert!((drawn / told - 1.0).abs() < 0.05, "{drawn} {told}");
+            let drawn = mean(squares).sqrt();
+            let computed = noise.deviation_of_residual(Metric::D, &by_gait);
+            assert!((drawn / computed - 1.0).abs() < 0.05, "{drawn} {computed}");
         }
-        // Without a gait.
+        // Case without gait effects.
         assert!((noise.deviation_of_residual(Metric::D, &[]) / d_m - 1.0).abs() < 1e-12);
     }
 }

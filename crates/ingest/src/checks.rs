@@ -1,25 +1,27 @@
-//! Small named checks, all run on every trial, all reported.
+//! Named checks of trials. All of them are run on every trial, and all results are reported.
 
 use std::fmt;
 
 use trilink_base::named;
-use trilink_tables::{CheckRow, Severity};
+use trilink_tables::{CheckRow, MAX_DEVIATIONS, Severity};
 
-/// Defines [`Check`]: of each its code and name, then the limit of its value, unless the configuration or the
-/// recording gives that, and how many times this limit the value may be before the trial fails, as nothing
-/// that follows from the recording can be believed then. Else the numbers are less certain, but still the trial's.
+/// Defines [`Check`]. Each entry has the check's code and name, then the limit of the checked value (unless the
+/// configuration or the recording gives the limit), then the multiple of the limit beyond which the trial fails because
+/// nothing derived from such a recording can be trusted. Between the limit and that multiple the results are valid but
+/// less certain.
 macro_rules! checks {
     ($(
         $(#[$meta:meta])*
-        $check:ident = $name:literal $(, limit $limit:literal)? $(, fails beyond $times:literal times)?;
+        $check:ident = $name:literal $(, limit $limit:expr)? $(, fails beyond $times:literal times)?;
     )*) => {
         named! {
-            /// What is looked at: code and name. They do not change; reports and scripts count them.
+            /// Check of a trial or of several trials. Codes and names never change, because reports and scripts refer
+            /// to them.
             pub enum Check { $($(#[$meta])* $check = $name,)* }
         }
 
         impl Check {
-            /// Missing if it is not the same for all trials.
+            /// Returns the limit of the checked value, or NaN if the limit depends on the trial.
             pub(crate) const fn limit(self) -> f64 {
                 match self { $(Self::$check => [$($limit,)? f64::NAN][0],)* }
             }
@@ -31,100 +33,117 @@ macro_rules! checks {
     };
 }
 
-// An entry here, its explanation in `crates/tables/src/checks.md` under the same name, and the finding where the
-// value arises are all that a check is.
+// To add a check, add an entry here, an explanation under the same name in `crates/tables/src/checks.md`, and a finding
+// where the value is computed.
 checks! {
-    /// The trial could be processed.
+    /// Checks that the trial can be processed.
     Failed = "E001 failed";
-    /// The file states its frame rate.
+    /// Checks that the file states its frame rate.
     Rate = "W001 rate";
-    /// No frames are left out.
+    /// Checks that no frames are missing between the first and the last.
     FrameContinuity = "W002 frame-continuity", limit 0.0;
-    /// The cameras saw this part of all markers' frames.
+    /// Checks that the fraction of marker positions that the cameras recorded reaches a minimum.
     Coverage = "W003 coverage", limit 0.9;
-    /// The markers lie on the links as in the layout: 5 mm off, if the limit is the default of 0.5 mm.
+    /// Checks that the markers lie on the links as in the layout. The value is their mean residual, mm; with the
+    /// default limit of 0.5 mm the trial fails beyond 5 mm.
     Residual = "W004 residual", fails beyond 10.0 times;
-    /// The robot moved at the commanded frequency: 8 % off is near the end of what is searched for the gait.
+    /// Checks that the robot moves at the commanded frequency. The value is the relative deviation; beyond 8 %, which
+    /// is near the end of the frequency search range, the trial fails.
     Frequency = "W005 frequency", limit 0.02, fails beyond 4.0 times;
-    /// Enough cycles for a mean are steady.
+    /// Checks that the trial has enough steady cycles for a mean.
     SteadyState = "W006 steady-state", limit 5.0;
-    /// Fraction of the cycles after the transient that were left out because of gaps: the cameras need
-    /// attention.
+    /// Checks the fraction of the cycles after the transient that are left out because of gaps. Above the limit the
+    /// camera setup needs attention.
     LongGaps = "W007 long-gaps", limit 0.3;
-    /// Every row has a frame number.
+    /// Checks that every row has a frame number.
     RowsWithoutFrame = "W008 rows-without-frame", limit 0.0;
-    /// The joints did what they were commanded, in offset, amplitude and phase, degrees: beyond 20, an offset, a
-    /// sign or a phase is not the configured one.
+    /// Checks that the joints follow their commands in offset, amplitude and phase. The value is the maximum deviation,
+    /// degrees; a deviation of more than 20 degrees means that an offset, a sign or a phase differs from the
+    /// configuration.
     Gait = "W009 gait", limit 10.0, fails beyond 2.0 times;
-    /// d does not change from the first half of the cycles used to the second.
+    /// Checks that the displacement per cycle d does not change from the first half of the used cycles to the second.
     Drift = "W010 drift", limit 0.01;
-    /// No marker is off the others of its link or off the link's motion, but in this part of the frames. Half
-    /// of all frames were seen to recover; the cameras' labelling that fails in one frame of fifty is a reason
-    /// to look all the same.
+    /// Checks the fraction of frames in which a marker contradicts the other markers of its link or the link's motion.
+    /// Trials with half of all frames affected have been recovered, but mislabelling in 1 of 50 frames should be looked
+    /// into.
     JumpedMarker = "W011 jumped-marker", limit 0.02, fails beyond 40.0 times;
-    /// No two labels of a link are swapped.
+    /// Checks the fraction of frames in which two labels of a link are swapped.
     SwappedLabels = "W012 swapped-labels", limit 0.02, fails beyond 40.0 times;
-    /// Where markers contradict each other, it is clear which of them is wrong; the others are thrown out.
+    /// Checks the fraction of frames in which markers contradict each other and the wrong one cannot be identified;
+    /// these frames are rejected.
     AmbiguousMarkers = "W013 ambiguous-markers", limit 0.01, fails beyond 50.0 times;
-    /// The links that should be held while a joint swings do not move, as a part of the first swing.
+    /// Checks that the links that should be held while a joint swings do not move. The value is their RMS motion as a
+    /// fraction of the joint's largest swing.
     HeldLinks = "W014 held-links", limit 0.02, fails beyond 10.0 times;
-    /// A swing or a speed dies away as linear damping makes it, but for noise.
+    /// Checks that noise alone explains how a recording deviates from a decay law: a released joint's swing from linear
+    /// damping, a coasting robot's speed from the configured roll resistance.
     Decay = "W015 decay";
-    /// The robot that coasts is straight, degrees.
+    /// Checks that the robot is straight while it coasts. The value is the larger of its mean joint angles, degrees.
     Straight = "W016 straight", limit 5.0, fails beyond 4.0 times;
-    /// Floor and links are level, degrees. What is more is corrected and flagged; a suspension that swings by
-    /// 0.3 degrees within 6 to 20 s stays below. A layout without its heights makes more than 10.
+    /// Checks that the floor and the links are level. The value is the largest tilt, degrees. A tilt above the limit is
+    /// corrected and flagged; a suspension that swings by 0.3 degrees with a period of 6 to 20 s stays below the limit.
+    /// Wrong heights in a layout cause more than 10 degrees.
     Tilt = "W017 tilt", limit 0.5, fails beyond 20.0 times;
-    /// The joints are where h and l put them, mm.
+    /// Checks that the joints are where the robot's lengths h and l place them. The value is the largest distance of a
+    /// joint from its place, mm.
     JointPositions = "W018 joint-places", limit 0.8, fails beyond 12.5 times;
-    /// No servo stops short of its peaks, as a part of its first harmonic. One that stops at 0.95 of its
-    /// amplitude stays behind by 0.023.
+    /// Checks that no servo saturates before the peaks of its command. The value is the shortfall at the peaks as a
+    /// fraction of the first harmonic. A servo that saturates at 0.95 of its amplitude has a shortfall of 0.023.
     GaitClipping = "W019 gait-clipping", limit 0.02;
-    /// No row has more cells than the header has columns.
+    /// Checks that no row has more cells than the header has columns.
     LongRows = "W020 long-rows", limit 0.0;
-    /// The recording tells that a swing or a speed dies away by the law that the robot is
-    /// configured with, and by no other.
+    /// Checks that the recording confirms the configured decay law of a swing or a speed: that this law, and no other
+    /// as simple or simpler, is consistent with the recording.
     DecayLaw = "W021 decay-law";
-    /// What a trial tells of the robot's parameters is about what is configured: so many times as large, or as
-    /// small.
+    /// Checks that the measured robot parameters agree with the configured ones. The value is the largest ratio between
+    /// the two or its reciprocal, whichever is larger.
     RobotParameters = "W022 robot-parameters", limit 3.0;
-    /// No cycle that counts is unlike the others in d, alpha1 or a skid ratio, as a part of theirs, if it is
-    /// not by chance.
+    /// Checks that no used cycle differs significantly from the others in d, alpha1 or a skid ratio. The value is the
+    /// largest significant difference as a fraction of the mean of the others.
     OutlyingCycle = "W023 outlying-cycle", limit 0.05;
-    /// No rows repeat the one before although the robot moves, but for a frame that was held now and then.
+    /// Checks the fraction of rows that repeat the previous row while the robot moves; an occasional held frame is
+    /// tolerated.
     RepeatedRows = "W024 repeated-rows", limit 0.01;
-    /// The robot goes on smoothly from frame to frame.
+    /// Checks that the robot moves smoothly from frame to frame. The value is the number of jumps.
     Jump = "W025 jump", limit 0.0;
-    /// The markers' noise is white: no filter has taken the fast part of it. Slow noise over white noise is 0.8
-    /// to 1.2 in unfiltered recordings, 4 in those low-passed at 30 Hz, 100 at 6 Hz, 5 with coordinates to 0.1 mm.
+    /// Checks that the marker noise is white, that is, that no low-pass filter was applied. The value is the ratio of
+    /// low-frequency noise to that expected for white noise; it is 0.8 to 1.2 in unfiltered recordings, 4 after a
+    /// low-pass filter at 30 Hz, 100 after one at 6 Hz, and 5 for coordinates rounded to 0.1 mm.
     Filtered = "W026 filtered", limit 2.0;
-    /// What a file states of itself is there and agrees with itself and its size.
+    /// Checks that the file's metadata are complete and consistent with each other and with the file's size.
     FileHeader = "W027 file-header", limit 0.0;
-    /// The joints do what no other campaign commands.
+    /// Checks that the metrics of the trial agree with those of the other trials of the same campaign, day and
+    /// frequency. The value is the largest deviation from their median in robust standard deviations.
+    UnlikeRepeats = "W028 unlike-repeats", limit MAX_DEVIATIONS;
+    /// Checks that the floor is level where coast-downs or gaits in different directions show its slope. For a
+    /// coast-down the value is the slope along the direction of travel, degrees.
+    FloorSlope = "W029 floor-slope", limit 0.02;
+    /// Checks that the joints do not follow the gait of another campaign.
     OtherCampaign = "E002 other-campaign";
-    /// No other trial has the same marker file.
+    /// Checks that no other trial has the same marker file.
     SameFile = "E003 same-file";
-    /// Not most of a campaign's trials need a person for one reason.
+    /// Checks that no single reason causes most trials of a campaign to fail or to be flagged.
     CommonReason = "E004 common-reason";
-    /// The list names every marker file of the folder.
+    /// Checks that the trial list names every marker file of the folder.
     Unlisted = "E005 unlisted", limit 0.0;
-    /// No joint is bent alike in all trials of a campaign.
+    /// Checks that no joint has the same offset error in all trials of a campaign.
     CommonOffset = "E006 common-offset";
 }
 
 impl Check {
-    /// Whether what it finds is always an error, as the codes with an E say.
+    /// Returns whether failing the check is always an error, as it is for codes that begin with E.
     fn is_error(self) -> bool {
         self.name().starts_with('E')
     }
 
-    /// Whether only several trials together show it.
-    pub(crate) fn is_of_several(self) -> bool {
-        self.is_error() && self != Self::Failed
+    /// Returns whether the check compares several trials.
+    pub(crate) fn compares_trials(self) -> bool {
+        (self.is_error() && self != Self::Failed)
+            || matches!(self, Self::UnlikeRepeats | Self::FloorSlope)
     }
 }
 
-/// What a check found.
+/// Result of a check.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Finding {
     pub check: Check,
@@ -134,52 +153,53 @@ pub(super) struct Finding {
     pub message: String,
 }
 
-/// Code, name and message, and why it fails the trial if it does.
+/// Formats the code, name and message of the finding and, if it is an error, also its value and limit.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(f, "{}: {}", self.check, self.message)?;
-        match self.severity {
-            Severity::Error => {
-                let digits = if self.value.fract() == 0.0 { 0 } else { 3 };
-                write!(f, " (found {:.digits$}, needed at most {})", self.value, self.limit)
-            }
-            _ => Ok(()),
+        if self.severity == Severity::Error {
+            let digits = if self.value.fract() == 0.0 { 0 } else { 3 };
+            write!(f, " (value {:.digits$}, limit {})", self.value, self.limit)?;
         }
+        Ok(())
     }
 }
 
 impl Finding {
-    /// A value beyond the limit that fails a trial is given with that limit.
+    /// Creates a finding; `holds` states whether the check has passed, and `limit` is the check's own limit. If the
+    /// check has failed and its value even exceeds the multiple of `limit` beyond which the trial fails, the finding is
+    /// an error and states that multiple as its limit.
     pub(crate) fn new(check: Check, holds: bool, value: f64, limit: f64, message: String) -> Self {
-        let most = check.fails_beyond().map(|times| times * limit).filter(|most| value > *most);
-        let (severity, limit) = match (holds, most) {
-            (true, _) => (Severity::Ok, limit),
-            (false, Some(most)) => (Severity::Error, most),
-            (false, None) if check.is_error() => (Severity::Error, limit),
-            (false, None) => (Severity::Warning, limit),
+        let failure_limit =
+            check.fails_beyond().map(|times| times * limit).filter(|&limit| value > limit);
+        let (severity, limit) = match failure_limit {
+            _ if holds => (Severity::Ok, limit),
+            Some(failure_limit) => (Severity::Error, failure_limit),
+            None if check.is_error() => (Severity::Error, limit),
+            None => (Severity::Warning, limit),
         };
         Self { check, severity, value, limit, message }
     }
 
-    /// A check that holds while `value` is not above its limit.
+    /// Creates the finding of a check that passes if `value` is at most its limit.
     pub(crate) fn at_most(check: Check, value: f64, message: String) -> Self {
         let limit = check.limit();
         Self::new(check, value <= limit, value, limit, message)
     }
 
-    /// A check that holds while `value` is not below its limit.
+    /// Creates the finding of a check that passes if `value` is at least its limit.
     pub(crate) fn at_least(check: Check, value: f64, message: String) -> Self {
         let limit = check.limit();
         Self::new(check, value >= limit, value, limit, message)
     }
 
-    /// The same finding, which fails the trial.
+    /// Raises the severity of a failed check to an error, which fails the trial.
     pub(crate) fn failing(mut self) -> Self {
         self.severity = Severity::Error;
         self
     }
 
-    /// The same finding, worth reporting although it holds.
+    /// Raises the severity of a passed check to information if `is_notable` is true.
     pub(crate) fn notable(mut self, is_notable: bool) -> Self {
         if is_notable && self.holds() {
             self.severity = Severity::Info;
@@ -211,7 +231,8 @@ mod tests {
 
     #[test]
     fn every_check_is_explained_and_nothing_else_is() {
-        let mut explained: Vec<&str> = Explanation::all().map(|of| of.check).collect();
+        let mut explained: Vec<&str> =
+            Explanation::all().map(|explanation| explanation.check).collect();
         explained.sort_unstable();
         let mut checks = Check::ALL.map(Check::name);
         checks.sort_unstable();

@@ -1,11 +1,11 @@
-//! What ends a trial.
+//! Errors that make a trial fail.
 
 use std::path::{Path, PathBuf};
 
 use trilink_mocap::ReadError;
 use trilink_tables::trial::TrialError;
 
-/// Why one trial gives no numbers. The other trials go on.
+/// Reason why a trial cannot be processed. A failed trial does not affect the other trials.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialFailure {
     #[error(transparent)]
@@ -16,85 +16,133 @@ pub enum TrialFailure {
     Recording { path: PathBuf, problem: Problem },
 }
 
-/// What is wrong with a recording that can be read.
+/// Problem with a recording whose file could be read.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
-    /// What the checks say that are beyond what a trial can have.
+    /// Some checks failed with the severity `error`; `checks` has the messages of these checks.
     #[error("{checks}")]
     BeyondLimits { checks: String },
-    #[error("found a frame rate of {} Hz, needed {} Hz as vicon.rate_hz says (or set vicon.rate_from_file = true)", .found_hz, .needed_hz)]
+    #[error(
+        "the file's frame rate is {} Hz, but vicon.rate_hz is {} Hz; correct vicon.rate_hz, or set \
+         vicon.rate_from_file = true",
+        .found_hz, .needed_hz
+    )]
     Rate { found_hz: f64, needed_hz: f64 },
     #[error(
-        "found no frame rate, needed one because vicon.rate_from_file = true (or set it to false and say vicon.rate_hz)"
+        "the file states no frame rate, but vicon.rate_from_file = true requires one: set vicon.rate_from_file = \
+         false and vicon.rate_hz to the frame rate"
     )]
     NoRate,
-    #[error("found no marker `{label}`, needed by markers.link{link} of pipeline.toml; {hint}")]
+    #[error(
+        "the file has no marker `{label}`, which markers.link{link} of pipeline.toml requires; {hint}"
+    )]
     MissingMarker { label: String, link: usize, hint: String },
     #[error(
-        "found {missing} of the {all} markers of pipeline.toml's [markers] missing, needed all; the file's labels are {labels}: is it a file of this robot?"
+        "{missing} of the {all} markers of pipeline.toml's [markers] are not in the file, whose labels are {labels}: \
+         does the file belong to this robot?"
     )]
     ForeignFile { missing: usize, all: usize, labels: String },
-    #[error("found the marker `{label}` of markers.link{link} as `{}`, needed one of them; the layout must name it `Subject:Marker`", found.join("`, `"))]
+    #[error(
+        "the marker `{label}` of markers.link{link} matches the labels `{}`; replace the label in that table by one \
+         of these, in the form `Subject:Marker`",
+        found.join("`, `")
+    )]
     AmbiguousMarker { label: String, link: usize, found: Vec<String> },
-    #[error("found the label `{}` more than once, needed by markers.link{} of pipeline.toml once", .label, .link)]
+    #[error(
+        "the file has the label `{}` more than once, but markers.link{} of pipeline.toml needs it to be unique",
+        .label, .link
+    )]
     RepeatedLabel { label: String, link: usize },
-    #[error("found the marker `{}` for both `{}` and `{}` of pipeline.toml's [markers], needed one each", .found, .first, .second)]
+    #[error(
+        "the marker `{}` matches both `{}` and `{}` of pipeline.toml's [markers], but each of these entries needs a \
+         marker of its own",
+        .found, .first, .second
+    )]
     SharedMarker { found: String, first: String, second: String },
-    #[error("found frames {} to {} in only {} rows, needed frame numbers without such jumps", .first, .last, .rows)]
+    #[error("found frames {} to {} in only {} rows: the frame numbers jump implausibly", .first, .last, .rows)]
     FrameJumps { first: i64, last: i64, rows: usize },
-    #[error("found no frame in which the markers of link {} give its pose, needed two that are seen together", .link)]
+    #[error("no frame shows two markers of link {} together, but its pose requires two", .link)]
     LinkUnseen { link: usize },
-    /// Markers that do not lie as in the layout, and why.
+    /// The marker layout contradicts the recording; `cause` is the likely reason.
     #[error("{cause}")]
     OtherLayout { cause: String },
     #[error(
-        "found joints that swing by at most {most_deg:.2} degrees, needed the commanded gait: is kind right in trials.toml, and is the file this trial's?"
+        "the joints swing by at most {max_deg:.2} degrees, so they do not follow the commanded gait: is `kind` \
+         correct in trials.toml, and does the file belong to this trial?"
     )]
-    NoSwing { most_deg: f64 },
-    #[error("found {omega_rad_s:.4} rad/s, commanded {commanded_rad_s} rad/s: {cause}")]
+    NoSwing { max_deg: f64 },
+    #[error("measured {omega_rad_s:.4} rad/s, commanded {commanded_rad_s} rad/s: {cause}")]
     OtherFrequency { omega_rad_s: f64, commanded_rad_s: f64, cause: String },
-    #[error("found {:.1} frames per commanded period, needed at least {:.0}; is omega_rad_s right?", .found, .needed)]
+    #[error(
+        "found {:.1} frames per commanded period, but at least {:.0} are needed; is omega_rad_s correct?",
+        .found, .needed
+    )]
     TooFast { found: f64, needed: f64 },
-    #[error("found {found:.2} periods of motion, needed at least {needed:.0}")]
+    #[error("found {found:.2} periods of motion, but at least {needed:.0} are needed")]
     TooShort { found: f64, needed: f64 },
-    #[error("found joint {joint} seen in only {found} frames, needed at least {needed}")]
+    #[error("joint {joint} is visible in only {found} frames, but at least {needed} are needed")]
     JointUnseen { joint: usize, found: usize, needed: usize },
-    #[error("found joint {} moving by only {:.2} degrees at {:.3} rad/s, needed about the commanded {:.1} degrees", .joint, .found_deg, .omega_rad_s, .needed_deg)]
+    #[error(
+        "joint {} moves by only {:.2} degrees at {:.3} rad/s, but {:.1} degrees were commanded",
+        .joint, .found_deg, .omega_rad_s, .needed_deg
+    )]
     NotDriven { joint: usize, omega_rad_s: f64, found_deg: f64, needed_deg: f64 },
-    #[error("found {} usable of {} whole cycles ({} of them transient), needed at least {}", .usable, .whole, .skipped, .needed)]
+    #[error(
+        "only {} of {} whole cycles can be used (the first {} were still settling), but at least {} are needed",
+        .usable, .whole, .skipped, .needed
+    )]
     TooFewCycles { whole: usize, skipped: usize, usable: usize, needed: usize },
-    #[error("found joints that turn by only {:.2} degrees from their rest, needed one that is let go at {:.1} degrees or more", .found_deg, .needed_deg)]
+    #[error(
+        "the joints deviate from their rest angles by only {:.2} degrees: release one joint at an angle of {:.1} \
+         degrees or more",
+        .found_deg, .needed_deg
+    )]
     NotReleased { found_deg: f64, needed_deg: f64 },
-    #[error("found {} swings of the joint above the noise that decay, needed at least {}", .found, .needed)]
+    #[error("found {} decaying swings of the joint above the noise, but at least {} are needed", .found, .needed)]
     FewSwings { found: usize, needed: usize },
-    #[error("found a top speed of {:.3} m/s, needed a robot that is pushed to {} m/s or more", .found_m_s, .needed_m_s)]
+    #[error("the robot reaches only {:.3} m/s: push it to {} m/s or more", .found_m_s, .needed_m_s)]
     NotPushed { found_m_s: f64, needed_m_s: f64 },
-    #[error("found a speed that falls to {:.2} of its top, needed a fall to {} or less and a decay", .found, .needed)]
+    #[error(
+        "the speed falls only to {:.2} times its maximum, but it must fall to {} times the maximum or less",
+        .found, .needed
+    )]
     NoDecay { found: f64, needed: f64 },
-    #[error("found {} group{} of markers that move rigidly together{}{list}{}, needed three groups, one for each link; a marker that is none of the robot's can be named in vicon.ignore", .found, if *.found == 1 { "" } else { "s" }, if list.is_empty() { "" } else { " (" }, if list.is_empty() { "" } else { ")" })]
+    #[error(
+        "found {} group{} of markers that move rigidly together{}{list}{}, but three groups are needed, one for each \
+         link; markers that are not on the robot can be listed in vicon.ignore",
+        .found,
+        if *.found == 1 { "" } else { "s" },
+        if list.is_empty() { "" } else { " (" },
+        if list.is_empty() { "" } else { ")" }
+    )]
     RigidGroups { found: usize, list: String },
     #[error(
-        "found the markers `{labels}` hardly ever together, needed two of a link at least in most frames, and each marker with two others in some"
+        "the markers `{labels}` are hardly ever visible together: at least two markers of a link must be visible in \
+         most frames, and each marker together with two others of its link in some frames"
     )]
     MarkersApart { labels: String },
-    #[error("found {found} frames that show both link 0 and link {link}, needed {needed}")]
+    #[error("only {found} frames show both link 0 and link {link}, but {needed} are needed")]
     LinksApart { link: usize, found: usize, needed: usize },
     #[error(
-        "found joint {joint} turning by only {found_deg:.1} degrees, needed {needed_deg} or more to see where it is; take a trial in which both joints move"
+        "joint {joint} turns by only {found_deg:.1} degrees, but {needed_deg} or more are needed to locate it; use a \
+         trial in which both joints move"
     )]
     LittleTurn { joint: usize, found_deg: f64, needed_deg: f64 },
     #[error(
-        "found a gait about links that are bent by {found_deg:.1} degrees, needed at most {needed_deg}: with the middle link aslant of the others all wheels skid to one side, which turns the side links; take a trial of a gait about straight links"
+        "the gait's mean joint angle is {found_deg:.1} degrees, but at most {needed_deg} is allowed: if the middle \
+         link is oblique to the side links, all wheels skid to one side, which turns the side links; use a trial \
+         whose gait oscillates about the straight configuration"
     )]
     BentGait { found_deg: f64, needed_deg: f64 },
     #[error(
-        "found a motion that does not say where the joints and wheels are, needed a trial in which both joints move and the wheels roll"
+        "the motion does not determine where the joints and wheels are; use a trial in which both joints move and \
+         the wheels roll"
     )]
     NoLayout,
 }
 
 impl Problem {
-    pub(super) fn of(self, path: &Path) -> TrialFailure {
+    pub(super) fn in_file(self, path: &Path) -> TrialFailure {
         TrialFailure::Recording { path: path.to_owned(), problem: self }
     }
 }

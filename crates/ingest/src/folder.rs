@@ -1,4 +1,4 @@
-//! The trials of folders, side by side, and their tables.
+//! Ingests the trials in one or more folders in parallel and writes the tables of each trial.
 
 use std::collections::{BTreeMap, HashSet};
 use std::io::ErrorKind;
@@ -13,7 +13,7 @@ use trilink_tables::{
     is_own_table, poses_path, table_set, tables_in, wheels_path,
 };
 
-use super::{IngestInput, Ingested, Known, ProcessedTrial, TrialFailure, process};
+use super::{IngestInput, Ingested, PartialResult, ProcessedTrial, TrialFailure, process};
 
 table_set! {
     Ingested by String: row => row.trial.clone();
@@ -22,15 +22,15 @@ table_set! {
     parameters: "robot_parameters.parquet",
 }
 
-/// Folders inside `derived/` with a file for each trial.
-pub const FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
+/// Subfolders of `derived/` that hold one file per trial.
+pub const TRIAL_FOLDERS: [&str; 3] = ["poses", "wheels", "cycles"];
 
-/// A trial of a folder.
+/// Trial in a folder, with the configuration for processing it.
 #[derive(Clone, Copy)]
 pub struct Entry<'t> {
     pub folder: &'t TrialFolder,
     pub listed: &'t ListedTrial,
-    /// What it is processed with, if its entry can be used.
+    /// Configuration for processing the trial, or the reason why its entry in the trial list cannot be used.
     pub input: &'t Result<IngestInput, TrialError>,
 }
 
@@ -40,25 +40,26 @@ impl Entry<'_> {
     }
 }
 
-/// The stamp of a marker file as it was read; or why it could not be.
+/// Stamp (size, time, hash) of a marker file when it was read, or the reason why the file could not be read.
 pub type MarkerStamp = Result<Stamp, ErrorKind>;
 
-/// What became of a trial.
+/// Result of ingesting a trial.
 #[derive(Debug)]
 pub struct IngestedTrial {
-    /// Its rows of the tables of all trials.
+    /// Rows of the tables that cover all trials.
     pub rows: Ingested,
-    /// Of the marker file as it was read, if it was.
+    /// Stamp of the marker file; `None` if the file was not read.
     pub marker_file: Option<MarkerStamp>,
-    /// Its own tables.
+    /// Paths and stamps of the tables that belong to this trial alone.
     pub written: BTreeMap<PathBuf, Stamp>,
 }
 
-/// Ingests trials, in parallel, and writes the tables of each. `provenance` is asked
-/// once a marker file is read; `on_trial` is called on any thread and in any order.
+/// Ingests trials in parallel and writes each trial's tables. `provenance` is called after the trial's marker file has
+/// been read; `on_trial` is called for each finished trial, from any thread and in any order.
 ///
 /// # Errors
-/// A table cannot be written, or the work was cancelled. What is wrong with one trial is in its row instead.
+/// Returns an error if a table cannot be written or the work was cancelled. A trial that fails is reported in its row
+/// instead.
 pub fn ingest_trials(
     derived: &Path,
     trials: &[Entry],
@@ -67,23 +68,27 @@ pub fn ingest_trials(
     cancel: &CancelToken,
 ) -> Result<Vec<IngestedTrial>, StoreError> {
     let (ingested, stamps) = ToDisk::during(|to_disk| {
-        let ingested = trials.par_iter().with_max_len(1).map(|entry| {
-            cancel.check()?;
-            let ingested = ingest_trial(derived, *entry, provenance, to_disk)?;
-            on_trial(&ingested.0.rows.trials[0]);
-            Ok(ingested)
-        });
-        ingested.collect::<Result<Vec<_>, StoreError>>()
+        trials
+            .par_iter()
+            .with_max_len(1)
+            .map(|entry| {
+                cancel.check()?;
+                let ingested = ingest_trial(derived, *entry, provenance, to_disk)?;
+                on_trial(&ingested.0.rows.trials[0]);
+                Ok(ingested)
+            })
+            .collect::<Result<Vec<_>, StoreError>>()
     });
     let mut stamps = stamps?;
-    let with_stamps = |(mut trial, paths): (IngestedTrial, Vec<PathBuf>)| {
+    let mut trials = Vec::new();
+    for (mut trial, paths) in ingested? {
         trial.written = paths.into_iter().filter_map(|path| stamps.remove_entry(&path)).collect();
-        trial
-    };
-    Ok(ingested?.into_iter().map(with_stamps).collect())
+        trials.push(trial);
+    }
+    Ok(trials)
 }
 
-/// Ingests one trial; gives the tables that are on their way to the disk, too.
+/// Ingests one trial. Also returns the paths of the tables to be written.
 fn ingest_trial(
     derived: &Path,
     entry: Entry,
@@ -91,31 +96,35 @@ fn ingest_trial(
     to_disk: &ToDisk,
 ) -> Result<(IngestedTrial, Vec<PathBuf>), StoreError> {
     let Entry { folder, listed: ListedTrial { id, trial, .. }, input } = entry;
-    let (mut known, mut marker_file, mut paths) = (Known::new(trial), None, Vec::new());
-    (known.row.folder, known.row.id) = (folder.name.clone(), id.clone());
-    // What is said of a file is the same in a copy of the project.
+    let mut partial = PartialResult::new(trial);
+    let mut marker_file = None;
+    let mut paths = Vec::new();
+    partial.row.folder = folder.name.clone();
+    partial.row.day = trial.day.clone().unwrap_or_else(|| folder.name.clone());
+    partial.row.id = id.clone();
+    // Messages name the file relative to the project, so that a copy of the project gives identical messages.
     let path = Path::new(&folder.name).join(&trial.file);
-    // The entry is checked first: its file name might point out of the folder.
+    // The entry is checked before the file is read: its file name might point out of the folder.
     let input = input.as_ref().map_err(|error| TrialFailure::from(error.clone()));
     let processed = input.and_then(|input| {
         let file = trilink_mocap::read_file(&entry.marker_file());
         let file = file.map_err(|error| ReadError { path: path.clone(), ..error });
-        // What is read may be newer than its time, never older.
+        // The content may be newer than the time in the stamp, but not older.
         marker_file = Some(match &file {
             Ok((file, metadata)) => Ok(Stamp::of_input(metadata, file)),
             Err(error) => Err(error.system().unwrap_or(ErrorKind::Other)),
         });
-        process(&path, file?.0, trial, input, &mut known)
+        process(&path, file?.0, trial, input, &mut partial)
     });
     let (row, checks, parameters) = match processed {
         Err(failure) => {
-            let (row, checks) = known.failed(&failure);
+            let (row, checks) = partial.failed(&failure);
             (row, checks, None)
         }
         Ok(ProcessedTrial { row, checks, parameters, cycles, poses, wheels }) => {
             let provenance = provenance(entry, marker_file.as_ref());
             let mut write = |table: &Table, path: PathBuf| -> Result<(), StoreError> {
-                to_disk.send(table.write_beside(&path, &provenance)?);
+                to_disk.send(table.write_pending(&path, &provenance)?);
                 paths.push(path);
                 Ok(())
             };
@@ -131,21 +140,25 @@ fn ingest_trial(
     Ok((IngestedTrial { rows, marker_file, written: BTreeMap::new() }, paths))
 }
 
-/// Tables of trials that are not in the list or have failed, so that nobody should take them for
-/// results: those that are not `current`, by their paths in `derived`, and that this program
-/// wrote.
+/// Lists the tables in `derived` that this program wrote for trials that are no longer listed or have failed, so that
+/// nobody mistakes them for current results. `current` has the paths, relative to `derived`, of the tables to keep.
 ///
 /// # Errors
-/// A folder cannot be read.
-pub fn outdated(derived: &Path, current: &HashSet<&str>) -> Result<Vec<PathBuf>, StoreError> {
+/// Returns an error if a folder cannot be read.
+pub fn outdated_tables(
+    derived: &Path,
+    current: &HashSet<&str>,
+) -> Result<Vec<PathBuf>, StoreError> {
     let mut paths = Vec::new();
-    for folder in FOLDERS {
-        let is_current = |path: &PathBuf| {
+    for folder in TRIAL_FOLDERS {
+        for path in tables_in(&derived.join(folder))? {
             let name = path.file_name().and_then(|name| name.to_str());
-            name.is_some_and(|name| current.contains(format!("{folder}/{name}").as_str()))
-        };
-        let tables = tables_in(&derived.join(folder))?;
-        paths.extend(tables.into_iter().filter(|path| !is_current(path) && is_own_table(path)));
+            let is_current =
+                name.is_some_and(|name| current.contains(format!("{folder}/{name}").as_str()));
+            if !is_current && is_own_table(&path) {
+                paths.push(path);
+            }
+        }
     }
     Ok(paths)
 }

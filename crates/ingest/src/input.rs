@@ -1,4 +1,4 @@
-//! What the ingest reads of the configuration.
+//! Configuration of the ingest stage.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use trilink_tables::trial::{Trial, TrialError, TrialKind};
 use super::error::{Problem, TrialFailure};
 use super::markers::layout::locate;
 
-/// What every marker file is read with.
+/// Settings for reading marker files, common to all trials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct IngestSettings {
     pub vicon: Vicon,
@@ -19,13 +19,13 @@ pub struct IngestSettings {
     pub markers: Markers,
 }
 
-/// What one trial is processed with.
+/// Configuration for processing one trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct IngestInput {
     #[serde(flatten)]
     pub settings: IngestSettings,
     pub robot: NamedEntry<RobotConfig>,
-    /// Of trials of kind `gait`.
+    /// Commanded gait; `None` unless the trial's kind is `gait`.
     pub gait: Option<NamedEntry<GaitConfig>>,
 }
 
@@ -35,8 +35,8 @@ impl IngestSettings {
         Self { vicon: vicon.clone(), ingest: ingest.clone(), markers: markers.clone() }
     }
 
-    /// The file's frame rate, Hz, if it may be the one. If the file has none, the configured one,
-    /// unless each file has to state its own.
+    /// Returns the frame rate of a file, Hz: the rate that the file states, or `vicon.rate_hz` if it states none. The
+    /// two must be equal unless `vicon.rate_from_file` is set.
     pub(super) fn frame_rate(&self, file: &Recording) -> Result<f64, Problem> {
         let needed_hz = self.vicon.rate_hz;
         match file.rate_hz {
@@ -48,54 +48,55 @@ impl IngestSettings {
         }
     }
 
-    /// Longest gap that is filled, frames.
+    /// Returns the length of the longest gap to be filled, frames.
     pub(super) fn max_gap_frames(&self, rate_hz: f64) -> usize {
         (self.ingest.max_gap_s * rate_hz + 1e-6) as usize
     }
 }
 
 impl IngestInput {
-    /// What a trial is processed with.
+    /// Selects the configuration for processing a trial.
     ///
     /// # Errors
-    /// The trial's entry does not go with the configuration.
+    /// Returns an error if the trial's entry contradicts the configuration or names a part of it that is incomplete.
     pub fn new(config: &Config, trial: &Trial) -> Result<Self, TrialError> {
         trial.check(config)?;
-        let found = || {
-            let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
-            let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref())?;
-            let mut robot = NamedEntry::of(&config.robot, robot)?;
-            // Only a fit reads it.
-            robot.value.forget_deviations();
-            let gait = match campaign {
-                Some(campaign) => Some(NamedEntry::of(&config.gait, &campaign.gait)?),
-                None => None,
-            };
-            Some(Self { settings: IngestSettings::new(config), robot, gait })
-        };
-        found().ok_or_else(|| TrialError {
+        Self::select(config, trial).ok_or_else(|| TrialError {
             trial: trial.id.clone(),
             key: if trial.kind == TrialKind::Gait { "campaign" } else { "robot" },
-            found: "a name without a robot or a gait".to_owned(),
-            needed: "one that pipeline.toml describes in full".to_owned(),
+            found: "an entry without a robot or without a gait".to_owned(),
+            needed: "an entry whose robot and gait are defined in pipeline.toml".to_owned(),
         })
     }
 
-    /// Checks that a file has the markers of the layout, and nothing else.
+    fn select(config: &Config, trial: &Trial) -> Option<Self> {
+        let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
+        let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref())?;
+        let mut robot = NamedEntry::find(&config.robot, robot)?;
+        // Parameter deviations are read only by fits.
+        robot.value.clear_deviations();
+        let gait = match campaign {
+            Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
+            None => None,
+        };
+        Some(Self { settings: IngestSettings::new(config), robot, gait })
+    }
+
+    /// Checks that a file has the markers of the configured layout; nothing else is checked.
     ///
     /// # Errors
-    /// It has not, or cannot be read.
+    /// Returns an error if a marker is missing or ambiguous, or if the file cannot be read.
     pub fn check_labels(&self, path: &Path) -> Result<(), TrialFailure> {
         let IngestSettings { vicon: Vicon { unit, ignore, .. }, markers, .. } = &self.settings;
         let file = trilink_mocap::read_markers(path, *unit)?.without(ignore);
-        locate(markers, &file).map(drop).map_err(|problem| problem.of(path))
+        locate(markers, &file).map(drop).map_err(|problem| problem.in_file(path))
     }
 
     pub(super) fn robot(&self) -> Robot {
         self.robot.value.to_robot()
     }
 
-    /// The commanded gait of a trial of kind `gait` and its frequency, rad/s.
+    /// Returns the commanded gait and its frequency, rad/s; `None` unless the trial's kind is `gait`.
     pub(super) fn command(&self, trial: &Trial) -> Option<(Gait, f64)> {
         Some((self.gait.as_ref()?.value.to_gait(), trial.omega_rad_s?))
     }

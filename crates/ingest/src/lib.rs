@@ -1,15 +1,14 @@
-//! From the marker files of a folder to tables: markers, link poses, smoothed coordinates,
-//! wheel velocities, cycles, one row per trial.
+//! Converts the marker files of a trial folder to tables of markers, link poses, smoothed coordinates, wheel velocities
+//! and cycles, and to one summary row per trial.
 //!
-//! A trial that cannot be processed is a row with status `failed` and the reason; the others
-//! go on. Every trial is computed by one thread and nothing depends on which one, so the
-//! tables are the same bytes for any number of threads.
+//! A trial that cannot be processed gets a row with status `failed` and the reason, and does not affect the other
+//! trials. Each trial is computed by a single thread, and no result depends on the order of the trials, so the tables
+//! are identical byte for byte for any number of threads.
 //!
-//! A trial passes through `markers`, `poses` (eq. 1), `phase` and `cycles` (eq. 17 and 20), one without
-//! a gait through `identification`; `checks` and `diagnosis` judge what came of it. [`ingest_trials`]
-//! does that for folders, [`process_trial`] for one trial. Beside them stand [`calibrate()`]
-//! and [`survey()`] for recordings that are not configured yet, and [`own_table`] for trials that were
-//! processed elsewhere.
+//! A trial passes through `markers`, `poses` (eq. 1), `phase` and `cycles` (eq. 17 and 20), or through
+//! `identification` if it has no gait; `checks` and `diagnosis` judge the results. [`ingest_trials`] processes
+//! folders, [`process_trial`] one trial. [`calibrate()`] and [`survey()`] are for recordings without a configuration,
+//! and [`own_table`] is for trials that were processed elsewhere.
 //!
 //! ```no_run
 //! use std::path::Path;
@@ -19,37 +18,38 @@
 //! let config = Config::load(Path::new("pipeline.toml"))?;
 //! let folder = Path::new("raw/day1");
 //! for trial in &TrialList::load(folder)?.trial {
-//!     let (row, checks) = check_trial(folder, trial, &config);
+//!     let rows = check_trial(folder, trial, &config);
+//!     let row = &rows.trials[0];
 //!     println!("{}: {}, d = {:.4} m", row.trial, row.status, row.metrics.d_m);
-//!     checks.iter().for_each(|check| println!("  {}: {}", check.check, check.message));
+//!     rows.checks.iter().for_each(|check| println!("  {}: {}", check.check, check.message));
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-// In the order in which a trial passes through them:
+// Processing stages, in order:
 
-/// Marker file -> markers of each link, corrected labels, each link's own pose.
+/// Marker file -> markers on each link, corrected labels, pose of each link.
 mod markers;
 
-/// Links' poses -> the robot's coordinates over time.
+/// Link poses -> coordinates of the robot over time.
 mod poses;
 
 /// Joint angles -> frequency and phase of the commanded gait.
 mod phase;
 
-/// Coordinates and phase -> wheel velocities, cycles, their means.
+/// Coordinates and phase -> wheel velocities, cycles, cycle means.
 mod cycles;
 
-/// Trials without a gait -> parameters of the robot.
+/// Trials without a gait -> robot parameters.
 mod identification;
 
-/// What was measured and what is configured -> mistakes, named by their cause.
+/// Comparison of measurement and configuration -> mistakes and their likely causes.
 mod diagnosis;
 
-/// A trial of unknown layout -> the layout.
+/// Trial with unknown marker layout -> marker layout.
 pub mod calibrate;
 
-// What they share, and what goes around them.
+// Items that the stages share, and operations that use the stages.
 mod checks;
 mod error;
 mod folder;
@@ -67,10 +67,11 @@ use std::path::Path;
 
 pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
-pub use diagnosis::other_axis_up;
-pub use diagnosis::{FolderInput, undiagnosed};
+pub use diagnosis::{FolderInput, axis_up_message, without_diagnosis};
 pub use error::{Problem, TrialFailure};
-pub use folder::{Entry, FOLDERS, IngestedTrial, MarkerStamp, TABLES, ingest_trials, outdated};
+pub use folder::{
+    Entry, IngestedTrial, MarkerStamp, TABLES, TRIAL_FOLDERS, ingest_trials, outdated_tables,
+};
 pub use input::{IngestInput, IngestSettings};
 pub use survey::{FileSurvey, Gaps, MarkerCoverage, RecordingSurvey, survey};
 
@@ -86,46 +87,45 @@ use trilink_tables::{
 };
 
 use checks::Finding;
-use cycles::steady::{self, Steady};
+use cycles::steady::{self, CycleSelection};
 use cycles::{Cycle, CycleData, summary, wheel_velocities};
 use identification::{against_configured, coast, release};
-use markers::layout;
+use markers::layout::{self, Layout};
 pub use markers::layout::{LinkMarker, marker_name};
 pub use markers::rigid::fit as fit_rigid;
 pub use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics, strongest_line};
 pub use poses::frame_grid;
-use poses::{Constant, Linkage, Tracked};
+use poses::{Constant, LinkPoses, Linkage, Tracked};
 use signals::JointSignal;
 
-/// Used cycles below which a trial has no means.
-const LEAST_USED_CYCLES: usize = 2;
+/// Minimum number of used cycles for trial means.
+const MIN_USED_CYCLES: usize = 2;
 
-/// What a folder amounts to: `trials.parquet`, `checks.parquet` and `robot_parameters.parquet`,
-/// in the order of the list.
+/// Rows of `trials.parquet`, `checks.parquet` and `robot_parameters.parquet`, in the order of the trials in the list.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ingested {
     pub trials: Vec<TrialRow>,
     pub checks: Vec<CheckRow>,
-    /// Of the trials that are not of kind `gait`.
+    /// Rows of the trials whose kind is not `gait`, with their identified robot parameters.
     pub parameters: Vec<RobotParameterRow>,
 }
 
-/// All that is computed of one trial; nothing of it is written yet.
+/// Results of one trial, not yet written to disk.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProcessedTrial {
     pub row: TrialRow,
     pub checks: Vec<CheckRow>,
-    /// Missing for trials of kind `gait`.
+    /// Identified robot parameters; `None` if the trial's kind is `gait`.
     pub parameters: Option<RobotParameterRow>,
-    /// Empty for trials that are not of kind `gait`.
+    /// Rows of the trial's cycles; empty unless the trial's kind is `gait`.
     pub cycles: Vec<CycleRow>,
-    /// `poses/<trial>.parquet`.
+    /// Table for the file `poses/<trial>.parquet`.
     pub poses: Table,
-    /// `wheels/<trial>.parquet`.
+    /// Table for the file `wheels/<trial>.parquet`.
     pub wheels: Table,
 }
 
-/// Computes one trial of a folder and writes nothing.
+/// Processes one trial of a folder without writing any file.
 ///
 /// ```
 /// use trilink_tables::config::Config;
@@ -146,42 +146,48 @@ pub struct ProcessedTrial {
 /// ```
 ///
 /// # Errors
-/// The entry of the list, the marker file or what it shows cannot be used.
+/// Returns an error if the trial's entry in the list, its marker file or the recorded motion is unusable.
 pub fn process_trial(
     folder: &Path,
     trial: &Trial,
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    process_file(folder, trial, config, &mut Known::new(trial))
+    process_file(folder, trial, config, &mut PartialResult::new(trial))
 }
 
-/// One trial of a folder with its checks. Writes nothing.
-pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> (TrialRow, Vec<CheckRow>) {
-    let mut known = Known::new(trial);
-    match process_file(folder, trial, config, &mut known) {
-        Ok(processed) => (processed.row, processed.checks),
-        Err(failure) => known.failed(&failure),
-    }
+/// Processes one trial of a folder and returns its rows, without writing any file.
+pub fn check_trial(folder: &Path, trial: &Trial, config: &Config) -> Ingested {
+    let mut partial = PartialResult::new(trial);
+    let (row, checks, parameters) = match process_file(folder, trial, config, &mut partial) {
+        Ok(ProcessedTrial { row, checks, parameters, .. }) => (row, checks, parameters),
+        Err(failure) => {
+            let (row, checks) = partial.failed(&failure);
+            (row, checks, None)
+        }
+    };
+    Ingested { trials: vec![row], checks, parameters: parameters.into_iter().collect() }
 }
 
-/// What is known of a trial, also of one that fails later on.
-struct Known {
+/// Row and findings of a trial as far as it has been processed; reported even if a later stage fails.
+struct PartialResult {
     row: TrialRow,
     findings: Vec<Finding>,
 }
 
-impl Known {
+impl PartialResult {
     fn new(trial: &Trial) -> Self {
         Self { row: summary::blank_row(trial), findings: Vec::new() }
     }
 
-    /// The row of a trial that fails, without metrics but with all else that was measured, and its
-    /// checks: the reason, and those that were made before it.
+    /// Returns the row of a failed trial, with all measured quantities except the metrics, and its checks: first the
+    /// reason for the failure, then the checks made before the failure.
     fn failed(self, failure: &TrialFailure) -> (TrialRow, Vec<CheckRow>) {
         let message = failure.to_string();
         let reason = Finding::new(Check::Failed, false, f64::NAN, f64::NAN, message.clone());
-        let findings = std::iter::once(&reason).chain(&self.findings);
-        let checks = findings.map(|finding| finding.row(&self.row.trial)).collect();
+        let checks = std::iter::once(&reason)
+            .chain(&self.findings)
+            .map(|finding| finding.row(&self.row.trial))
+            .collect();
         let row = TrialRow {
             cycles: 0,
             metrics: GaitMetrics::MISSING,
@@ -199,146 +205,84 @@ fn process_file(
     folder: &Path,
     trial: &Trial,
     config: &Config,
-    known: &mut Known,
+    partial: &mut PartialResult,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let input = IngestInput::new(config, trial)?;
     let path = folder.join(&trial.file);
-    process(&path, trilink_mocap::read_file(&path)?.0, trial, &input, known)
+    process(&path, trilink_mocap::read_file(&path)?.0, trial, &input, partial)
 }
 
-/// The stage itself, from a marker file's bytes to a trial's tables. What is found on the way is
-/// added to what is `known`. A check that is beyond what a trial can have is the reason for a
-/// failure before anything that follows from it.
+/// Processes the bytes of a marker file and adds the findings to `partial`. If a check fails with the severity `error`,
+/// this is returned as the cause of failure in place of any error that follows from it.
 fn process(
     path: &Path,
     bytes: impl AsRef<[u8]>,
     trial: &Trial,
     input: &IngestInput,
-    known: &mut Known,
+    partial: &mut PartialResult,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let Vicon { unit, ignore, .. } = &input.settings.vicon;
     let file = trilink_mocap::parse_markers(path, bytes.as_ref(), *unit)?.without(ignore);
-    // Of a long recording that is a gigabyte.
+    // The bytes of a long recording take up a gigabyte.
     drop(bytes);
-    let processed = process_recording(file, trial, input, known);
-    stop_beyond_limits(&known.findings).and(processed).map_err(|problem| problem.of(path))
+    let processed = process_recording(file, trial, input, partial);
+    stop_beyond_limits(&partial.findings).and(processed).map_err(|problem| problem.in_file(path))
 }
 
-/// Fails a trial that a check has found beyond what a trial can have.
+/// Returns an error with the messages of all findings of the severity `error`, if there are any.
 fn stop_beyond_limits(findings: &[Finding]) -> Result<(), Problem> {
-    let beyond = findings.iter().filter(|finding| finding.severity == Severity::Error);
-    let beyond: Vec<String> = beyond.map(Finding::to_string).collect();
-    match beyond.is_empty() {
-        true => Ok(()),
-        false => Err(Problem::BeyondLimits { checks: beyond.join("; ") }),
+    let errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let messages: Vec<String> = errors.map(Finding::to_string).collect();
+    if messages.is_empty() {
+        Ok(())
+    } else {
+        Err(Problem::BeyondLimits { checks: messages.join("; ") })
     }
 }
 
-/// [`process`] of the markers of a trial.
+/// Processes the recorded markers of a trial and adds its findings to `partial`.
 fn process_recording(
-    mut file: Recording,
+    file: Recording,
     trial: &Trial,
     input: &IngestInput,
-    Known { row, findings }: &mut Known,
+    partial: &mut PartialResult,
 ) -> Result<ProcessedTrial, Problem> {
-    let (robot, gait, settings) = (&input.robot(), input.command(trial), &input.settings);
-    let IngestSettings { ingest, markers, .. } = settings;
-    let rate_hz = settings.frame_rate(&file)?;
-    let layout = layout::locate(markers, &file)?;
-    diagnosis::check_layout(&file, &layout)?;
-    let linkage = Linkage::of(robot);
-    let max_gap = settings.max_gap_frames(rate_hz);
-    let solve = |file: &Recording, steady: Range<usize>| {
-        poses::solve(file, &layout, Some(linkage), ingest.poses, rate_hz, steady)
-    };
-    let look_at = |file: &Recording, tracked: &Tracked, frames: &Range<usize>| {
-        let mut found = poses::tracking_checks(tracked, file, &layout, settings, frames);
-        found.extend(diagnosis::check_linkage(&linkage, &tracked.constant));
-        found
-    };
-    // How bad it is what is constant over the trial.
-    let severity = |constant: &Constant| {
-        let checks = [poses::tilt_check(&constant.tilt)].into_iter();
-        let checks = checks.chain(diagnosis::check_linkage(&linkage, constant));
-        checks.filter(|found| !found.holds()).map(|found| found.severity).max()
-    };
-    let poses = solve(&file, 0..file.frames.len())?;
-    if gait.is_none() || severity(&poses.constant).is_none() {
-        // Of a long recording they are a gigabyte.
-        file.forget_positions();
-    }
-    let mut tracked = poses.over_time(&file.frames, &layout, max_gap)?;
-    *findings = look_at(&file, &tracked, &(0..tracked.frames()));
-    // Frames whose joints tell the gait.
-    let mut on_the_clock = 0..tracked.frames();
-    if let Some(command) = &gait
-        && findings.iter().any(|found| !found.holds())
-        && let Ok(frames) = frames_in_use(trial, input, command, &tracked, rate_hz)
-    {
-        if severity(&tracked.constant).is_some() {
-            // The robot may have been lifted before or after.
-            let row_of = |frame: usize| tracked.recorded_frames.partition_point(|&of| of < frame);
-            let poses = solve(&file, row_of(frames.start)..row_of(frames.end))?;
-            if severity(&poses.constant) < severity(&tracked.constant) {
-                tracked = poses.over_time(&file.frames, &layout, max_gap)?;
-            }
-        }
-        *findings = look_at(&file, &tracked, &frames);
-        on_the_clock = tracked.on_one_clock(&frames);
-    }
-    poses::describe_tracking(row, &tracked);
-    file.forget_positions();
-    stop_beyond_limits(findings)?;
-
+    let robot = &input.robot();
+    let gait = input.command(trial);
+    let IngestSettings { ingest, markers, .. } = &input.settings;
     let skip_cycles = ingest.skip_cycles;
-    let measure = |command: &(Gait, f64)| {
-        let (driven, gait) =
-            (measure_phase(command, &tracked, on_the_clock, rate_hz, skip_cycles)?, &command.0);
-        let phi_rad = &tracked.seen.phi_rad;
-        row.omega_rad_s = driven.omega_rad_s;
-        row.gait = summary::joint_gaits(phi_rad, &driven.moving, &driven.phase);
-        // Before cycles are looked for that show the commanded gait.
-        let found = diagnosis::check_gait(row.gait.map(|joint| joint.command()), gait);
-        findings.extend(Some(found).filter(|found| found.severity == Severity::Error));
-        stop_beyond_limits(findings)?;
-        Ok(driven)
-    };
-    let driven = gait.as_ref().map(measure).transpose()?;
-    let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
-    let motion = Motion::of(robot, &tracked, window, rate_hz);
+    let mut recording = TrialRecording::new(file, &input.settings, robot)?;
+    let rate_hz = recording.rate_hz;
+    let (tracked, gait_frames) = recording.track(trial, input, gait.as_ref(), partial)?;
+    poses::describe_tracking(&mut partial.row, &tracked);
+    recording.file.forget_positions();
+    stop_beyond_limits(&partial.findings)?;
 
+    let driven = match &gait {
+        Some(command) => {
+            Some(measure_gait(command, &tracked, gait_frames, rate_hz, skip_cycles, partial)?)
+        }
+        None => None,
+    };
+    let PartialResult { row, findings } = partial;
+    let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
+    let motion = SmoothedMotion::new(robot, &tracked, window, rate_hz);
     row.smoothing_window = window as i64;
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
         let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
         let data = motion.cycle_data(robot, gait, driven, &tracked, &raw_wheels, rate_hz);
         let (cycles, steady) = steady_cycles(&data, skip_cycles)?;
-        // What every trial is checked for goes first.
+        // The checks for all kinds of trials come first.
         if let Some(frames) = checked_frames(&data, &cycles, &steady) {
-            *findings = look_at(&file, &tracked, &frames);
+            *findings = recording.checks(&tracked, &frames);
             stop_beyond_limits(findings)?;
         }
         summary::describe_gait(row, &data, &cycles, &steady);
         findings.extend(summary::gait_checks(row, &data, &cycles, &steady));
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
-    let measured = match trial.kind {
-        TrialKind::Gait => None,
-        TrialKind::JointRelease => Some(release::measure(robot, &tracked.seen, rate_hz)?),
-        TrialKind::CoastDown => {
-            Some(coast::measure(robot, &tracked.seen, &motion.wheels.roll_m_s[0], rate_hz)?)
-        }
-    };
-    let parameters = measured.map(|(parameters, found)| {
-        findings.extend(found);
-        findings.push(against_configured(&parameters));
-        RobotParameterRow {
-            trial: trial.id.clone(),
-            kind: trial.kind,
-            robot: trial.robot.clone().unwrap_or_default(),
-            ..parameters
-        }
-    });
+    let parameters = robot_parameters(trial, robot, &tracked, &motion, rate_hz, findings)?;
     let failed = findings.iter().filter(|finding| !finding.holds());
     let warnings: Vec<&str> = failed.map(|finding| finding.message.as_str()).collect();
     row.status = if warnings.is_empty() { TrialStatus::Ok } else { TrialStatus::Flagged };
@@ -357,7 +301,144 @@ fn process_recording(
     })
 }
 
-/// Frequency and phase of a commanded gait, from the joints in some frames.
+/// Recorded markers of a trial, with the settings for reconstructing and checking the poses.
+struct TrialRecording<'i> {
+    file: Recording,
+    settings: &'i IngestSettings,
+    layout: Layout,
+    linkage: Linkage,
+    rate_hz: f64,
+}
+
+impl<'i> TrialRecording<'i> {
+    fn new(file: Recording, settings: &'i IngestSettings, robot: &Robot) -> Result<Self, Problem> {
+        let rate_hz = settings.frame_rate(&file)?;
+        let layout = layout::locate(&settings.markers, &file)?;
+        diagnosis::check_layout(&file, &layout)?;
+        Ok(Self { file, settings, layout, linkage: Linkage::from_robot(robot), rate_hz })
+    }
+
+    /// Reconstructs and checks the robot's coordinates over time. Also returns the frames whose joint angles determine
+    /// the gait's frequency and phase.
+    ///
+    /// A trial that has a gait and fails a check is processed twice: the first pass locates the used cycles, and the
+    /// second restricts the checks, and if necessary the estimates of quantities that are constant over a trial, to the
+    /// frames of these cycles.
+    fn track(
+        &mut self,
+        trial: &Trial,
+        input: &IngestInput,
+        gait: Option<&(Gait, f64)>,
+        partial: &mut PartialResult,
+    ) -> Result<(Tracked, Range<usize>), Problem> {
+        let poses = self.solve(0..self.file.frames.len())?;
+        if gait.is_none() || self.severity(&poses.constant).is_none() {
+            // The positions of a long recording take up a gigabyte.
+            self.file.forget_positions();
+        }
+        let mut tracked = self.over_time(poses)?;
+        let mut gait_frames = 0..tracked.frames();
+        partial.findings = self.checks(&tracked, &gait_frames);
+        if let Some(command) = gait
+            && partial.findings.iter().any(|finding| !finding.holds())
+            && let Ok(frames) = frames_in_use(trial, input, command, &tracked, self.rate_hz)
+        {
+            if self.severity(&tracked.constant).is_some() {
+                // Before and after these frames the robot may have been lifted.
+                let [start, end] = [frames.start, frames.end].map(|frame| {
+                    tracked.recorded_frames.partition_point(|&recorded| recorded < frame)
+                });
+                let poses = self.solve(start..end)?;
+                if self.severity(&poses.constant) < self.severity(&tracked.constant) {
+                    tracked = self.over_time(poses)?;
+                }
+            }
+            partial.findings = self.checks(&tracked, &frames);
+            gait_frames = tracked.on_one_clock(&frames);
+        }
+        Ok((tracked, gait_frames))
+    }
+
+    /// Fits the poses of all links; tilt and joint positions are estimated from the `steady` rows.
+    fn solve(&self, steady: Range<usize>) -> Result<LinkPoses, Problem> {
+        let Self { file, settings, layout, linkage, rate_hz } = self;
+        poses::solve(file, layout, Some(*linkage), settings.ingest.poses, *rate_hz, steady)
+    }
+
+    fn over_time(&self, poses: LinkPoses) -> Result<Tracked, Problem> {
+        let max_gap = self.settings.max_gap_frames(self.rate_hz);
+        poses.over_time(&self.file.frames, &self.layout, max_gap)
+    }
+
+    /// Checks markers, poses and linkage in a range of frames.
+    fn checks(&self, tracked: &Tracked, frames: &Range<usize>) -> Vec<Finding> {
+        let Self { file, settings, layout, linkage, .. } = self;
+        let mut findings = poses::tracking_checks(tracked, file, layout, settings, frames);
+        findings.extend(diagnosis::check_linkage(linkage, &tracked.constant));
+        findings
+    }
+
+    /// Returns the highest severity of the failed checks of quantities that are constant over the trial; `None` if all
+    /// of these checks pass.
+    fn severity(&self, constant: &Constant) -> Option<Severity> {
+        std::iter::once(poses::tilt_check(&constant.tilt))
+            .chain(diagnosis::check_linkage(&self.linkage, constant))
+            .filter(|finding| !finding.holds())
+            .map(|finding| finding.severity)
+            .max()
+    }
+}
+
+/// Measures the frequency, phase and shape of the commanded gait. The trial fails, before its cycles are located, if
+/// the robot does not perform the commanded gait.
+fn measure_gait(
+    command: &(Gait, f64),
+    tracked: &Tracked,
+    frames: Range<usize>,
+    rate_hz: f64,
+    skip_cycles: usize,
+    partial: &mut PartialResult,
+) -> Result<GaitPhase, Problem> {
+    let driven = measure_phase(command, tracked, frames, rate_hz, skip_cycles)?;
+    partial.row.omega_rad_s = driven.omega_rad_s;
+    partial.row.gait = summary::joint_gaits(&tracked.seen.phi_rad, &driven.moving, &driven.phase);
+    let measured = partial.row.gait.map(|joint| joint.command());
+    let finding = diagnosis::check_gait(measured, &command.0);
+    if finding.severity == Severity::Error {
+        partial.findings.push(finding);
+    }
+    stop_beyond_limits(&partial.findings)?;
+    Ok(driven)
+}
+
+/// Identifies the robot's parameters from a trial without a gait and adds the findings; `None` if the trial's kind is
+/// `gait`.
+fn robot_parameters(
+    trial: &Trial,
+    robot: &Robot,
+    tracked: &Tracked,
+    motion: &SmoothedMotion,
+    rate_hz: f64,
+    findings: &mut Vec<Finding>,
+) -> Result<Option<RobotParameterRow>, Problem> {
+    let (parameters, checks) = match trial.kind {
+        TrialKind::Gait => return Ok(None),
+        TrialKind::JointRelease => release::measure(robot, &tracked.seen, rate_hz)?,
+        TrialKind::CoastDown => {
+            coast::measure(robot, &tracked.seen, &motion.wheels.roll_m_s[0], rate_hz)?
+        }
+    };
+    findings.extend(checks);
+    findings.push(against_configured(&parameters));
+    Ok(Some(RobotParameterRow {
+        trial: trial.id.clone(),
+        kind: trial.kind,
+        robot: trial.robot.clone().unwrap_or_default(),
+        ..parameters
+    }))
+}
+
+/// Measures the frequency and the phase of a commanded gait from the joint angles in a range of frames.
 fn measure_phase(
     (gait, omega_rad_s): &(Gait, f64),
     tracked: &Tracked,
@@ -379,14 +460,14 @@ fn measure_phase(
     command.estimate_phase(&phi_rad)
 }
 
-/// What follows from the coordinates: smoothed, and the wheels' velocities.
-struct Motion {
+/// Smoothed coordinates and the wheel velocities derived from them.
+struct SmoothedMotion {
     smooth: Coordinates,
     wheels: WheelVelocities,
 }
 
-impl Motion {
-    fn of(robot: &Robot, tracked: &Tracked, window: usize, rate_hz: f64) -> Self {
+impl SmoothedMotion {
+    fn new(robot: &Robot, tracked: &Tracked, window: usize, rate_hz: f64) -> Self {
         let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
         let wheels = wheel_velocities(robot, &smooth, rate_hz);
         Self { smooth, wheels }
@@ -406,34 +487,42 @@ impl Motion {
     }
 }
 
-/// The cycles, and which of them count.
+/// Returns all cycles and the selection of those that are used.
 ///
 /// # Errors
-/// Too few do.
-fn steady_cycles(data: &CycleData, skip_cycles: usize) -> Result<(Vec<Cycle>, Steady), Problem> {
+/// Returns an error if fewer than [`MIN_USED_CYCLES`] cycles can be used.
+fn steady_cycles(
+    data: &CycleData,
+    skip_cycles: usize,
+) -> Result<(Vec<Cycle>, CycleSelection), Problem> {
     let cycles = data.cycles();
-    let steady = steady::steady(&cycles, skip_cycles);
-    match steady.used.len() < LEAST_USED_CYCLES {
-        true => Err(Problem::TooFewCycles {
+    let steady = steady::select(&cycles, skip_cycles);
+    if steady.used.len() < MIN_USED_CYCLES {
+        return Err(Problem::TooFewCycles {
             whole: cycles.len(),
             skipped: steady.skipped,
             usable: steady.used.len(),
-            needed: LEAST_USED_CYCLES,
-        }),
-        false => Ok((cycles, steady)),
+            needed: MIN_USED_CYCLES,
+        });
     }
+    Ok((cycles, steady))
 }
 
-/// The frames that the checks of a trial look at ([`Steady::span`]), with all from the end of the skipped cycles
-/// on: rows that are missing there may shift the phase so that a cycle more is skipped.
-fn checked_frames(data: &CycleData, cycles: &[Cycle], steady: &Steady) -> Option<Range<usize>> {
+/// Returns the frames in which a trial is checked: [`CycleSelection::span`], which is extended backwards to the first
+/// frame after the skipped cycles if it begins later. (Missing rows there may shift the phase, so that one more cycle
+/// is skipped.) `None` if no cycle is used.
+fn checked_frames(
+    data: &CycleData,
+    cycles: &[Cycle],
+    steady: &CycleSelection,
+) -> Option<Range<usize>> {
     let GaitPhase { phase, moving, .. } = data.driven;
     let skipped = steady.skip as f64 * std::f64::consts::TAU / phase.step_rad;
     let span = steady.span(cycles)?;
     Some(span.start.min(moving.start + skipped.ceil() as usize)..span.end)
 }
 
-/// The same at a first look.
+/// Returns the frames in which a trial is checked, from a first pass over the whole recording.
 fn frames_in_use(
     trial: &Trial,
     input: &IngestInput,
@@ -441,19 +530,20 @@ fn frames_in_use(
     tracked: &Tracked,
     rate_hz: f64,
 ) -> Result<Range<usize>, Problem> {
-    let (robot, ingest) = (&input.robot(), &input.settings.ingest);
+    let robot = &input.robot();
+    let ingest = &input.settings.ingest;
     let all = 0..tracked.frames();
     let driven = measure_phase(command, tracked, all.clone(), rate_hz, ingest.skip_cycles)?;
     let window = smoothing_window(trial, ingest.smoothing_window, tracked, Some(&driven));
-    let motion = Motion::of(robot, tracked, window, rate_hz);
+    let motion = SmoothedMotion::new(robot, tracked, window, rate_hz);
     let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
     let data = motion.cycle_data(robot, &command.0, &driven, tracked, &raw_wheels, rate_hz);
     let (cycles, steady) = steady_cycles(&data, ingest.skip_cycles)?;
     Ok(checked_frames(&data, &cycles, &steady).unwrap_or(all))
 }
 
-/// Width of the moving average, samples: the trial's own, the configured one, or the one with
-/// the smallest expected error.
+/// Returns the width of the moving average, samples: the trial's own, else the configured one, else the width with the
+/// smallest expected error.
 fn smoothing_window(
     trial: &Trial,
     configured: Smoothing,
@@ -464,13 +554,10 @@ fn smoothing_window(
         (Some(window), _, _) | (None, Smoothing::Window(window), _) => window,
         (None, Smoothing::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
         (None, Smoothing::Auto, Some(GaitPhase { phase, moving, .. })) => {
-            let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| {
-                let fit = Harmonics::fit(phi_rad, moving.clone(), phase, GAIT_HARMONICS);
-                let amplitudes = |fit: Harmonics| (1..=3).map(|k| fit.amplitude(k)).collect();
-                JointSignal {
-                    noise_rad: signals::noise(phi_rad),
-                    harmonics_rad: fit.map_or(Vec::new(), amplitudes),
-                }
+            let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| JointSignal {
+                noise_rad: signals::noise(phi_rad),
+                harmonics_rad: Harmonics::fit(phi_rad, moving.clone(), phase, GAIT_HARMONICS)
+                    .map_or(Vec::new(), |fit| (1..=3).map(|k| fit.amplitude(k)).collect()),
             });
             signals::best_window(&joints, phase.step_rad)
         }

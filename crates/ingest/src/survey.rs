@@ -1,5 +1,4 @@
-//! What a marker file without an entry in `trials.toml` holds, and what would stop it from being
-//! ingested.
+//! Surveys a marker file that has no entry in `trials.toml`: its content, and problems that would prevent its ingest.
 
 use std::path::{Path, PathBuf};
 
@@ -12,73 +11,74 @@ use super::input::IngestSettings;
 use super::markers::layout::{self, Layout};
 use super::poses::{self, header_check, tracking_checks};
 
-/// A marker file at a glance.
+/// Overview of a marker file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FileSurvey {
     pub file: PathBuf,
-    /// Whether the file could be opened at all.
+    /// Whether the file could be opened.
     pub readable: bool,
-    /// Every table in it, also those that are not read.
+    /// All tables in the file, including those that the ingest does not read.
     pub sections: Vec<Section>,
-    /// Missing if its markers cannot be read.
+    /// Content of the marker table; `None` if it cannot be read.
     pub recording: Option<RecordingSurvey>,
-    /// What would stop it from being ingested; nothing if nothing does.
+    /// Problems that would prevent the ingest of the file.
     pub stops: Vec<String>,
-    /// What would flag it.
+    /// Warnings that the ingest of the file would raise.
     pub warnings: Vec<String>,
 }
 
-/// What the markers' table holds.
+/// Content of the marker table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordingSurvey {
-    /// Frame rate that the file states, Hz.
+    /// Frame rate that the file states, Hz; `None` if it states none.
     pub rate_hz: Option<f64>,
     pub first_frame: i64,
     pub last_frame: i64,
-    /// Rows with a frame number.
+    /// Number of rows with a frame number.
     pub rows: usize,
-    /// Frames between the first and the last that have no row.
+    /// Number of frames missing between the first and the last row.
     pub frames_left_out: i64,
     pub rows_without_frame: usize,
-    /// Fraction of marker frames that were seen.
+    /// Fraction of marker positions that were recorded.
     pub coverage: f64,
     pub markers: Vec<MarkerCoverage>,
     pub gaps: Gaps,
 }
 
-/// One marker of a file.
+/// Coverage of one marker in a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MarkerCoverage {
     pub label: String,
-    /// The link that the layout puts it on.
+    /// Link to which the marker layout assigns the marker; `None` if the layout does not have it.
     pub link: Option<usize>,
-    /// Whether `vicon.ignore` names it: then it counts for nothing else here.
+    /// Whether `vicon.ignore` matches the marker, which excludes it from all other statistics.
     pub ignored: bool,
-    /// Fraction of the frames in which it was seen.
+    /// Fraction of frames in which the marker was visible.
     pub coverage: f64,
-    /// Gaps between frames in which it was seen.
+    /// Number of gaps between frames in which the marker was visible.
     pub gaps: usize,
 }
 
-/// The gaps of all markers, each between two frames in which the marker was seen. Without a
-/// gap there is no median and no longest one, without a rate there are no seconds.
+/// Gaps of all markers, each between two frames in which the marker was visible. Median and maximum are `None` if there
+/// are no gaps, and times are `None` if the frame rate is unknown.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Gaps {
     pub count: usize,
-    /// Of an even number of gaps the higher one of the two in the middle.
+    /// Median length, frames; the upper of the two central values if the number of gaps is even; `None` if there are no
+    /// gaps.
     pub median_frames: Option<i64>,
     pub longest_frames: Option<i64>,
     pub median_s: Option<f64>,
     pub longest_s: Option<f64>,
 }
 
-/// Reads a marker file, and lists what is there and what is wrong with it.
+/// Reads a marker file and lists its content and problems.
 pub fn survey(path: &Path, settings: &IngestSettings) -> FileSurvey {
     let mut survey = FileSurvey { file: path.to_owned(), ..FileSurvey::default() };
     let read = trilink_mocap::read_file(path).map_err(|error| survey.stops.push(error.to_string()));
     let Ok((bytes, _)) = read else { return survey };
     survey.readable = true;
-    // An error of the sections is one of the markers, too, and told there.
+    // An error in the sections is also reported as an error in the markers.
     survey.sections = trilink_mocap::sections(path, &bytes).unwrap_or_default();
     match trilink_mocap::parse_markers(path, &bytes, settings.vicon.unit) {
         Ok(file) => survey.add_markers(path, &file, settings),
@@ -93,55 +93,60 @@ impl FileSurvey {
         let ignore = &settings.vicon.ignore;
         let whole = file;
         let file = &whole.clone().without(ignore);
-        let mut stop = |problem: Problem| self.stops.push(problem.of(path).to_string());
+        let mut stop = |problem: Problem| self.stops.push(problem.in_file(path).to_string());
         let rate_hz = settings.frame_rate(file).map_err(&mut stop).ok();
         let (layout, problems) = layout::locate_all(&settings.markers, file);
         self.recording =
-            Some(RecordingSurvey::of(whole, ignore, &layout, whole.rate_hz.or(rate_hz)));
+            Some(RecordingSurvey::new(whole, ignore, &layout, whole.rate_hz.or(rate_hz)));
         if !problems.is_empty() {
             return problems.into_iter().for_each(stop);
         }
         let rate_hz = rate_hz.unwrap_or(settings.vicon.rate_hz);
-        let (poses, max_gap) = (settings.ingest.poses, settings.max_gap_frames(rate_hz));
+        let poses = settings.ingest.poses;
+        let max_gap = settings.max_gap_frames(rate_hz);
         let tracked = poses::solve(file, &layout, None, poses, rate_hz, 0..file.frames.len())
             .and_then(|poses| poses.over_time(&file.frames, &layout, max_gap))
             .map_err(stop);
         let Ok(tracked) = tracked else { return };
         let findings = tracking_checks(&tracked, file, &layout, settings, &(0..tracked.frames()));
         let wrong = findings.into_iter().filter(|finding| !finding.holds());
-        // The check of the header is one of these.
+        // The check of the file header is one of these findings.
         self.warnings = wrong.map(|finding| finding.to_string()).collect();
     }
 }
 
 impl RecordingSurvey {
-    fn of(file: &Recording, ignore: &[String], layout: &Layout, rate_hz: Option<f64>) -> Self {
-        let (first_frame, last_frame) = (file.frames[0], file.frames[file.frames.len() - 1]);
+    fn new(file: &Recording, ignore: &[String], layout: &Layout, rate_hz: Option<f64>) -> Self {
+        let first_frame = file.frames[0];
+        let last_frame = file.frames[file.frames.len() - 1];
         let frames = last_frame - first_frame + 1;
         let mut gaps = Vec::new();
         let mut markers: Vec<MarkerCoverage> = Vec::with_capacity(file.labels.len());
-        let (mut seen_in_all, mut kept) = (0, 0);
+        let mut total_visible = 0;
+        let mut kept = 0;
         for (i, label) in file.labels.iter().enumerate() {
             let seen: Vec<i64> = (0..file.frames.len())
                 .filter(|&row| !file.position_mm(row, i)[0].is_nan())
                 .map(|row| file.frames[row])
                 .collect();
-            let own: Vec<i64> =
+            let lengths: Vec<i64> =
                 seen.windows(2).map(|pair| pair[1] - pair[0] - 1).filter(|gap| *gap > 0).collect();
-            // The layout's columns are those of the markers that are kept.
-            let on = |markers: &Vec<layout::LinkMarker>| markers.iter().any(|m| m.column == kept);
+            // The columns of the layout number only the markers that are not ignored.
             let ignored = file.is_named(i, ignore);
             markers.push(MarkerCoverage {
                 label: label.clone(),
-                link: layout.iter().position(on).filter(|_| !ignored),
+                link: layout
+                    .iter()
+                    .position(|markers| markers.iter().any(|m| m.column == kept))
+                    .filter(|_| !ignored),
                 ignored,
                 coverage: seen.len() as f64 / frames as f64,
-                gaps: own.len(),
+                gaps: lengths.len(),
             });
             if !ignored {
                 kept += 1;
-                seen_in_all += seen.len();
-                gaps.extend(own);
+                total_visible += seen.len();
+                gaps.extend(lengths);
             }
         }
         Self {
@@ -151,19 +156,19 @@ impl RecordingSurvey {
             rows: file.frames.len(),
             frames_left_out: frames - file.frames.len() as i64,
             rows_without_frame: file.rows_without_frame,
-            coverage: seen_in_all as f64 / (f64::from(kept.max(1) as u32) * frames as f64),
+            coverage: total_visible as f64 / (f64::from(kept.max(1) as u32) * frames as f64),
             markers,
-            gaps: Gaps::of(gaps, rate_hz),
+            gaps: Gaps::from_lengths(&gaps, rate_hz),
         }
     }
 }
 
 impl Gaps {
-    /// Of gaps that last so many frames.
-    fn of(gaps: Vec<i64>, rate_hz: Option<f64>) -> Self {
+    /// Summarises gaps, given their lengths in frames.
+    fn from_lengths(gaps: &[i64], rate_hz: Option<f64>) -> Self {
         let longest_frames = gaps.iter().max().copied();
-        let median = || median_high(gaps.iter().map(|frames| *frames as f64).collect());
-        let median_frames = longest_frames.map(|_| median() as i64);
+        let median_frames = longest_frames
+            .map(|_| median_high(gaps.iter().map(|frames| *frames as f64).collect()) as i64);
         let seconds = |frames: Option<i64>| Some(frames? as f64 / rate_hz?);
         Self {
             count: gaps.len(),
@@ -214,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_that_would_stop_a_file_is_listed_and_not_only_the_first() {
+    fn all_problems_of_a_file_are_listed_and_not_only_the_first() {
         let path = Path::new("../mocap/tests/fixtures/nexus.csv");
         let mut config = Config::default();
         config.vicon.rate_hz = 100.0;
@@ -223,13 +228,16 @@ mod tests {
         config.markers.link2.clear();
         let survey = survey(path, &IngestSettings::new(&config));
         assert_eq!(survey.stops.len(), 2, "{:?}", survey.stops);
-        assert!(survey.stops[0].contains("found a frame rate of 120 Hz, needed 100 Hz"));
-        assert!(survey.stops[1].contains("found no marker `F1`"));
+        assert!(
+            survey.stops[0]
+                .contains("the file's frame rate is 120 Hz, but vicon.rate_hz is 100 Hz")
+        );
+        assert!(survey.stops[1].contains("the file has no marker `F1`"));
         assert!(survey.recording.is_some());
     }
 
     #[test]
-    fn ignored_markers_are_named_as_in_the_file_and_count_for_nothing_else() {
+    fn ignored_markers_are_listed_and_excluded_from_the_statistics() {
         let path = Path::new("../mocap/tests/fixtures/gaps.csv");
         let mut config = Config::default();
         config.vicon.ignore = vec!["*1".to_owned()];

@@ -1,4 +1,4 @@
-//! Tables of one trial.
+//! Builds a trial's tables.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use trilink_tables::{
 use super::markers::labels::{Outlier, bit};
 use super::poses::Tracked;
 
-/// `poses/<trial>.parquet`.
+/// Builds the table for the file `poses/<trial>.parquet`.
 pub(super) fn poses(
     trial: &str,
     tracked: Tracked,
@@ -19,7 +19,7 @@ pub(super) fn poses(
     rate_hz: f64,
 ) -> Table {
     let Tracked { first_frame, seen, filled, residual_mm, fill, outlier, unseen, .. } = tracked;
-    // Of a long recording they are hundreds of megabytes.
+    // For a long recording these series take up hundreds of megabytes.
     drop((seen, filled));
     let layouts = markers.links();
     let unseen = [0, 1, 2].map(|link| labels(layouts[link], unseen[link].iter().copied()));
@@ -31,9 +31,10 @@ pub(super) fn poses(
         .into_table(trial)
 }
 
-/// Labels of a link's markers, each a bit by its index in the layout.
+/// Returns, for each set of a link's markers in `markers`, the text that names them. Each bit of a set stands for the
+/// marker with that index in the layout.
 fn labels(layout: &BTreeMap<String, [f64; 3]>, markers: impl Iterator<Item = u64>) -> FrameTexts {
-    FrameTexts::of(markers, |bits| {
+    FrameTexts::new(markers, |bits| {
         let labels = (0..).zip(layout.keys());
         let named = labels.filter(|(index, _)| bits & bit(*index) != 0);
         named.map(|(_, label)| label.as_str()).collect::<Vec<_>>().join(LABELS_APART)

@@ -1,4 +1,4 @@
-//! The metrics of one steady cycle (eq. 17 and 20).
+//! Metrics of one steady-state cycle (eq. 17 and 20).
 
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Lanes, Number, Pose, dot, skid_rows};
@@ -11,17 +11,17 @@ use super::path::Path;
 use super::radau::{RADAU, STAGES};
 use super::reduced::Reduced;
 
-/// A steady cycle measured by the elements' own quadrature.
+/// Measurements on a steady-state cycle, by the quadrature rule of the collocation elements.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cycle<const N: usize> {
     pub metrics: GaitMetrics,
-    /// Pose after the elements' span.
+    /// Pose at the end of the time span of the mesh (one or more periods, or half of one).
     pub end: Pose,
-    /// Of joint 1, where it is passive.
+    /// Extremes of the angle of joint 1; `None` unless the joint is passive.
     pub extremes: Option<Extremes<N>>,
 }
 
-/// Measures a periodic solution.
+/// Computes the metrics of a periodic solution.
 pub(super) fn measure<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
@@ -37,11 +37,11 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
         for j in 0..STAGES {
             for (sum, row) in sums.iter_mut().zip(&skid_rows(&problem.robot, &leg.trig[j])) {
                 let skid_m_s = dot(row, &leg.states[j].velocity);
-                *sum += mesh.parts[pack] * Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
+                *sum += mesh.fractions[pack] * Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
             }
         }
         for lane in 0..mesh.elements_of(pack).len() {
-            skid_squared.iter_mut().zip(&sums).for_each(|(sum, of)| *sum += of.lane(lane));
+            skid_squared.iter_mut().zip(&sums).for_each(|(total, sum)| *total += sum.lane(lane));
         }
     }
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
@@ -64,7 +64,8 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     Cycle { metrics, end, extremes }
 }
 
-/// The characteristic speed `l omega` of eq. 20.
+/// Returns the speed `l omega` by which skid velocities are divided in the skid ratio (eq. 20 of the paper),
+/// m/s.
 pub(super) fn skid_scale(problem: &Problem) -> f64 {
-    problem.robot.l_m * problem.omega_rad_s
+    problem.robot.skid_length_m() * problem.omega_rad_s
 }

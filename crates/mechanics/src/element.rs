@@ -1,7 +1,8 @@
-//! One collocation element: the equations at its stages, linearised and condensed.
+//! Collocation element (time step): its stage equations, linearised and condensed.
 //!
-//! A state that is merely the integral of the one before it ([`Reduced::INTEGRATED`]) is no
-//! unknown of the element: at every stage it is its start plus the rule's integral.
+//! A state that is the integral of the preceding state ([`Reduced::INTEGRATED`]) is not an unknown of the
+//! element: at every stage it equals its value at the start of the element plus the integral given by the
+//! collocation rule.
 
 mod adjoint;
 
@@ -9,14 +10,14 @@ use trilink_robot::{Number, Pose};
 
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
-use super::reduced::{KinematicState, MOST_PARAMETERS, Reduced, Residual};
+use super::reduced::{KinematicState, MAX_PARAMETERS, Reduced, Residual};
 
-/// States at the stages of one element.
+/// States at the stages of one collocation element.
 pub(super) type Stages<const N: usize, T = f64> = [[T; N]; STAGES];
 
-/// An element of a motion, or one in each lane.
+/// Collocation element of a motion, or one element per SIMD lane.
 pub(super) struct Element<'a, const N: usize, R: Reduced<N>, T: Number = f64> {
-    /// The command at the stages.
+    /// Joint command at each stage.
     pub nodes: &'a [R::Node<T>],
     pub start: &'a [T; N],
     pub stages: &'a Stages<N, T>,
@@ -24,20 +25,21 @@ pub(super) struct Element<'a, const N: usize, R: Reduced<N>, T: Number = f64> {
 }
 
 impl<const N: usize, R: Reduced<N>, T: Number> Element<'_, N, R, T> {
-    /// Time derivatives of the states at stage `j`.
+    /// Returns the time derivatives of the element's states at stage `j`.
     #[inline(always)]
     pub(crate) fn rate(&self, j: usize) -> [T; N] {
-        rate(&RADAU, self.start, self.stages, j, T::of(1.0) / self.duration_s)
+        rate(&RADAU, self.start, self.stages, j, T::splat(1.0) / self.duration_s)
     }
 
-    /// Angles and velocities of the robot at the stages.
+    /// Returns the joint angles and velocities of the robot at the stages.
     #[inline(always)]
     pub(crate) fn kinematics(&self, model: &R) -> [KinematicState<T>; STAGES] {
         std::array::from_fn(|j| model.kinematics(&self.nodes[j], &self.stages[j]))
     }
 }
 
-/// Time derivatives at stage `j` of the polynomial through `start` and `stages`.
+/// Returns the time derivatives, at stage `j`, of the polynomial through `start` and `stages`; `per_s` is the
+/// reciprocal of the element's duration.
 #[inline(always)]
 pub(super) fn rate<const N: usize, T: Number>(
     rule: &Radau,
@@ -46,25 +48,25 @@ pub(super) fn rate<const N: usize, T: Number>(
     j: usize,
     per_s: T,
 ) -> [T; N] {
-    let mut rates = [T::of(0.0); N];
+    let mut rates = [T::splat(0.0); N];
     for i in 0..N {
-        let mut sum = T::of(rule.differentiate_start[j]) * start[i];
+        let mut sum = T::splat(rule.differentiate_start[j]) * start[i];
         for l in 0..STAGES {
-            sum += T::of(rule.differentiate[j][l]) * stages[l][i];
+            sum += T::splat(rule.differentiate[j][l]) * stages[l][i];
         }
         rates[i] = sum * per_s;
     }
     rates
 }
 
-/// Unknowns per stage.
+/// Returns the number of unknowns per stage of an element.
 pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
     if R::INTEGRATED { N - 1 } else { N }
 }
 
-/// Writes the linear system of one element: its `matrix` of blocks (see [`lu::factor`]) and the
-/// derivatives of the right-hand side with respect to the element's start, `N` in each row.
-/// `equations` gives the residual of a stage from its time derivatives.
+/// Assembles the linear system of one element: its block matrix `matrix` (see [`lu::factor`]) and the
+/// derivatives of the right-hand side with respect to the state at the element's start, `N` per row.
+/// `equations` returns the residual at a stage, given the time derivatives there.
 #[inline(always)]
 fn assemble<const N: usize, R: Reduced<N>, T: Number>(
     element: &Element<N, R, T>,
@@ -75,31 +77,31 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
     let rule = &*RADAU;
     let per_stage = unknowns::<N, R>();
     let size = per_stage * STAGES;
-    let per_s = T::of(1.0) / element.duration_s;
+    let per_s = T::splat(1.0) / element.duration_s;
     for j in 0..STAGES {
         let rows = &mut right[j * per_stage * N..][..per_stage * N];
         let dy = rate(rule, element.start, element.stages, j, per_s);
         let residual = equations(j, &dy);
         let blocks = &mut matrix[j * per_stage * size..][..per_stage * size];
         for i in 0..per_stage {
-            let (state_jacobian, rate_jacobian) =
-                (&residual.state_jacobian[i], &residual.rate_jacobian[i]);
+            let state_jacobian = &residual.state_jacobian[i];
+            let rate_jacobian = &residual.rate_jacobian[i];
             for (l, block) in blocks.chunks_exact_mut(per_stage * per_stage).enumerate() {
                 let row = &mut block[i * per_stage..][..per_stage];
-                let weight = T::of(rule.differentiate[j][l]) * per_s;
+                let weight = T::splat(rule.differentiate[j][l]) * per_s;
                 for m in 0..per_stage {
                     row[m] = rate_jacobian[m] * weight;
                 }
                 if R::INTEGRATED {
-                    row[N - 2] +=
-                        state_jacobian[N - 1] * (T::of(rule.integrate[j][l]) * element.duration_s);
+                    row[N - 2] += state_jacobian[N - 1]
+                        * (T::splat(rule.integrate[j][l]) * element.duration_s);
                 }
                 if l == j {
                     (0..per_stage).for_each(|m| row[m] += state_jacobian[m]);
                 }
             }
             let start_jacobian = &mut rows[i * N..][..N];
-            let weight = T::of(-rule.differentiate_start[j]) * per_s;
+            let weight = T::splat(-rule.differentiate_start[j]) * per_s;
             for m in 0..per_stage {
                 start_jacobian[m] = rate_jacobian[m] * weight;
             }
@@ -110,38 +112,38 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
     }
 }
 
-/// The linearised elements of a motion, one beside the other in the lanes of `T`; grows once and is
-/// used again.
+/// Linearised collocation elements of a motion, in packs of one element per SIMD lane of `T`; the buffers are
+/// reused.
 #[derive(Debug, Clone)]
 pub(super) struct Linearisation<T = f64> {
     factors: Vec<T>,
-    /// Per element: derivatives of its unknowns with respect to its start (`N` columns).
+    /// Derivatives of each element's unknowns with respect to the state at its start (`N` columns).
     transfer: Vec<T>,
-    /// Per element: the step of its unknowns when its start stays.
+    /// Newton step of each element's unknowns with the state at its start held fixed.
     step: Vec<T>,
-    /// Per element: derivatives of its residuals with respect to the parameters.
-    slopes: Vec<[T; MOST_PARAMETERS]>,
+    /// Derivatives of each element's residuals with respect to the parameters.
+    slopes: Vec<[T; MAX_PARAMETERS]>,
 }
 
 impl<T> Default for Linearisation<T> {
     fn default() -> Self {
-        let (factors, transfer, step, slopes) = Default::default();
-        Self { factors, transfer, step, slopes }
+        Self { factors: Vec::new(), transfer: Vec::new(), step: Vec::new(), slopes: Vec::new() }
     }
 }
 
 impl<T: Number> Linearisation<T> {
-    /// Makes room for `count` elements.
+    /// Resizes the buffers for `count` elements.
     pub(crate) fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
-        let (size, packs) = (unknowns::<N, R>() * STAGES, count.div_ceil(T::COUNT));
-        self.factors.resize(packs * size * size, T::of(0.0));
-        self.transfer.resize(packs * size * N, T::of(0.0));
-        self.step.resize(packs * size, T::of(0.0));
+        let size = unknowns::<N, R>() * STAGES;
+        let packs = count.div_ceil(T::COUNT);
+        self.factors.resize(packs * size * size, T::splat(0.0));
+        self.transfer.resize(packs * size * N, T::splat(0.0));
+        self.step.resize(packs * size, T::splat(0.0));
     }
 
-    /// Linearises the elements of `pack` at their stages and factors them; their step is left
-    /// unsolved until [`Linearisation::solve_step`], the transfer too where the start stays (not
-    /// `with_transfer`). What comes of a singular system is not finite.
+    /// Linearises and factors the elements in pack `pack` (one per SIMD lane of `T`). The Newton step is left
+    /// to [`Linearisation::solve_step`]; the derivatives with respect to the states at the elements' starts
+    /// are solved for only if `with_transfer`. The results of a singular system are not finite.
     #[inline(always)]
     pub(crate) fn linearise<const N: usize, R: Reduced<N>>(
         &mut self,
@@ -168,8 +170,8 @@ impl<T: Number> Linearisation<T> {
         }
     }
 
-    /// Evaluates the residuals of the elements of `pack` alone; the factors stay those of the last
-    /// [`Linearisation::linearise`].
+    /// Evaluates the residuals of the elements in pack `pack` (one per SIMD lane of `T`); the factors
+    /// computed by the last [`Linearisation::linearise`] are retained.
     #[inline(always)]
     pub(crate) fn evaluate<const N: usize, R: Reduced<N>>(
         &mut self,
@@ -177,7 +179,8 @@ impl<T: Number> Linearisation<T> {
         model: &R,
         element: &Element<N, R, T>,
     ) {
-        let (rule, per_s) = (&*RADAU, T::of(1.0) / element.duration_s);
+        let rule = &*RADAU;
+        let per_s = T::splat(1.0) / element.duration_s;
         let per_stage = unknowns::<N, R>();
         let step = &mut self.step[pack * per_stage * STAGES..][..per_stage * STAGES];
         for j in 0..STAGES {
@@ -189,7 +192,8 @@ impl<T: Number> Linearisation<T> {
         }
     }
 
-    /// Solves for the step of the elements of `pack` with the factors at hand.
+    /// Solves for the Newton step of the elements in pack `pack` (one per SIMD lane of `T`), with the current
+    /// factors.
     #[inline(always)]
     pub(crate) fn solve_step<const N: usize, R: Reduced<N>>(&mut self, pack: usize) {
         let per_stage = unknowns::<N, R>();
@@ -198,16 +202,16 @@ impl<T: Number> Linearisation<T> {
         lu::solve(per_stage, 1, factors, &mut self.step[pack * size..][..size]);
     }
 
-    /// Derivatives of the unknowns of the elements of `pack` with respect to their start, and their
-    /// step.
+    /// Returns, for the elements in pack `pack` (one per SIMD lane of `T`), the derivatives of the unknowns
+    /// with respect to the state at an element's start, and the Newton step.
     #[inline(always)]
-    fn answers<const N: usize, R: Reduced<N>>(&self, pack: usize) -> (&[T], &[T]) {
+    fn solutions<const N: usize, R: Reduced<N>>(&self, pack: usize) -> (&[T], &[T]) {
         let size = unknowns::<N, R>() * STAGES;
         (&self.transfer[pack * size * N..][..size * N], &self.step[pack * size..][..size])
     }
 
-    /// Changes of the stages of the elements of `pack` by their step when their start changes by
-    /// `start`.
+    /// Returns the changes in the states at the stages of the elements in pack `pack` (one per SIMD lane of
+    /// `T`): their Newton step plus the effect of the change `start` in the states at their starts.
     #[inline(always)]
     pub(crate) fn changes<const N: usize, R: Reduced<N>>(
         &self,
@@ -216,8 +220,8 @@ impl<T: Number> Linearisation<T> {
         duration_s: T,
     ) -> Stages<N, T> {
         let per_stage = unknowns::<N, R>();
-        let (transfer, step) = self.answers::<N, R>(pack);
-        let mut changes = [[T::of(0.0); N]; STAGES];
+        let (transfer, step) = self.solutions::<N, R>(pack);
+        let mut changes = [[T::splat(0.0); N]; STAGES];
         for j in 0..STAGES {
             for i in 0..per_stage {
                 let row = j * per_stage + i;
@@ -232,38 +236,40 @@ impl<T: Number> Linearisation<T> {
         changes
     }
 
-    /// Derivatives of the ends of the elements of `pack` with respect to their start.
+    /// Returns, for each element in pack `pack` (one per SIMD lane of `T`), the derivatives of the state at
+    /// its end with respect to the state at its start.
     #[inline(always)]
     pub(crate) fn end_transfer<const N: usize, R: Reduced<N>>(
         &self,
         pack: usize,
         duration_s: T,
     ) -> [[T; N]; N] {
-        let (transfer, _) = self.answers::<N, R>(pack);
-        let mut ends = [[T::of(0.0); N]; N];
+        let (transfer, _) = self.solutions::<N, R>(pack);
+        let mut ends = [[T::splat(0.0); N]; N];
         for m in 0..N {
             let end = end_change::<N, R, T>(duration_s, |row| transfer[row * N + m]);
             (0..N).for_each(|i| ends[i][m] = end[i]);
         }
         if R::INTEGRATED {
-            ends[N - 1][N - 1] += T::of(1.0);
+            ends[N - 1][N - 1] += T::splat(1.0);
         }
         ends
     }
 
-    /// Changes of the ends of the elements of `pack` by their step when their start stays.
+    /// Returns, for each element in pack `pack` (one per SIMD lane of `T`), the change in the state at its
+    /// end due to the Newton step, with the state at its start held fixed.
     #[inline(always)]
     pub(crate) fn end_step<const N: usize, R: Reduced<N>>(
         &self,
         pack: usize,
         duration_s: T,
     ) -> [T; N] {
-        let (_, step) = self.answers::<N, R>(pack);
+        let (_, step) = self.solutions::<N, R>(pack);
         end_change::<N, R, T>(duration_s, |row| step[row])
     }
 }
 
-/// Change of an element's end by those of its unknowns.
+/// Returns the change in the state at an element's end, given the changes in its unknowns.
 #[inline(always)]
 fn end_change<const N: usize, R: Reduced<N>, T: Number>(
     duration_s: T,
@@ -275,13 +281,14 @@ fn end_change<const N: usize, R: Reduced<N>, T: Number>(
             return unknown((STAGES - 1) * per_stage + i);
         }
         let weights = RADAU.integrate[STAGES - 1];
-        (0..STAGES).fold(T::of(0.0), |sum, l| {
-            sum + duration_s * T::of(weights[l]) * unknown(l * per_stage + i - 1)
+        (0..STAGES).fold(T::splat(0.0), |sum, l| {
+            sum + duration_s * T::splat(weights[l]) * unknown(l * per_stage + i - 1)
         })
     })
 }
 
-/// Sets the last state of every stage to its start plus the integral of the state before it.
+/// Sets the last state variable at every stage to its value at the element's start plus the integral of the
+/// state variable that precedes it in the state vector.
 #[inline(always)]
 pub(super) fn integrate_last<const N: usize, T: Number>(
     stages: &mut Stages<N, T>,
@@ -294,52 +301,56 @@ pub(super) fn integrate_last<const N: usize, T: Number>(
     }
 }
 
-/// Integrals from an element's start to its stages.
+/// Returns the integrals from an element's start to each stage of a quantity with the given `rates` at the
+/// stages.
 #[inline(always)]
 pub(super) fn integrals<T: Number>(rates: &[T; STAGES], duration_s: T) -> [T; STAGES] {
     let rule = &*RADAU;
-    let mut integrals = [T::of(0.0); STAGES];
+    let mut integrals = [T::splat(0.0); STAGES];
     for j in 0..STAGES {
         for l in 0..STAGES {
-            integrals[j] += T::of(rule.integrate[j][l]) * rates[l];
+            integrals[j] += T::splat(rule.integrate[j][l]) * rates[l];
         }
         integrals[j] = duration_s * integrals[j];
     }
     integrals
 }
 
-/// The stages of an element from its start, by Newton's method from the stages that it has, or
-/// `None` if it fails. The factors are kept while steps by them shrink fast. Overwrites element 0
-/// of the workspace.
+/// Solves for the states at the stages of an element by Newton's method, starting from `guess`; returns
+/// `None` if the iteration fails. The factors are reused while they give fast contraction. Overwrites element
+/// 0 of the workspace.
 pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     model: &R,
     guess: &Element<N, R>,
     tolerance: f64,
     workspace: &mut Linearisation,
 ) -> Option<Stages<N>> {
-    const MOST_STEPS: usize = 12;
-    /// Factors are kept while a step by them is at most this part of the one before.
-    const FAST: f64 = 0.15;
+    const MAX_STEPS: usize = 12;
+    /// Maximum ratio of successive Newton steps at which the factors are reused.
+    const FAST_CONTRACTION: f64 = 0.15;
     let Element { nodes, start, duration_s, .. } = *guess;
     let mut stages = *guess.stages;
     if R::INTEGRATED {
         integrate_last(&mut stages, start[N - 1], duration_s);
     }
-    let enough = 0.01 * tolerance;
-    let (mut is_fresh, mut last_step) = (true, f64::INFINITY);
-    for _ in 0..MOST_STEPS {
+    let max_error = 0.01 * tolerance;
+    let mut is_fresh = true;
+    let mut last_step = f64::INFINITY;
+    for _ in 0..MAX_STEPS {
         let element = Element { nodes, start, stages: &stages, duration_s };
-        match is_fresh {
-            true => workspace.linearise(0, model, &element, false),
-            false => workspace.evaluate(0, model, &element),
+        if is_fresh {
+            workspace.linearise(0, model, &element, false);
+        } else {
+            workspace.evaluate(0, model, &element);
         }
         workspace.solve_step::<N, R>(0);
         let changes = workspace.changes::<N, R>(0, &[0.0; N], duration_s);
-        let (mut step, mut size) = (0.0_f64, 0.0_f64);
+        let mut step = 0.0_f64;
+        let mut size = 0.0_f64;
         for (y, change) in stages.iter_mut().zip(&changes) {
             for i in 0..N {
                 y[i] += change[i];
-                // Not `max`, which passes over NaN.
+                // `max` would ignore NaN.
                 step = if change[i].abs() <= step { step } else { change[i].abs() };
                 size = size.max(y[i].abs());
             }
@@ -348,41 +359,43 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
             return None;
         }
         let step = step / size.max(f64::MIN_POSITIVE);
-        let shrinks = step / last_step;
-        // The next step would be about the square of a fresh one, and would shrink like the
-        // others by kept factors.
-        let is_last = match is_fresh {
-            true => step <= enough.sqrt().min(1e-4),
-            false => shrinks < FAST && shrinks * step <= enough,
+        let contraction = step / last_step;
+        // With fresh factors the next step is about the square of this one; with reused factors steps
+        // continue to contract at the same rate.
+        let is_last = if is_fresh {
+            step <= max_error.sqrt().min(1e-4)
+        } else {
+            contraction < FAST_CONTRACTION && contraction * step <= max_error
         };
         if is_last {
             return Some(stages);
         }
-        is_fresh = !is_fresh && shrinks >= FAST;
+        is_fresh = !is_fresh && contraction >= FAST_CONTRACTION;
         last_step = step;
     }
     None
 }
 
-/// A Legendre coefficient of each state's polynomial in the element, or the state at a place of it:
-/// what comes of these weights, see [`Radau::spectrum`] and [`Radau::weights`].
+/// Returns, for each state, the weighted sum of its values at the start and the stages of an element: a
+/// Legendre coefficient of the element's polynomial (see [`Radau::spectrum`]) or the polynomial's value at a
+/// point (see [`Radau::weights`]).
 #[inline(always)]
 pub(super) fn weighted<const N: usize, T: Number>(
     weights: &[f64; STAGES + 1],
     start: &[T; N],
     stages: &Stages<N, T>,
 ) -> [T; N] {
-    let mut sums = [T::of(0.0); N];
+    let mut sums = [T::splat(0.0); N];
     for i in 0..N {
-        sums[i] = T::of(weights[0]) * start[i];
+        sums[i] = T::splat(weights[0]) * start[i];
         for j in 0..STAGES {
-            sums[i] += T::of(weights[j + 1]) * stages[j][i];
+            sums[i] += T::splat(weights[j + 1]) * stages[j][i];
         }
     }
     sums
 }
 
-/// State at a fraction of an element, or of its polynomial beyond.
+/// Returns the state after a fraction of an element's length, by extrapolation if the fraction exceeds 1.
 pub(super) fn interpolate<const N: usize>(
     start: &[f64; N],
     stages: &Stages<N>,
@@ -391,7 +404,8 @@ pub(super) fn interpolate<const N: usize>(
     weighted(&RADAU.weights(fraction), start, stages)
 }
 
-/// Where the robot goes: poses at the stages of an element that starts at `from`; the last is its end.
+/// Returns the poses at the stages of an element that starts at pose `from`; the last one is the pose at the
+/// element's end.
 pub(super) fn integrate_poses(
     from: Pose,
     states: &[KinematicState; STAGES],
@@ -400,7 +414,8 @@ pub(super) fn integrate_poses(
     integrate_path(from, states, duration_s).0
 }
 
-/// The same with sine and cosine of the headings.
+/// Returns the poses at the stages of an element that starts at pose `from`, and the sine and cosine of
+/// their headings.
 pub(super) fn integrate_path(
     from: Pose,
     states: &[KinematicState; STAGES],
@@ -416,11 +431,16 @@ pub(super) fn integrate_path(
     }
     let mut rates = [[0.0; STAGES]; 2];
     for j in 0..STAGES {
-        let ((sin, cos), [u, v, ..]) = (directions[j], states[j].velocity);
-        (rates[0][j], rates[1][j]) = (cos * u - sin * v, sin * u + cos * v);
+        let (sin, cos) = directions[j];
+        let [u, v, ..] = states[j].velocity;
+        rates[0][j] = cos * u - sin * v;
+        rates[1][j] = sin * u + cos * v;
     }
     let [x, y] = rates.map(|rates| integrals(&rates, duration_s));
-    let pose =
-        |j: usize| Pose { x_m: from.x_m + x[j], y_m: from.y_m + y[j], theta_rad: headings_rad[j] };
-    (std::array::from_fn(pose), directions)
+    let poses = std::array::from_fn(|j| Pose {
+        x_m: from.x_m + x[j],
+        y_m: from.y_m + y[j],
+        theta_rad: headings_rad[j],
+    });
+    (poses, directions)
 }

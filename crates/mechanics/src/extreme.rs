@@ -1,7 +1,7 @@
-//! The extremes of joint 1 where it is passive.
+//! Extremes of the angle of joint 1 where that joint is passive.
 //!
-//! The ends of elements are far more accurate than the stages inside, so an extreme is made the
-//! end of a shorter element from the same start.
+//! The solution is far more accurate at the end of an element than at its stages. Each extreme is therefore
+//! computed as the end of a shorter element with the same start.
 
 use trilink_robot::{LANES, Number};
 
@@ -11,34 +11,37 @@ use super::path::Path;
 use super::radau::{RADAU, STAGES, bisect};
 use super::reduced::{KinematicState, Reduced};
 
-/// Highest and lowest angle of joint 1 over a whole period.
+/// Maximum and minimum angle of joint 1 over a whole period.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extremes<const N: usize> {
     pub highest: TurningPoint<N>,
     pub lowest: TurningPoint<N>,
 }
 
-/// Where joint 1 turns round.
+/// Turning point of the angle of joint 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TurningPoint<const N: usize> {
     phi_rad: f64,
     pub element: usize,
-    /// Fraction of the element.
+    /// Position within the collocation element, as a fraction of its length.
     pub fraction: f64,
-    /// -1 in the mirror image that follows half a period later.
+    /// Sign of the angle: -1 if the turning point lies in the mirror-image half of the period.
     pub sign: f64,
-    /// The stages of the shorter element that ends there, where they are known.
+    /// States at the stages of a shorter element, with the same start, that ends at the turning point; `None`
+    /// until it is solved.
     stages: Option<Stages<N>>,
 }
 
-/// Error, as a fraction of an element, of a turning point; the angle's is its third power.
+/// Accepted error in the position of a turning point, as a fraction of the element's length; the error in the
+/// angle is of third order in this fraction.
 const TOLERANCE: f64 = 1e-5;
-/// The same of one that need not be corrected once more.
-const THERE: f64 = 1e-8;
-const MOST_CORRECTIONS: usize = 4;
+/// Correction to the position, as a fraction of the element's length, below which a turning point has
+/// converged.
+const CONVERGED: f64 = 1e-8;
+const MAX_CORRECTIONS: usize = 4;
 
 impl<const N: usize> Extremes<N> {
-    /// Finds the extremes of a periodic solution.
+    /// Finds the extremes of the angle of joint 1 in a periodic solution.
     pub(crate) fn find<R: Reduced<N>>(
         model: &R,
         mesh: &Mesh<N, R>,
@@ -48,21 +51,24 @@ impl<const N: usize> Extremes<N> {
         let mut found: Option<Self> = None;
         let signs: &[f64] = if mesh.is_half { &[1.0, -1.0] } else { &[1.0] };
         let start = model.kinematics(&mesh.node_at(model, 0, 0.0), &mesh.states.start);
-        let (mut angles, mut rates) =
-            ([start.phi_rad[0]; STAGES + 1], [start.velocity[3]; STAGES + 1]);
+        let mut angles = [start.phi_rad[0]; STAGES + 1];
+        let mut rates = [start.velocity[3]; STAGES + 1];
         for k in 0..mesh.count {
-            (angles[0], rates[0]) = (angles[STAGES], rates[STAGES]);
+            angles[0] = angles[STAGES];
+            rates[0] = rates[STAGES];
             for (j, KinematicState { phi_rad, velocity }) in
                 path.legs[k / LANES].states.iter().enumerate()
             {
                 let lane = k % LANES;
-                (angles[j + 1], rates[j + 1]) = (phi_rad[0].lane(lane), velocity[3].lane(lane));
+                angles[j + 1] = phi_rad[0].lane(lane);
+                rates[j + 1] = velocity[3].lane(lane);
             }
             for l in 0..STAGES {
                 let from = if l == 0 { 0.0 } else { RADAU.nodes[l - 1] };
-                let fraction = match rates[l] * rates[l + 1] < 0.0 {
-                    true => bisect(|x| RADAU.interpolate(&rates, x), from, RADAU.nodes[l], 12),
-                    false => RADAU.nodes[l],
+                let fraction = if rates[l] * rates[l + 1] < 0.0 {
+                    bisect(|x| RADAU.interpolate(&rates, x), from, RADAU.nodes[l], 12)
+                } else {
+                    RADAU.nodes[l]
                 };
                 for &sign in signs {
                     let phi_rad = sign * RADAU.interpolate(&angles, fraction);
@@ -88,14 +94,15 @@ impl<const N: usize> Extremes<N> {
         extremes
     }
 
-    /// Half the distance between the extremes, rad.
+    /// Returns half the range between the maximum and the minimum angle, rad.
     pub(crate) fn half_range(&self) -> f64 {
         0.5 * (self.highest.phi_rad - self.lowest.phi_rad)
     }
 }
 
 impl<const N: usize> TurningPoint<N> {
-    /// The shorter element that ends at the turning point: its nodes and stages.
+    /// Returns the joint commands and the states at the stages of a shorter element, with the same start,
+    /// that ends at the turning point; `None` if its states cannot be solved for.
     pub(crate) fn shorter_element<R: Reduced<N>>(
         &self,
         model: &R,
@@ -106,8 +113,8 @@ impl<const N: usize> TurningPoint<N> {
         if let Some(stages) = self.stages {
             return Some((nodes, stages));
         }
-        let (start, whole) =
-            (mesh.states.start_of(self.element), mesh.states.stages_of(self.element));
+        let start = mesh.states.start_of(self.element);
+        let whole = mesh.states.stages_of(self.element);
         let stages = RADAU.nodes.map(|c| interpolate(&start, &whole, self.fraction * c));
         workspace.resize::<N, R>(1);
         let duration_s = self.fraction * mesh.duration_s(self.element);
@@ -116,25 +123,26 @@ impl<const N: usize> TurningPoint<N> {
         Some((nodes, stages))
     }
 
-    /// Moves the turning point to where the rate is zero.
+    /// Moves the turning point to the zero of the joint's rate by Newton's method.
     fn correct<R: Reduced<N>>(
         &mut self,
         model: &R,
         mesh: &Mesh<N, R>,
         workspace: &mut Linearisation,
     ) {
-        let (start, duration_s) =
-            (mesh.states.start_of(self.element), mesh.duration_s(self.element));
+        let start = mesh.states.start_of(self.element);
+        let duration_s = mesh.duration_s(self.element);
         let start_rate =
             model.kinematics(&mesh.node_at(model, self.element, 0.0), &start).velocity[3];
-        for _ in 0..MOST_CORRECTIONS {
+        for _ in 0..MAX_CORRECTIONS {
             let Some((nodes, stages)) = self.shorter_element(model, mesh, workspace) else {
                 return;
             };
             let states: [KinematicState; STAGES] =
                 std::array::from_fn(|j| model.kinematics(&nodes[j], &stages[j]));
             let last = STAGES - 1;
-            let (phi, w) = (states[last].phi_rad[0], states[last].velocity[3]);
+            let phi = states[last].phi_rad[0];
+            let w = states[last].velocity[3];
             let rates = states.map(|state| [state.velocity[3]]);
             let per_s = 1.0 / (self.fraction * duration_s);
             let [acceleration] = rate(&RADAU, &[start_rate], &rates, last, per_s);
@@ -142,9 +150,9 @@ impl<const N: usize> TurningPoint<N> {
             if !correction.is_finite() || correction.abs() > 0.5 {
                 return;
             }
-            // The parabola's vertex: the error of the angle is of third order.
+            // Vertex of the parabola: the error of the angle is of third order.
             self.phi_rad = self.sign * (phi - 0.5 * w * w / acceleration);
-            if correction.abs() < THERE {
+            if correction.abs() < CONVERGED {
                 self.stages = Some(stages);
                 return;
             }

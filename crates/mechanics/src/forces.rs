@@ -1,21 +1,25 @@
-//! What acts on the robot: wheel forces, actuation torques and power (eq. 8 to 10, 14, 15).
+//! Forces on the robot: wheel forces, joint torques and power (eq. 8 to 10, 14, 15).
 
 use nalgebra::{SMatrix, SVector};
-use trilink_robot::{ContactForces, Dry, Friction, Trig, dot, force_balance, roll_rows, skid_rows};
+use trilink_robot::{ContactForces, Friction, Trig, dot, force_balance, roll_rows, skid_rows};
 
 use super::Problem;
 use super::reduced::KinematicState;
 
-/// Ratio of singular values at which the constraints are not independent any more.
+/// Ratio of the smallest to the largest singular value below which the no-skid constraints count as
+/// dependent.
 const SINGULAR: f64 = 1e-6;
+/// Maximum number of iterations of the singular value decomposition, which would not end for numbers that are not
+/// finite.
+const MAX_ITERATIONS: usize = 1000;
 
-/// The forces in a state with these time derivatives of its velocities.
+/// Returns the forces and the power at one time, given the state and the time derivatives of the velocities.
 ///
-/// Eq. 7's left-hand side is what actuators and constraints supply, `E tau + W^T Lambda`. Its
-/// rows of the body and of the passive joint have no actuator and give `Lambda`; for the
-/// kinematic robot these are three equations that fail at singular shapes, for the
-/// semi-passive one four, of which `Lambda` is the least-squares solution that it satisfies.
-pub(super) fn contact_forces(
+/// The left-hand side of the equations of motion (eq. 7 of the paper) equals what actuators and constraints
+/// supply, `E tau + W^T Lambda`. The rows of the body and of the passive joint have no actuator and determine
+/// the constraint forces `Lambda`: three equations for the kinematic robot, which fail at singular shapes;
+/// four consistent equations for the semi-passive robot, solved by least squares.
+pub(super) fn contact_forces<F: Friction>(
     problem: &Problem,
     state: &KinematicState,
     acceleration: &[f64; 5],
@@ -25,13 +29,14 @@ pub(super) fn contact_forces(
     let KinematicState { phi_rad, velocity } = state;
     let trig = Trig::new(*phi_rad);
     let supplied =
-        force_balance::<f64, Dry>(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
-    let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
-    let (skid_m_s, roll_m_s) =
-        (skid.map(|row| dot(&row, velocity)), roll.map(|row| dot(&row, velocity)));
+        force_balance::<f64, F>(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
+    let skid = skid_rows(robot, &trig);
+    let roll = roll_rows(robot, &trig);
+    let skid_m_s = skid.map(|row| dot(&row, velocity));
+    let roll_m_s = roll.map(|row| dot(&row, velocity));
 
-    let skid_n: [f64; 3] = std::array::from_fn(|i| Dry::skid(robot, i, skid_m_s[i])[0]);
-    let roll_n: [f64; 3] = std::array::from_fn(|i| Dry::roll(robot, i, roll_m_s[i])[0]);
+    let skid_n: [f64; 3] = std::array::from_fn(|i| F::skid(robot, i, skid_m_s[i])[0]);
+    let roll_n: [f64; 3] = std::array::from_fn(|i| F::roll(robot, i, roll_m_s[i])[0]);
     let lateral_n = if problem.laws.skids() {
         skid_n.map(|force| -force)
     } else {
@@ -49,7 +54,7 @@ pub(super) fn contact_forces(
         supplied[row] - (0..3).map(|i| skid[i][row] * lateral_n[i]).sum::<f64>()
     });
     let power_w = if problem.is_determined() {
-        // Constraints do no work: what is supplied comes from the actuators.
+        // Constraints do no work, so the supplied power is that of the actuators.
         dot(&supplied, velocity)
     } else {
         let actuated = (0..2).filter(|joint| passive != Some(*joint));
@@ -66,13 +71,14 @@ pub(super) fn contact_forces(
     }
 }
 
-/// Lambda from the rows that no actuator supplies; `None` where it is unbounded.
+/// Solves for the constraint forces Lambda on the wheels, N, from those equations of motion (eq. 7 of the
+/// paper) that have no actuator; their left-hand sides are in `supplied`. `None` if Lambda is unbounded.
 fn constraint_forces(
     passive: Option<usize>,
     skid_rows: &[[f64; 5]; 3],
     supplied: &[f64; 5],
 ) -> Option<[f64; 3]> {
-    // One column per wheel; a row that an actuator supplies is left zero.
+    // One column for each wheel; rows with an actuator stay zero.
     let mut columns = SMatrix::<f64, 4, 3>::zeros();
     let mut right = SVector::<f64, 4>::zeros();
     let rows = [Some(0), Some(1), Some(2), passive.map(|p| 3 + p)];
@@ -82,7 +88,7 @@ fn constraint_forces(
             (0..3).for_each(|i| columns[(equation, i)] = skid_rows[i][row]);
         }
     }
-    let decomposed = columns.svd(true, true);
+    let decomposed = columns.try_svd(true, true, 5.0 * f64::EPSILON, MAX_ITERATIONS)?;
     let singular = &decomposed.singular_values;
     if singular.min() <= SINGULAR * singular.max() {
         return None;

@@ -1,4 +1,4 @@
-//! Gradients of the metrics that are integrals over a cycle with respect to the motion.
+//! Gradients, with respect to the motion, of the metrics that are integrals over a cycle.
 
 use std::ops::Range;
 
@@ -9,30 +9,33 @@ use super::element::{Element, Stages};
 use super::mesh::Mesh;
 use super::path::Leg;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Variable};
+use super::reduced::{COMMAND_SIZE, KinematicState, MAX_PARAMETERS, Reduced, Variable};
 
-/// Number of the distance.
+/// Index of the displacement d among the quantities of [`MetricGradient`].
 pub(super) const DISTANCE: usize = 3;
-/// Numbers of the quantities that change their sign with the mirror image.
+/// Indices of the quantities of [`MetricGradient`] that change sign under the half-period symmetry.
 pub(super) const ODD: Range<usize> = 4..6;
-/// Number of the distance where the second half of the period changes by the opposite.
+/// Index, among the quantities of [`MetricGradient`], of the displacement d under an odd variation, which has
+/// the opposite sign in the mirror-image half period.
 pub(super) const ODD_DISTANCE: usize = 5;
-/// Number of the work of friction over the period.
+/// Index, among the quantities of [`MetricGradient`], of the work of friction over the period.
 pub(super) const WORK: usize = 6;
 
-/// What is integrated over the elements, by number: 0 to 2 sigma of the wheels, where they skid, 3 d,
-/// 4 Delta theta, 5 d where the second half of the period changes by the opposite of the first half's
-/// mirror image, 6 the work of friction.
+/// Gradients of the quantities that are integrated over the elements, by index. 0 to 2: sigma of the wheels,
+/// if they skid; 3: d; 4: Delta theta; 5: d under an odd variation, which has the opposite sign in the
+/// mirror-image half period; 6: the work of friction.
 pub(super) struct MetricGradient {
-    /// Of d with respect to the pose at the end of the elements' span: x, y, theta.
+    /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh.
     dd_dend: [f64; 3],
-    /// The same of what is odd.
+    /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh, for
+    /// an odd variation, which has the opposite sign in the mirror-image half period.
     odd_dd_dend: [f64; 3],
     end: Pose,
-    /// How many times the span turns the robot over a period.
-    turns: f64,
-    /// Of sigma_i with respect to the integral of its wheel's skid velocity squared, doubled;
-    /// zero where the wheel does not skid.
+    /// Number of time spans of the mesh after which the motion repeats: 2 if the mesh covers half a period,
+    /// otherwise 1.
+    spans: f64,
+    /// Twice the derivative of each skid ratio sigma_i with respect to the mean squared skid velocity of
+    /// wheel i; zero if the wheel does not skid.
     dsigma_dskid: [f64; 3],
 }
 
@@ -43,12 +46,13 @@ impl MetricGradient {
         cycle: &Cycle<N>,
     ) -> Self {
         let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
-        // Of the half period and its mirror image.
+        // Pose after the half period and its mirror image.
         let whole = cycle.end * cycle.end.mirrored();
         let (sin, cos) = theta_rad.sin_cos();
         let turned = whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y);
         let halves = |sign: f64| {
-            let (sin, cos) = (sign * sin, sign * cos);
+            let sin = sign * sin;
+            let cos = sign * cos;
             [
                 whole.x_m * (1.0 + cos) + whole.y_m * sin,
                 whole.x_m * sin + whole.y_m * (1.0 - cos),
@@ -62,18 +66,17 @@ impl MetricGradient {
             0.0 => 0.0,
             sigma => 1.0 / (scale * sigma),
         });
-        // A distance of nothing has no gradient.
+        // The gradient of a zero distance is undefined and taken as zero.
         let d_m = cycle.metrics.d_m;
-        let scaled = |dd_dend: [f64; 3]| {
-            if d_m > 0.0 { dd_dend.map(|slope| slope / d_m) } else { [0.0; 3] }
-        };
-        let (dd_dend, odd_dd_dend) = (scaled(dd_dend), scaled(odd_dd_dend));
-        let turns = mesh.spans() as f64;
-        Self { dd_dend, odd_dd_dend, end: cycle.end, turns, dsigma_dskid }
+        let [dd_dend, odd_dd_dend] = [dd_dend, odd_dd_dend]
+            .map(|slopes| if d_m > 0.0 { slopes.map(|slope| slope / d_m) } else { [0.0; 3] });
+        let spans = mesh.spans() as f64;
+        Self { dd_dend, odd_dd_dend, end: cycle.end, spans, dsigma_dskid }
     }
 
-    /// Gradients of a quantity with respect to the robot's angles and velocities at the stages of a
-    /// leg; see [`Mesh::weights`].
+    /// Returns the gradients of a quantity, given by its index, with respect to the joint angles and
+    /// velocities of the robot at the stages of a path segment. The last argument, lengths and durations of
+    /// elements, must come from [`Mesh::weights`].
     #[inline(always)]
     pub(crate) fn at_stages<const N: usize, R: Reduced<N>>(
         &self,
@@ -88,7 +91,8 @@ impl MetricGradient {
         match quantity {
             wheel @ 0..3 => {
                 for j in 0..STAGES {
-                    let (trig, velocity) = (&leg.trig[j], &leg.states[j].velocity);
+                    let trig = &leg.trig[j];
+                    let velocity = &leg.states[j].velocity;
                     let row = skid_rows(robot, trig)[wheel];
                     let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]) * part;
                     let factor = factor * dot(&row, velocity);
@@ -104,13 +108,13 @@ impl MetricGradient {
             3 => self.path(self.dd_dend, leg, duration_s, &mut gradients),
             4 => {
                 for j in 0..STAGES {
-                    gradients[j].velocity[2] = Lanes::splat(self.turns * weights[j]) * duration_s;
+                    gradients[j].velocity[2] = Lanes::splat(self.spans * weights[j]) * duration_s;
                 }
             }
             WORK => {
                 for j in 0..STAGES {
                     let power = model.friction_power_gradient(&leg.states[j], &leg.trig[j]);
-                    let weight = Lanes::splat(self.turns * weights[j]) * duration_s;
+                    let weight = Lanes::splat(self.spans * weights[j]) * duration_s;
                     gradients[j].velocity = power.velocity.map(|by| weight * by);
                     gradients[j].phi_rad = power.phi_rad.map(|by| weight * by);
                 }
@@ -120,22 +124,24 @@ impl MetricGradient {
         gradients
     }
 
-    /// Adds what the robot's variables change of the work of friction when the states stay.
+    /// Adds to `sum` the derivatives, with respect to the robot's parameters, of the work of friction along a
+    /// path segment, with the states held fixed.
     #[inline(always)]
     pub(crate) fn add_work_slopes<const N: usize, R: Reduced<N>>(
         &self,
         model: &R,
         leg: &Leg,
         [_, duration_s]: [Lanes; 2],
-        sum: &mut [Lanes; MOST_PARAMETERS],
+        sum: &mut [Lanes; MAX_PARAMETERS],
     ) {
         for j in 0..STAGES {
-            let weight = Lanes::splat(self.turns * RADAU.integrate[STAGES - 1][j]) * duration_s;
+            let weight = Lanes::splat(self.spans * RADAU.integrate[STAGES - 1][j]) * duration_s;
             model.add_friction_power_slopes(&leg.states[j], &leg.trig[j], weight, sum);
         }
     }
 
-    /// Gradients of d, given that with respect to the end.
+    /// Adds to `d` the gradients of the displacement d with respect to the velocities at the stages of a path
+    /// segment, given its gradient with respect to the end pose.
     #[inline(always)]
     fn path(
         &self,
@@ -145,7 +151,7 @@ impl MetricGradient {
         d: &mut [KinematicState<Lanes>; STAGES],
     ) {
         let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
-        // Turning the rest of the path.
+        // Effect of a rotation on the remaining path.
         let [whole_x, whole_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
         let [end_x, end_y] = leg.ends;
         let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
@@ -153,7 +159,8 @@ impl MetricGradient {
             let weight = Lanes::splat(RADAU.integrate[STAGES - 1][j]) * duration_s;
             let (sin, cos) = leg.directions[j];
             let [u, v, ..] = leg.states[j].velocity;
-            let (along, across) = (dd_dx * cos + dd_dy * sin, dd_dy * cos - dd_dx * sin);
+            let along = dd_dx * cos + dd_dy * sin;
+            let across = dd_dy * cos - dd_dx * sin;
             d[j].velocity[0] = weight * along;
             d[j].velocity[1] = weight * across;
             d[j].velocity[2] += weight * later;
@@ -165,8 +172,9 @@ impl MetricGradient {
     }
 }
 
-/// Weights that the unknowns of an element have in a quantity with these gradients at the stages, and
-/// its derivative with respect to the start of an integrated state.
+/// Returns the derivatives of a quantity with respect to an element's unknowns, given its gradients at the
+/// stages. Also returns its derivative with respect to the last state variable at the element's start; zero
+/// if that variable is not an integral of the preceding one.
 #[inline(always)]
 pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
     model: &R,
@@ -174,42 +182,45 @@ pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
     trig: &[Trig<Lanes>; STAGES],
     gradients: &[KinematicState<Lanes>; STAGES],
 ) -> (Stages<N, Lanes>, Lanes) {
-    let (mut weights, mut by_last) = ([[Lanes::default(); N]; STAGES], Lanes::default());
+    let mut weights = [[Lanes::default(); N]; STAGES];
+    let mut last_start_gradient = Lanes::default();
     for j in 0..STAGES {
-        let (node, y) = (&element.nodes[j], &element.stages[j]);
+        let node = &element.nodes[j];
+        let y = &element.stages[j];
         weights[j] = model.state_gradient(node, y, &trig[j], &gradients[j]);
     }
     if R::INTEGRATED {
-        // The last state is its start plus the integral of the one before it.
+        // The last state is its start plus the integral of the state before it.
         for j in 0..STAGES {
-            by_last += weights[j][N - 1];
+            last_start_gradient += weights[j][N - 1];
             for l in 0..STAGES {
                 let weight = Lanes::splat(RADAU.integrate[j][l]) * element.duration_s;
                 weights[l][N - 2] += weight * weights[j][N - 1];
             }
         }
     }
-    (weights, by_last)
+    (weights, last_start_gradient)
 }
 
-/// Adds what the numbers of the gait, as far as the first `parameters` have them, change of such a
-/// quantity when the states stay.
+/// Adds to `sum` the derivatives of a quantity, given its gradients at the stages of an element, with respect
+/// to the gait variables among the first `parameters` variables of the model, with the states held fixed.
 #[inline(always)]
-pub(super) fn add_by_gait<const N: usize, R: Reduced<N>>(
+pub(super) fn add_gait_gradient<const N: usize, R: Reduced<N>>(
     model: &R,
     element: &Element<N, R, Lanes>,
     trig: &[Trig<Lanes>; STAGES],
     gradients: &[KinematicState<Lanes>; STAGES],
     parameters: usize,
-    sum: &mut [Lanes; MOST_PARAMETERS],
+    sum: &mut [Lanes; MAX_PARAMETERS],
 ) {
     for j in 0..STAGES {
-        let (node, y) = (&element.nodes[j], &element.stages[j]);
+        let node = &element.nodes[j];
+        let y = &element.stages[j];
         let slopes = model.gait_gradient(node, y, &trig[j], &gradients[j]);
-        for column in R::OF_ROBOT..parameters {
+        for column in R::ROBOT_VARIABLES..parameters {
             match model.variable(column) {
                 Variable::Gait(joint, number) => sum[column] += slopes[joint][number],
-                Variable::Second(joint, part) => sum[column] += slopes[joint][NUMBERS + part],
+                Variable::Second(joint, part) => sum[column] += slopes[joint][COMMAND_SIZE + part],
                 Variable::Parameter(_) => {}
             }
         }

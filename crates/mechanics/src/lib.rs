@@ -1,23 +1,22 @@
-//! The models' motion: steady periodic solutions and the transients from rest.
+//! Motion of the models: steady-state periodic motions and transients from rest.
 //!
-//! Every solution but those of eq. 3, which take quadrature, comes from collocation with Radau IIA: a
-//! transient is integrated one element after the other, a steady motion (limit cycle) is a periodic
-//! boundary value problem that is solved for all elements at once. Equations are those of Raz and Or,
-//! *Locomotion Dynamics of an Underactuated Three-Link Robotic Vehicle*.
+//! Except for the motions that eq. 3 determines, which are integrated by quadrature, solutions are computed
+//! by Radau IIA collocation: a transient is integrated element by element, and a steady-state motion (limit
+//! cycle) is a periodic boundary value problem, solved for all collocation elements at once. Equation numbers
+//! are those of Raz and Or, *Locomotion Dynamics of an Underactuated Three-Link Robotic Vehicle*.
 //!
 //! A [`Problem`] is a robot, a gait, friction laws and a frequency. In reading order:
 //!
-//! - The equations (eq. 7) in the states that matter: `reduced`; `quadrature` (eq. 3, where no wheel
+//! - Equations of motion (eq. 7) in minimal states: `reduced`; `quadrature` (eq. 3, where no wheel
 //!   skids and no joint is passive).
 //! - Collocation: `radau`, `element`, `lu`, `mesh`, then `transient` and `orbit`, the periodic problem
 //!   with its Floquet multipliers; `method` and `solver` ([`Solver`], which also gives the [`Attractor`])
-//!   choose among them.
-//! - What a solution says, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `forces`,
-//!   `trajectory`.
-//! - Its derivatives, by adjoints: `sensitivity` and `gradient` ([`Derivatives`]).
-//! - Which motion it is: `attractor` (the one reached from rest), `branch` ([`branches`] through folds, by
-//!   numerical continuation), `sharp` ([`SharpLimit`], regularised Coulomb friction as the transition
-//!   speed goes to zero).
+//!   select the method.
+//! - Results, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `forces`, `trajectory`.
+//! - Derivatives of the results by the adjoint method: `sensitivity` and `gradient` ([`Derivatives`]).
+//! - Selection among several motions: `attractor` (the motion reached from rest), `branch` ([`branches`]
+//!   through folds, by numerical continuation), `sharp` ([`SharpLimit`], the limit of zero transition
+//!   speed of regularised Coulomb friction).
 //!
 //! ```
 //! use trilink_mechanics::{Laws, Problem, REFERENCE_ACCURACY};
@@ -32,7 +31,8 @@
 //! # Ok::<(), trilink_mechanics::MotionError>(())
 //! ```
 //!
-//! The example `floquet` prints d, v and the multipliers over frequency.
+//! The example `floquet` prints d, v and the Floquet multipliers against frequency; `own_friction` solves
+//! motions under a friction law that the caller defines ([`Solver::with_friction`]).
 
 mod attractor;
 mod branch;
@@ -68,33 +68,38 @@ pub use trilink_robot::ContactForces;
 pub use trilink_robot::metrics::{FromRest, MotionStatus};
 pub use trilink_robot::{Laws, Model, Pose};
 
-/// A result of this crate.
+/// Result of computing a motion.
 pub(crate) type Result<T> = std::result::Result<T, MotionError>;
 
-/// Why there is no motion to report.
+/// Reason why a motion could not be computed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MotionError {
     #[error(
-        "at phase {phase_rad:.4} rad the gait crosses det W_b = 0 without meeting condition (5)"
+        "no skid-free motion exists: the gait passes through a singular shape (det W_b = 0, eq. 4) at phase \
+         {phase_rad:.4} rad, where condition (5) of the paper fails"
     )]
     Singular { phase_rad: f64 },
     #[error("Newton's method found no periodic motion in {steps} steps")]
     NotConverged { steps: usize },
-    #[error("the motion is too rough to resolve: {error:.1e} of it is missed")]
+    #[error("the discretisation error {error:.1e} exceeds the tolerance on the finest mesh")]
     Unresolved { error: f64 },
-    #[error("the integrator cannot pass {time_s} s")]
+    #[error(
+        "the transient cannot be integrated beyond {time_s} s: the step size becomes too small"
+    )]
     Stuck { time_s: f64 },
-    #[error("from rest the motion has not settled after {cycles} cycles{}", repeats(*repeats_after))]
+    #[error("starting from rest, the motion has not settled after {cycles} cycles{}", repeats(*repeats_after))]
     Unsettled {
         cycles: usize,
-        /// Number of cycles after which the motion repeats itself, if it does.
+        /// Number of cycles after which the motion repeats; `None` if it does not.
         repeats_after: Option<usize>,
     },
-    #[error("nothing has been solved for yet")]
+    #[error("no motion has been computed yet")]
     Unsolved,
-    #[error("eq. 3 gives this motion at every moment: there is nothing to follow")]
+    #[error(
+        "this motion follows from eq. 3 of the paper and has no dynamic states, so there is no branch to trace"
+    )]
     Determined,
-    #[error("a robot without a commanded joint does not move")]
+    #[error("the gait commands no joint, so the robot does not move")]
     NotDriven,
     #[error("the offset, amplitude and phase of the commanded joints were not measured")]
     GaitUnknown,
@@ -107,7 +112,7 @@ fn repeats(after: Option<usize>) -> String {
 }
 
 impl MotionError {
-    /// The status of a motion that was not found for this reason.
+    /// Returns the status to report for a motion that was not found for this reason.
     pub fn status(&self) -> MotionStatus {
         match self {
             Self::Singular { .. } => MotionStatus::Singular,
@@ -117,7 +122,7 @@ impl MotionError {
     }
 }
 
-/// A robot under friction laws and a gait at one frequency.
+/// Robot with given friction laws and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
     pub robot: Robot,
@@ -126,31 +131,31 @@ pub struct Problem {
     pub omega_rad_s: f64,
 }
 
-/// Relative accuracy of the metrics for reports: about ten digits.
+/// Relative accuracy of the metrics in reports, about ten digits.
 pub const REFERENCE_ACCURACY: f64 = 1e-10;
-/// Relative accuracy of solutions whose forces are asked for: those of wheels that skid are large
-/// coefficients times velocities that are nearly nothing.
+/// Relative accuracy of solutions from which forces are computed, because the forces on skidding wheels are
+/// products of large coefficients and very small velocities.
 pub const FORCES_ACCURACY: f64 = 1e-12;
-/// Relative accuracy for fits: far below what a measurement tells.
+/// Relative accuracy of the metrics in fits, far below the measurement uncertainty.
 pub const FIT_ACCURACY: f64 = 1e-6;
 
 impl Problem {
-    /// Solves for the steady periodic motion to a relative `accuracy` of its metrics, and for
-    /// its stability. A [`Solver`] does the same many times over and allocates for the first only.
+    /// Solves for the steady-state periodic motion to a relative `accuracy` of its metrics, and for its
+    /// stability. To solve many problems, use a [`Solver`], which reuses its workspace.
     ///
     /// # Errors
-    /// There is no such motion, or it could not be found or resolved.
+    /// Returns an error if no such motion exists, or if it could not be found or resolved.
     pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion> {
         let mut solver = Solver::default();
         let metrics = solver.solve(self, accuracy)?;
         solver.steady_motion(metrics)
     }
 
-    /// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, at `rate_hz` over `duration_s` from rest
-    /// at phase 0, with a relative error of every element near `tolerance`.
+    /// Returns the coordinates `(x, y, theta, phi1, phi2)`, m and rad, sampled at `rate_hz` over `duration_s`
+    /// from rest at phase 0, with a relative error per time step near `tolerance`.
     ///
     /// # Errors
-    /// The integrator cannot pass some time, or there is no motion.
+    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
     pub fn transient(
         &self,
         duration_s: f64,
@@ -160,11 +165,11 @@ impl Problem {
         self.varied_transient(&[], duration_s, rate_hz, tolerance)
     }
 
-    /// The same where all friction of the wheels in cycle i is scaled by `friction[i]`; cycles beyond
-    /// the slice are unscaled.
+    /// Returns the coordinates as [`Problem::transient`] does, with all friction of the wheels in cycle i
+    /// scaled by `friction[i]`; cycles beyond the slice are unscaled.
     ///
     /// # Errors
-    /// As [`Problem::transient`].
+    /// Returns an error as [`Problem::transient`] does.
     pub fn varied_transient(
         &self,
         friction: &[f64],
@@ -176,60 +181,63 @@ impl Problem {
         Solver::default().with(self, |method| method.transient(&time, tolerance))
     }
 
-    /// The first `cycles` cycles from rest at phase 0, `samples` a cycle and one at the end.
+    /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the
+    /// end.
     ///
     /// # Errors
-    /// The integrator cannot pass some time, or there is no motion.
+    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
     pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
         Solver::default().with(self, |method| method.cycles_from_rest(cycles, samples))
     }
 
-    /// Whether eq. 3 gives the motion: both joints are commanded and the wheels cannot skid.
+    /// Returns whether the no-skid constraints alone determine the motion (eq. 3 of the paper): both joints
+    /// are commanded and the wheels cannot skid.
     fn is_determined(&self) -> bool {
         !self.laws.skids() && self.gait.passive_joint().is_none()
     }
 
-    /// The same with a transition of dry friction that is `factor` times as wide.
-    fn softened(&self, factor: f64) -> Self {
+    /// Returns the problem with the transition speed of dry friction multiplied by `factor`.
+    fn with_transition_scaled(&self, factor: f64) -> Self {
         let mut problem = self.clone();
         problem.robot.transition_m_s *= factor;
         problem
     }
 
-    /// The same with all friction of the wheels times a factor.
-    fn resisted(&self, factor: f64) -> Self {
-        Self { robot: self.robot.resisted(factor), ..self.clone() }
+    /// Returns the problem with all friction of the wheels multiplied by `factor`.
+    fn with_friction_scaled(&self, factor: f64) -> Self {
+        Self { robot: self.robot.with_friction_scaled(factor), ..self.clone() }
     }
 
-    /// The same with the coefficients that the laws do not use set to zero.
+    /// Returns the problem with the coefficients that its friction laws do not use set to zero.
     fn effective(&self) -> Self {
         Self { robot: self.laws.effective(&self.robot), ..self.clone() }
     }
 }
 
-/// A steady periodic motion.
+/// Steady-state periodic motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SteadyMotion {
     pub metrics: GaitMetrics,
-    /// Modulus of the largest Floquet multiplier of the reduced motion; `None` where the
-    /// motion has no states of its own.
+    /// Modulus of the largest Floquet multiplier of the dynamic states; `None` if there are none, because the
+    /// no-skid constraints alone determine the motion (eq. 3 of the paper).
     pub floquet: Option<f64>,
     /// Work of the actuators over a cycle, J.
     pub work_j: f64,
-    /// Whether it has lost the commands' symmetry (mirror image, half a period later) and so belongs to
-    /// a mirror-image pair (pitchfork).
+    /// Whether the motion lacks the half-period symmetry of the commands and is therefore one of a
+    /// mirror-image pair (pitchfork bifurcation).
     pub is_symmetry_broken: bool,
 }
 
 impl SteadyMotion {
-    /// The metrics in the order of their fields, then the work.
+    /// Returns the metrics in the order of their fields, followed by the work in J.
     pub fn to_array(&self) -> [f64; Metric::ALL.len() + 1] {
         let mut values = [self.work_j; Metric::ALL.len() + 1];
         values[..Metric::ALL.len()].copy_from_slice(&self.metrics.to_array());
         values
     }
 
-    /// Whether it is stable, and whether it has lost the commands' symmetry.
+    /// Returns the status of the motion: unstable; symmetry-broken, that is, stable without the half-period
+    /// symmetry of the commands; or stable.
     pub fn status(&self) -> MotionStatus {
         MotionStatus::new(self.floquet, self.is_symmetry_broken)
     }

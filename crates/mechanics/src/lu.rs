@@ -1,10 +1,10 @@
-//! Elimination for the small systems of one element, in place and without allocation.
+//! In-place LU factorisation of the small linear systems of one collocation element, without allocation.
 //!
-//! A system has a block of equations for each stage and a few unknowns in each, the number of
-//! which is known when the callers are compiled: a general library is slower. Neither rows nor
-//! blocks are exchanged: the rule is coercive, masses and friction are positive, and so are the
-//! pivots of elements that are short enough to tell anything. Where a pivot vanishes the results
-//! are not finite.
+//! A system has one block of equations per stage, with a few unknowns each. The number of unknowns is a
+//! compile-time constant, which makes this faster than a general library. Neither rows nor blocks are
+//! permuted: the collocation rule is coercive and masses and friction are positive, so the pivots are
+//! positive for elements that are short enough to be accurate. If a pivot vanishes, the results are not
+//! finite.
 //!
 //! Reference: E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, 2nd ed.,
 //! Springer 1996, section IV.14.
@@ -13,34 +13,34 @@ use trilink_robot::Number;
 
 use super::radau::STAGES;
 
-/// What the unknowns of one stage have to do with the equations of another; row-major.
+/// Coupling of the unknowns of one stage to the equations of another stage; row-major.
 type Block<const P: usize, T> = [[T; P]; P];
 
-/// Factors a row-major matrix of blocks of `per_stage` equations, each row-major; the blocks of its
-/// diagonal become the inverses of the pivots.
+/// Factors in place a row-major matrix of row-major blocks with `per_stage` equations each; the diagonal
+/// blocks are replaced by the inverses of the pivot blocks.
 #[inline(always)]
 pub(super) fn factor<T: Number>(per_stage: usize, blocks: &mut [T]) {
     match per_stage {
         2 => factor_blocks::<2, T>(blocks),
         3 => factor_blocks::<3, T>(blocks),
         4 => factor_blocks::<4, T>(blocks),
-        _ => unreachable!("no model has as many unknowns"),
+        _ => unreachable!("no model has this number of unknowns"),
     }
 }
 
-/// Solves for `columns` right-hand sides in place.
+/// Solves in place, for `columns` right-hand sides, a system whose matrix was factored by [`factor`].
 #[inline(always)]
 pub(super) fn solve<T: Number>(per_stage: usize, columns: usize, factors: &[T], rhs: &mut [T]) {
     match per_stage {
         2 => solve_blocks::<2, T>(columns, factors, rhs),
         3 => solve_blocks::<3, T>(columns, factors, rhs),
         4 => solve_blocks::<4, T>(columns, factors, rhs),
-        _ => unreachable!("no model has as many unknowns"),
+        _ => unreachable!("no model has this number of unknowns"),
     }
 }
 
-/// Solves the transposed system in place for `C` right-hand sides, which are zero before a `first`
-/// stage.
+/// Solves in place, for `C` right-hand sides that are zero before stage `first`, the transpose of a system
+/// whose matrix was factored by [`factor`].
 #[inline(always)]
 pub(super) fn solve_transposed<T: Number, const C: usize>(
     per_stage: usize,
@@ -52,7 +52,7 @@ pub(super) fn solve_transposed<T: Number, const C: usize>(
         2 => solve_transposed_blocks::<2, C, T>(first, factors, rhs),
         3 => solve_transposed_blocks::<3, C, T>(first, factors, rhs),
         4 => solve_transposed_blocks::<4, C, T>(first, factors, rhs),
-        _ => unreachable!("no model has as many unknowns"),
+        _ => unreachable!("no model has this number of unknowns"),
     }
 }
 
@@ -63,7 +63,7 @@ fn factor_blocks<const P: usize, T: Number>(blocks: &mut [T]) {
         let inverse = inverse(blocks[k * STAGES + k]);
         blocks[k * STAGES + k] = inverse;
         for j in k + 1..STAGES {
-            let mut factor = [[T::of(0.0); P]; P];
+            let mut factor = [[T::splat(0.0); P]; P];
             add_product(&mut factor, &blocks[j * STAGES + k], &inverse);
             blocks[j * STAGES + k] = factor;
             let factor = factor.map(|row| row.map(|entry| -entry));
@@ -114,7 +114,8 @@ fn solve_transposed_blocks<const P: usize, const C: usize, T: Number>(
         for l in first..k {
             subtract_transposed(&factors[l * STAGES + k], &solved[l], &mut rest[0]);
         }
-        let (inverse, entries) = (&factors[k * STAGES + k], rest[0]);
+        let inverse = &factors[k * STAGES + k];
+        let entries = rest[0];
         for i in 0..P {
             for column in 0..C {
                 let first = inverse[0][i] * entries[0][column];
@@ -131,7 +132,7 @@ fn solve_transposed_blocks<const P: usize, const C: usize, T: Number>(
     }
 }
 
-/// `right -= factor^T x` in every column.
+/// Computes `right -= factor^T x` for every column.
 #[inline(always)]
 fn subtract_transposed<const P: usize, const C: usize, T: Number>(
     factor: &Block<P, T>,
@@ -147,7 +148,7 @@ fn subtract_transposed<const P: usize, const C: usize, T: Number>(
     }
 }
 
-/// `sum += left right`.
+/// Computes `sum += left right`.
 #[inline(always)]
 fn add_product<const P: usize, T: Number>(
     sum: &mut Block<P, T>,
@@ -163,7 +164,7 @@ fn add_product<const P: usize, T: Number>(
     }
 }
 
-/// `right -= factor x` in every column.
+/// Computes `right -= factor x` for every column.
 #[inline(always)]
 fn subtract<const P: usize, T: Number>(
     columns: usize,
@@ -184,19 +185,19 @@ fn dot<const P: usize, T: Number>(row: &[T; P], column: &[T; P]) -> T {
     (1..P).fold(row[0] * column[0], |sum, k| sum + row[k] * column[k])
 }
 
-/// By Gauss and Jordan.
+/// Inverts a block by Gauss-Jordan elimination.
 #[inline(always)]
 fn inverse<const P: usize, T: Number>(mut block: Block<P, T>) -> Block<P, T> {
     for k in 0..P {
-        let pivot = T::of(1.0) / block[k][k];
-        block[k][k] = T::of(1.0);
+        let pivot = T::splat(1.0) / block[k][k];
+        block[k][k] = T::splat(1.0);
         for m in 0..P {
             block[k][m] = block[k][m] * pivot;
         }
         let pivot_row = block[k];
         for i in (0..P).filter(|i| *i != k) {
             let factor = block[i][k];
-            block[i][k] = T::of(0.0);
+            block[i][k] = T::splat(0.0);
             for m in 0..P {
                 block[i][m] -= factor * pivot_row[m];
             }
@@ -209,29 +210,26 @@ fn inverse<const P: usize, T: Number>(mut block: Block<P, T>) -> Block<P, T> {
 mod tests {
     use super::{STAGES, factor, solve, solve_transposed};
 
-    /// A matrix of two equations in each stage, and how many there are.
-    fn matrix(of: impl Fn(usize, usize) -> f64) -> (Vec<f64>, usize) {
+    /// Returns a block matrix with two equations per stage and the given entries, and its number of rows.
+    fn matrix(entry: impl Fn(usize, usize) -> f64) -> (Vec<f64>, usize) {
         let n = 2 * STAGES;
         let mut blocks = vec![0.0; n * n];
         for row in 0..n {
             for column in 0..n {
                 let block = row / 2 * STAGES + column / 2;
-                blocks[4 * block + 2 * (row % 2) + column % 2] = of(row, column);
+                blocks[4 * block + 2 * (row % 2) + column % 2] = entry(row, column);
             }
         }
         (blocks, n)
     }
 
-    /// Of a matrix that is no singular one.
+    /// Returns an entry of a nonsingular test matrix.
     fn entry(row: usize, column: usize) -> f64 {
-        match row == column {
-            true => 3.0,
-            false => 1.0 / (row as f64 + 2.0 * column as f64 + 1.0),
-        }
+        if row == column { 3.0 } else { 1.0 / (row as f64 + 2.0 * column as f64 + 1.0) }
     }
 
     #[test]
-    fn a_system_is_solved_for_each_of_its_right_hand_sides() {
+    fn a_system_is_solved_for_every_right_hand_side() {
         let known = |row: usize, side: usize| row as f64 - 4.0 * side as f64;
         let (mut blocks, n) = matrix(entry);
         let right = |row: usize, side: usize| -> f64 {
@@ -246,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_transposed_system_is_solved_from_the_first_stage_that_is_not_zero() {
+    fn a_transposed_system_is_solved_from_the_first_nonzero_stage() {
         let (mut blocks, n) = matrix(entry);
         factor(2, &mut blocks);
         for first in 0..STAGES {

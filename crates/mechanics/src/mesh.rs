@@ -1,4 +1,4 @@
-//! The collocation mesh of a periodic motion: its elements and the states on them.
+//! Collocation mesh of a periodic motion: its elements (time steps) and their states.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -9,15 +9,15 @@ use super::element::{Element, Stages, integrate_last, interpolate};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Reduced, lanes};
 
-/// Most elements of a period.
-pub(super) const MOST_ELEMENTS: usize = 512;
+/// Maximum number of elements per period.
+pub(super) const MAX_ELEMENTS: usize = 512;
 
-/// The state at phase 0 and those at the elements' stages.
+/// States of a mesh: at phase 0, where its first element starts, and at the stages of all elements.
 #[derive(Debug, Clone)]
 pub(super) struct States<const N: usize> {
     pub start: [f64; N],
-    /// Packs of elements that follow each other, one in each lane; where there are too few for the
-    /// last pack, its last is there again.
+    /// Packs of successive elements, one element per SIMD lane; the last pack is padded with copies of its
+    /// last element.
     pub packs: Vec<Stages<N, Lanes>>,
 }
 
@@ -28,7 +28,7 @@ impl<const N: usize> Default for States<N> {
 }
 
 impl<const N: usize> States<N> {
-    /// State where element `k` starts.
+    /// Returns the state at the start of element `k`.
     pub(crate) fn start_of(&self, k: usize) -> [f64; N] {
         match k.checked_sub(1) {
             None => self.start,
@@ -39,12 +39,13 @@ impl<const N: usize> States<N> {
         }
     }
 
-    /// States at the stages of element `k`.
+    /// Returns the states at the stages of element `k`.
     pub(crate) fn stages_of(&self, k: usize) -> Stages<N> {
         self.packs[k / LANES].map(|stage| stage.map(|y| y.lane(k % LANES)))
     }
 
-    /// Fills the packs with `count` elements.
+    /// Sets the states at the stages of `count` elements to those that `stages_of` returns for each element
+    /// index.
     pub(crate) fn fill(&mut self, count: usize, mut stages_of: impl FnMut(usize) -> Stages<N>) {
         self.packs.clear();
         for pack in 0..count.div_ceil(LANES) {
@@ -53,32 +54,35 @@ impl<const N: usize> States<N> {
                 let k = pack * LANES + lane;
                 elements[lane] = if k < count { stages_of(k) } else { elements[lane - 1] };
             }
-            let stage = |j: usize| lanes(elements.each_ref().map(|stages| &stages[j]));
-            self.packs.push(std::array::from_fn(stage));
+            self.packs
+                .push(std::array::from_fn(|j| lanes(elements.each_ref().map(|stages| &stages[j]))));
         }
     }
 }
 
-/// Elements over a period, or over half of it where the mirror image of the motion follows.
+/// Mesh of collocation elements over one or more periods, or over half a period if the motion has half-period
+/// symmetry.
 #[derive(Debug, Clone)]
 pub(super) struct Mesh<const N: usize, R: Reduced<N>> {
-    /// Signs of the states at the end relative to the start; all 1 for a whole period.
+    /// Factors (1 or -1) by which the states at the end of the mesh's time span differ from those at its
+    /// start; all 1 for whole periods.
     pub signs: [f64; N],
     /// Whether the elements cover half a period.
     pub is_half: bool,
-    /// Periods that the elements cover where they do not cover half of one.
+    /// Number of periods that the elements cover, or 1 if they cover only half a period (`is_half`).
     pub periods: usize,
-    /// Duration of that.
+    /// Duration of the time span that all elements together cover, s.
     pub span_s: f64,
-    /// Parts of it after which the elements start, and 1.
+    /// Boundaries between the elements as fractions of the mesh's time span, from 0 to 1.
     pub bounds: Vec<f64>,
-    /// The elements' parts of it, and their durations.
-    pub parts: Vec<Lanes>,
+    /// Lengths of the elements as fractions of the mesh's time span, one element per SIMD lane.
+    pub fractions: Vec<Lanes>,
+    /// Durations of the elements, s, one element per SIMD lane.
     pub durations_s: Vec<Lanes>,
     /// Number of elements.
     pub count: usize,
     pub states: States<N>,
-    /// The command at every stage of every pack.
+    /// Joint command at each stage of each pack of elements, one element per SIMD lane.
     nodes: Vec<R::Node<Lanes>>,
 }
 
@@ -90,7 +94,7 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
             periods: 1,
             span_s: 0.0,
             bounds: Vec::new(),
-            parts: Vec::new(),
+            fractions: Vec::new(),
             durations_s: Vec::new(),
             count: 0,
             states: States::default(),
@@ -100,41 +104,42 @@ impl<const N: usize, R: Reduced<N>> Default for Mesh<N, R> {
 }
 
 impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
-    /// How many times the elements' span makes a period, or more of them.
+    /// Returns the number of time spans of the mesh after which the motion repeats: 2 if the mesh covers half
+    /// a period, otherwise 1.
     pub(crate) fn spans(&self) -> usize {
         if self.is_half { 2 } else { 1 }
     }
 
-    /// Phase of the command that the elements cover.
+    /// Returns the phase by which the command advances over the time span of the mesh, rad.
     fn span_rad(&self) -> f64 {
         TAU * self.periods as f64 / self.spans() as f64
     }
 
-    /// Number of packs.
+    /// Returns the number of packs of elements; a pack has one element per SIMD lane.
     pub(crate) fn packs(&self) -> usize {
         self.count.div_ceil(LANES)
     }
 
-    /// The elements of a pack, the first in its first lane.
+    /// Returns the indices of the elements in a pack, lane by lane.
     pub(crate) fn elements_of(&self, pack: usize) -> Range<usize> {
         pack * LANES..self.count.min((pack + 1) * LANES)
     }
 
-    /// Parts of the span and durations of the elements of a pack; zero in the lanes without an
-    /// element of their own.
+    /// Returns the lengths (as fractions of the mesh's time span) and the durations (s) of the elements in a
+    /// pack; zero in padded lanes.
     pub(crate) fn weights(&self, pack: usize) -> [Lanes; 2] {
         let used = self.elements_of(pack).len();
         let own = Lanes::new(std::array::from_fn(|lane| if lane < used { 1.0 } else { 0.0 }));
-        [self.parts[pack] * own, self.durations_s[pack] * own]
+        [self.fractions[pack] * own, self.durations_s[pack] * own]
     }
 
-    /// The command at the stages of the elements of a pack, one in each lane.
+    /// Returns the joint command at the stages of the elements in a pack, one element per lane.
     #[inline(always)]
     pub(crate) fn nodes(&self, pack: usize) -> &[R::Node<Lanes>] {
         &self.nodes[pack * STAGES..][..STAGES]
     }
 
-    /// States where the elements of a pack start.
+    /// Returns the states at the starts of the elements in a pack, one element per lane.
     #[inline(always)]
     pub(crate) fn starts(&self, pack: usize) -> [Lanes; N] {
         let last = self.elements_of(pack).end - 1;
@@ -143,74 +148,79 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         lanes(starts.each_ref())
     }
 
-    /// The elements of a pack, one in each lane, which start in these states.
+    /// Returns the elements in a pack, one per lane, with the given states at their starts.
     #[inline(always)]
     pub(crate) fn pack<'a>(
         &'a self,
         pack: usize,
         start: &'a [Lanes; N],
     ) -> Element<'a, N, R, Lanes> {
-        let (nodes, stages) = (self.nodes(pack), &self.states.packs[pack]);
+        let nodes = self.nodes(pack);
+        let stages = &self.states.packs[pack];
         Element { nodes, start, stages, duration_s: self.durations_s[pack] }
     }
 
-    /// Duration of element `k`.
+    /// Returns the duration of element `k`, s.
     pub(crate) fn duration_s(&self, k: usize) -> f64 {
         self.durations_s[k / LANES].lane(k % LANES)
     }
 
-    /// The command at a fraction of element `k`.
+    /// Returns the joint command at the time in element `k` that follows the element's start by the given fraction of
+    /// the element's duration.
     pub(crate) fn node_at(&self, model: &R, k: usize, fraction: f64) -> R::Node<f64> {
-        model.node(self.span_rad() * part_at(&self.bounds, k, fraction))
+        model.node(self.span_rad() * span_position(&self.bounds, k, fraction))
     }
 
-    /// The command at the stages of element `k`.
+    /// Returns the joint command at the stages of element `k`.
     pub(crate) fn nodes_of(&self, model: &R, k: usize) -> [R::Node<f64>; STAGES] {
         RADAU.nodes.map(|node| self.node_at(model, k, node))
     }
 
-    /// Makes the elements equally long.
-    pub(crate) fn divide(&mut self, count: usize) {
+    /// Divides the mesh's time span into `count` elements of equal length.
+    pub(crate) fn divide_equally(&mut self, count: usize) {
         self.bounds.clear();
-        self.bounds.reserve(MOST_ELEMENTS + 1);
+        self.bounds.reserve(MAX_ELEMENTS + 1);
         self.bounds.extend((0..=count).map(|k| k as f64 / count as f64));
     }
 
-    /// Lays out the commands of the elements between the bounds; their states are left to the caller.
+    /// Recomputes the mesh's time span, and the durations and joint commands of its elements, from the element bounds.
+    /// The states are not updated.
     pub(crate) fn lay_out(&mut self, model: &R) {
         let span_rad = self.span_rad();
         self.count = self.bounds.len() - 1;
         self.span_s = span_rad / model.problem().omega_rad_s;
         self.nodes.clear();
-        self.parts.clear();
+        self.fractions.clear();
         self.durations_s.clear();
         for pack in 0..self.packs() {
-            let of = |lane: usize| (pack * LANES + lane).min(self.count - 1);
-            let [start, end] = [0, 1]
-                .map(|after| Lanes::new(std::array::from_fn(|lane| self.bounds[of(lane) + after])));
-            let part = end - start;
-            self.parts.push(part);
-            self.durations_s.push(part * Lanes::splat(self.span_s));
+            let elements: [usize; LANES] =
+                std::array::from_fn(|lane| (pack * LANES + lane).min(self.count - 1));
+            let start = Lanes::new(elements.map(|k| self.bounds[k]));
+            let end = Lanes::new(elements.map(|k| self.bounds[k + 1]));
+            let fraction = end - start;
+            self.fractions.push(fraction);
+            self.durations_s.push(fraction * Lanes::splat(self.span_s));
             for node in RADAU.nodes {
-                let part = start + part * Lanes::splat(node);
-                self.nodes.push(model.node(Lanes::splat(span_rad) * part));
+                let position = start + fraction * Lanes::splat(node);
+                self.nodes.push(model.node(Lanes::splat(span_rad) * position));
             }
         }
     }
 
-    /// Replaces the elements, which were between the bounds `before`, by those between the present
-    /// ones with the same polynomials. The old states are left in `states`.
+    /// Sets the states of the elements between the current bounds by interpolating those of the elements between the
+    /// bounds `before`. The old states are left in `states`.
     pub(crate) fn resample(&mut self, model: &R, before: &[f64], states: &mut States<N>) {
         std::mem::swap(states, &mut self.states);
         self.states.start = states.start;
-        let (bounds, mut old) = (&self.bounds, 0);
+        let bounds = &self.bounds;
+        let mut old = 0;
         self.states.fill(bounds.len() - 1, |k| {
             RADAU.nodes.map(|node| {
-                let part = part_at(bounds, k, node);
-                while old + 2 < before.len() && before[old + 1] <= part {
+                let position = span_position(bounds, k, node);
+                while old + 2 < before.len() && before[old + 1] <= position {
                     old += 1;
                 }
-                let fraction = (part - before[old]) / (before[old + 1] - before[old]);
+                let fraction = (position - before[old]) / (before[old + 1] - before[old]);
                 interpolate(&states.start_of(old), &states.stages_of(old), fraction)
             })
         });
@@ -218,31 +228,34 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         self.integrate();
     }
 
-    /// Covers twice as much, of which the second half follows from the first; gives the number of
-    /// elements. The old states are left in `before`.
+    /// Doubles the time span of the mesh and returns the new number of elements. The states in the second half follow
+    /// from those in the first by symmetry (if the mesh covered half a period) or periodicity. The old states are left
+    /// in `before`.
     pub(crate) fn unfold(&mut self, model: &R, before: &mut States<N>) -> usize {
         std::mem::swap(before, &mut self.states);
-        let (count, signs) = (self.count, self.signs);
-        let later = |y: [f64; N]| std::array::from_fn(|i| signs[i] * y[i]);
+        let count = self.count;
+        let signs = self.signs;
         self.states.start = before.start;
         self.states.fill(2 * count, |k| {
             let stages = before.stages_of(k % count);
-            if k < count { stages } else { stages.map(later) }
+            if k < count {
+                stages
+            } else {
+                stages.map(|y| std::array::from_fn(|i| signs[i] * y[i]))
+            }
         });
         self.periods *= if self.is_half { 1 } else { 2 };
-        (self.is_half, self.signs) = (false, [1.0; N]);
-        let doubled = self.bounds.iter().chain(self.bounds[1..].iter());
-        let doubled: Vec<f64> = doubled
-            .enumerate()
+        self.is_half = false;
+        self.signs = [1.0; N];
+        self.bounds = (self.bounds.iter().chain(&self.bounds[1..]).enumerate())
             .map(|(k, bound)| 0.5 * (bound + if k > count { 1.0 } else { 0.0 }))
             .collect();
-        self.bounds = doubled;
         self.lay_out(model);
         self.integrate();
         2 * count
     }
 
-    /// The state half way through the elements' span.
+    /// Returns the state halfway through the mesh's time span.
     pub(crate) fn middle(&self) -> [f64; N] {
         let k = self.bounds.partition_point(|bound| *bound < 0.5).clamp(1, self.count) - 1;
         let [from, to] = [self.bounds[k], self.bounds[k + 1]];
@@ -250,16 +263,20 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         interpolate(&self.states.start_of(k), &self.states.stages_of(k), fraction)
     }
 
-    /// Fills the elements that are laid out with the model's guess.
+    /// Sets the states of the elements to the model's initial guess.
     pub(crate) fn guess(&mut self, model: &R) {
-        let (guess, span_rad, bounds) = (model.guess(), self.span_rad(), &self.bounds);
-        let at = |k: usize, node: f64| guess(span_rad * part_at(bounds, k, node));
+        let guess = model.guess();
+        let span_rad = self.span_rad();
+        let bounds = &self.bounds;
         self.states.start = guess(0.0);
-        self.states.fill(self.count, |k| RADAU.nodes.map(|node| at(k, node)));
+        self.states.fill(self.count, |k| {
+            RADAU.nodes.map(|node| guess(span_rad * span_position(bounds, k, node)))
+        });
         self.integrate();
     }
 
-    /// Makes an integrated state the integral that it is.
+    /// Recomputes the last state variable by integrating the one before it over time. Does nothing if the model does
+    /// not define the last state variable as such an integral.
     pub(crate) fn integrate(&mut self) {
         if R::INTEGRATED {
             let mut start = self.states.start[N - 1];
@@ -268,22 +285,28 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
                 let stages = &mut self.states.packs[pack];
                 integrate_last(stages, Lanes::splat(0.0), self.durations_s[pack]);
                 let added = stages[STAGES - 1][N - 1];
-                let starts = in_turn(&mut start, count, |at, lane| at + added.lane(lane));
+                let starts = accumulate_lanes(&mut start, count, |at, lane| at + added.lane(lane));
                 stages.iter_mut().for_each(|y| y[N - 1] += starts);
             }
         }
     }
 }
 
-/// The part of the span after which a fraction of element `k` between these bounds is over.
-fn part_at(bounds: &[f64], k: usize, fraction: f64) -> f64 {
+/// Returns the position of a point, as a fraction of the mesh's time span, given the element bounds, the
+/// index `k` of the element and the fraction of that element before the point.
+fn span_position(bounds: &[f64], k: usize, fraction: f64) -> f64 {
     bounds[k] + (bounds[k + 1] - bounds[k]) * fraction
 }
 
-/// Where each of the first `count` lanes starts, each where the one before it ends, which is `next`;
-/// the others repeat the last of them. Leaves its end in `start`.
+/// Accumulates a value, initially `start`, along the first `count` lanes, and returns its value at the start of each
+/// lane; further lanes repeat the last of these. `next` returns the value at the end of a lane, given that at its start
+/// and the lane's index. The final value is left in `start`.
 #[inline(always)]
-pub(super) fn in_turn(start: &mut f64, count: usize, next: impl Fn(f64, usize) -> f64) -> Lanes {
+pub(super) fn accumulate_lanes(
+    start: &mut f64,
+    count: usize,
+    next: impl Fn(f64, usize) -> f64,
+) -> Lanes {
     let mut starts = [*start; LANES];
     for lane in 0..count {
         starts[lane..].fill(*start);

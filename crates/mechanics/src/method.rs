@@ -1,4 +1,5 @@
-//! How steady motions are found: one trait for both methods, and collocation's side of it.
+//! Solution methods for steady-state motions: the trait that both methods share, and its implementation by
+//! collocation.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +7,7 @@ use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{LANES, Lanes, Number, Parameter};
 
 use super::Result;
-use super::attractor::{MOST_CYCLES, find_attractor};
+use super::attractor::{MAX_CYCLES, find_attractor};
 use super::element::Element;
 use super::forces::contact_forces;
 use super::mesh::Mesh;
@@ -14,25 +15,29 @@ use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::path::Path;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced};
-use super::sensitivity::{Room, differentiate, differentiate_distance};
+use super::sensitivity::{Workspaces, differentiate, differentiate_distance};
 use super::trajectory::{self, Sample};
 use super::transient::{self, Frames, Integrator};
 
-/// Cycles after which a robot that started from rest is near its steady motion.
+/// Number of cycles that are integrated from rest to come near the steady-state motion.
 const TRANSIENT_CYCLES: f64 = 40.0;
+/// Relative error tolerance per time step of the transient.
 const TRANSIENT_TOLERANCE: f64 = 1e-4;
-/// Most cycles in which a motion that has lost its symmetry is looked for at every solve of a search; more,
-/// and a robot of tonnes, which does not settle, costs minutes.
+/// Maximum number of cycles for which the motion from rest is integrated when a solve looks for a motion without
+/// half-period symmetry. With more cycles, each such solve would take minutes for a robot that does not settle, for
+/// example one of several tonnes.
 const SEARCHED_CYCLES: usize = 100;
 
-/// Finds the steady motion of one problem; what is asked of it later is of that solution, and what
-/// [`Solver`](super::Solver)'s and [`Problem`](super::Problem)'s functions of these names give. A
-/// motion that eq. 3 gives has no states and so nothing to settle.
+/// Numerical method that finds the steady-state motion of one problem. The functions of this trait correspond to those
+/// with the same names in [`Solver`](super::Solver) and [`Problem`](super::Problem). The default implementations are
+/// those for motions without dynamic states, which the no-skid constraints alone determine (eq. 3 of the paper).
 pub(super) trait Method {
-    /// Solves for the steady motion, from the last solution where `is_warm`.
+    /// Solves for the steady-state motion to a relative `accuracy` of its metrics. If `is_warm`, the search starts from
+    /// the last solution; otherwise, or if that fails, from the model's initial guess.
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)>;
 
-    /// The same from the last solution, or at once from rest; the last solution stays where both fail.
+    /// Solves for the steady-state motion, starting from the last solution or, if that fails, from the
+    /// model's initial guess; the last solution is retained if both fail.
     fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         self.solve(true, accuracy)
     }
@@ -41,28 +46,32 @@ pub(super) trait Method {
         Ok(None)
     }
 
-    /// Whether the solution is one of two that are each other's mirror image half a period later.
+    /// Returns whether the solution is one of two motions that mirror each other with a shift of half a
+    /// period.
     fn is_symmetry_broken(&self) -> bool {
         false
     }
 
-    /// With respect to the parameters that are `wanted`, or to everything.
+    /// Returns the derivatives of the metrics with respect to the `wanted` parameters or, if it is `None`, to
+    /// all variables: parameters, frequency and gait.
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives>;
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]>;
 
-    /// What friction takes over a cycle alone, J.
+    /// Returns the energy dissipated by friction over a cycle, J.
     fn loss_j(&mut self) -> Result<f64>;
 
-    /// Those of d, m, and of the work, J.
+    /// Returns the derivatives, with respect to all variables, of the displacement per cycle d (m) and of the work of
+    /// the actuators over a cycle (J).
     fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]>;
 
     fn polish(&mut self) -> Result<f64> {
         Ok(0.0)
     }
 
-    /// Replaces the solution, the metrics of which are `first`, by the attractor of the robot from
-    /// rest: its metrics, the cycles until then, and whether it is the same.
+    /// Replaces the solution by the attractor reached from rest; `first` contains the metrics of the solution, or the
+    /// error if none was found. Returns the attractor's metrics, the number of cycles to settle, and whether the
+    /// attractor is the original solution.
     fn attractor(
         &mut self,
         first: Result<GaitMetrics>,
@@ -78,33 +87,34 @@ pub(super) trait Method {
     fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<[f64; 5]>>;
 }
 
-/// For motions that are solutions of differential equations.
+/// Solution method for motions that are governed by differential equations.
 pub(super) struct Collocation<'o, const N: usize, R: Reduced<N>> {
     pub model: R,
     pub orbit: &'o mut PeriodicOrbit<N, R>,
 }
 
 impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
-    /// Solves from the last solution alone.
-    fn follow(&mut self, accuracy: f64) -> Result<()> {
+    /// Solves for the steady-state motion, starting from the last solution.
+    fn continue_last(&mut self, accuracy: f64) -> Result<()> {
         let Self { model, orbit } = self;
         let was_broken = orbit.is_symmetry_broken;
         orbit.solve(model, Start::Last, accuracy)?;
-        // It may have become its own mirror image.
+        // The solution may have regained its half-period symmetry.
         if was_broken && !(orbit.is_symmetry_broken && orbit.is_stable(model)) {
             return Err(orbit.not_converged());
         }
         Ok(())
     }
 
-    /// The metrics of the solution, or of the one that is not its own mirror image where it has become unstable to
-    /// that.
+    /// Returns the metrics of the solution and the computational effort. A solution with half-period symmetry that is
+    /// unstable to symmetry breaking is first replaced by the attractor reached from rest, which lacks the symmetry, if
+    /// that attractor can be found.
     fn measure(&mut self, accuracy: f64) -> (GaitMetrics, Effort) {
         let Self { model, orbit } = self;
         if orbit.breaks_symmetry() {
-            let mirrored = orbit.clone();
+            let symmetric = orbit.clone();
             if find_attractor(model, orbit, true, accuracy, SEARCHED_CYCLES).is_err() {
-                **orbit = mirrored;
+                **orbit = symmetric;
             }
         }
         (orbit.measure(model).metrics, orbit.effort)
@@ -114,27 +124,26 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
 impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         self.orbit.effort = Effort::default();
-        let is_solved = is_warm && self.follow(accuracy).is_ok();
+        let is_solved = is_warm && self.continue_last(accuracy).is_ok();
         let Self { model, orbit } = self;
         if !is_solved && let Err(error) = orbit.solve(model, Start::Guess, accuracy) {
             let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
             let duration_s = TRANSIENT_CYCLES * TAU / model.problem().omega_rad_s;
             let integrated = transient.advance_to(duration_s, &mut orbit.workspace, |_| {});
             integrated.map_err(|_| error)?;
-            match orbit.solve(model, Start::State(transient.state), accuracy) {
-                Err(_) if model.half_period_signs().is_some() => {
-                    orbit.solve(model, Start::WholePeriod(transient.state), accuracy)
-                }
-                solved => solved,
-            }?;
+            let mut solved = orbit.solve(model, Start::State(transient.state), accuracy);
+            if solved.is_err() && model.half_period_signs().is_some() {
+                solved = orbit.solve(model, Start::WholePeriod(transient.state), accuracy);
+            }
+            solved?;
         }
         Ok(self.measure(accuracy))
     }
 
     fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         self.orbit.effort = Effort::default();
-        let last = self.orbit.keep();
-        if self.follow(accuracy).is_err()
+        let last = self.orbit.snapshot();
+        if self.continue_last(accuracy).is_err()
             && let Err(error) = self.orbit.solve(&self.model, Start::Guess, accuracy)
         {
             self.orbit.restore(last);
@@ -155,25 +164,30 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         let Self { model, orbit } = self;
         let cycle = orbit.measure(model);
         let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
-        let room = Room { linearisation, workspace, adjoints };
-        let found = differentiate(model, mesh, (path, &cycle), room, wanted);
+        let workspaces = Workspaces { linearisation, workspace, adjoints };
+        let found = differentiate(model, mesh, (path, &cycle), workspaces, wanted);
         found.ok_or(orbit.not_converged())
     }
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]> {
-        let (model, mesh) = (&self.model, &self.orbit.mesh);
+        let model = &self.model;
+        let mesh = &self.orbit.mesh;
         let weights = RADAU.integrate[STAGES - 1];
-        let (mut work, mut loss) = (0.0, 0.0);
+        let mut work = 0.0;
+        let mut loss = 0.0;
         for k in 0..mesh.count {
-            let (nodes, start) = (mesh.nodes_of(model, k), mesh.states.start_of(k));
+            let nodes = mesh.nodes_of(model, k);
+            let start = mesh.states.start_of(k);
             let stages = mesh.states.stages_of(k);
             let duration_s = mesh.duration_s(k);
             let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
             let states = element.kinematics(model);
             for j in 0..STAGES {
-                let (node, y) = (&nodes[j], &stages[j]);
+                let node = &nodes[j];
+                let y = &stages[j];
                 let acceleration = model.acceleration(node, y, &element.rate(j));
-                let forces = contact_forces(model.problem(), &states[j], &acceleration);
+                let forces =
+                    contact_forces::<R::Friction>(model.problem(), &states[j], &acceleration);
                 let weight = mesh.spans() as f64 * duration_s * weights[j];
                 work += weight * forces.power_w;
                 loss += weight * forces.loss_w;
@@ -193,8 +207,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         let cycle = orbit.measure(model);
         let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
         let loss_j = loss_j(model, mesh, path);
-        let room = Room { linearisation, workspace, adjoints };
-        let found = differentiate_distance(model, mesh, (path, &cycle), room, loss_j);
+        let workspaces = Workspaces { linearisation, workspace, adjoints };
+        let found = differentiate_distance(model, mesh, (path, &cycle), workspaces, loss_j);
         found.ok_or(orbit.not_converged())
     }
 
@@ -208,8 +222,7 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         accuracy: f64,
     ) -> Result<(GaitMetrics, usize, bool)> {
         let Self { model, orbit } = self;
-        let (cycles, is_first) =
-            find_attractor(model, orbit, first.is_ok(), accuracy, MOST_CYCLES)?;
+        let (cycles, is_first) = find_attractor(model, orbit, first.is_ok(), accuracy, MAX_CYCLES)?;
         Ok((orbit.measure(model).metrics, cycles, is_first))
     }
 
@@ -226,7 +239,7 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     }
 }
 
-/// What friction takes over a cycle that goes this way, J.
+/// Returns the energy dissipated by friction over a cycle, J, along the given path.
 fn loss_j<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, path: &Path) -> f64 {
     let weights = RADAU.integrate[STAGES - 1];
     let mut sum = Lanes::default();

@@ -1,4 +1,4 @@
-//! The Radau IIA collocation rule: stiffly accurate, L-stable, order `2 STAGES - 1`.
+//! Radau IIA collocation rule: stiffly accurate, L-stable, order `2 STAGES - 1`.
 //!
 //! Reference: E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, 2nd ed.,
 //! Springer 1996, section IV.5.
@@ -7,33 +7,35 @@ use std::sync::LazyLock;
 
 use nalgebra::SMatrix;
 
-/// Stages of one element.
+/// Number of collocation stages of each element (time step).
 pub(crate) const STAGES: usize = 5;
 
-/// Zeros of the difference of Legendre polynomials `P_s(2x - 1) - P_{s-1}(2x - 1)`.
+/// Collocation nodes on `[0, 1]`: zeros of `P_s(2x - 1) - P_{s-1}(2x - 1)`, where `P_n` is the Legendre
+/// polynomial of degree n and `s` is [`STAGES`].
 const NODES: [f64; STAGES] =
     [0.0571041961145177, 0.2768430136381238, 0.5835904323689167, 0.8602401356562195, 1.0];
 
-/// Coefficients of the rule on the element `[0, 1]`.
+/// Coefficients of the Radau IIA collocation rule on the element `[0, 1]`.
 #[derive(Debug, Clone)]
 pub(crate) struct Radau {
-    /// Where the stages are; the last is 1.
+    /// Positions of the stages in the element `[0, 1]`; the last is 1.
     pub nodes: [f64; STAGES],
-    /// `differentiate[j][l]`: weight of stage `l` in the derivative at stage `j`.
+    /// `differentiate[j][l]`: weight of the value at stage `l` in the derivative at stage `j`.
     pub differentiate: [[f64; STAGES]; STAGES],
-    /// Weight of the element's start in the derivative at stage `j`.
+    /// `differentiate_start[j]`: weight of the value at the element's start in the derivative at stage `j`.
     pub differentiate_start: [f64; STAGES],
-    /// `integrate[j][l]`: weight of the derivative at stage `l` in the increment up to stage
-    /// `j`; the last row is the quadrature rule of the whole element.
+    /// `integrate[j][l]`: weight of the derivative at stage `l` in the increment from the element's start to
+    /// stage `j`; the last row is the quadrature rule of the whole element.
     pub integrate: [[f64; STAGES]; STAGES],
-    /// Weights (start, stages) of the three highest Legendre coefficients of the element's
-    /// polynomial, of degrees `STAGES - 2` to `STAGES`: the end of its spectrum.
+    /// Weights of the values at the start and at the stages in the Legendre coefficients of the element's
+    /// polynomial: one row for each of the degrees `STAGES - 2` to `STAGES`.
     pub spectrum: [[f64; STAGES + 1]; 3],
-    /// Barycentric weights (start, stages) of the element's polynomial.
+    /// Barycentric weights of the points that the element's polynomial interpolates: the start, then the
+    /// stages.
     pub barycentric: [f64; STAGES + 1],
 }
 
-/// The rule, computed once.
+/// Coefficients of the Radau IIA collocation rule, computed on first use.
 pub(crate) static RADAU: LazyLock<Radau> = LazyLock::new(Radau::compute);
 
 impl Radau {
@@ -45,7 +47,7 @@ impl Radau {
             let others = points.iter().enumerate().filter(|(l, _)| *l != j);
             1.0 / others.map(|(_, point)| points[j] - point).product::<f64>()
         });
-        // Derivative of the Lagrange polynomials at the points.
+        // Derivatives of the Lagrange polynomials at the points.
         let slope = |j: usize, l: usize| barycentric[l] / barycentric[j] / (points[j] - points[l]);
         let mut differentiate = [[0.0; STAGES]; STAGES];
         let mut differentiate_start = [0.0; STAGES];
@@ -57,23 +59,28 @@ impl Radau {
             differentiate[j][j] = -differentiate_start[j] - differentiate[j].iter().sum::<f64>();
         }
         let matrix = SMatrix::<f64, STAGES, STAGES>::from_fn(|j, l| differentiate[j][l]);
-        let inverse = matrix.try_inverse().expect("collocation at distinct points is regular");
+        let inverse =
+            matrix.try_inverse().expect("the collocation matrix of distinct points is invertible");
         let integrate = std::array::from_fn(|j| std::array::from_fn(|l| inverse[(j, l)]));
         let legendre = SMatrix::<f64, { STAGES + 1 }, { STAGES + 1 }>::from_fn(|l, degree| {
             legendre(degree, 2.0 * points[l] - 1.0)
         });
-        let inverse = legendre.try_inverse().expect("interpolation at distinct points is regular");
+        let inverse = legendre
+            .try_inverse()
+            .expect("the interpolation matrix of distinct points is invertible");
         let spectrum =
             std::array::from_fn(|k| std::array::from_fn(|l| inverse[(STAGES - 2 + k, l)]));
         Self { nodes, differentiate, differentiate_start, integrate, spectrum, barycentric }
     }
 
-    /// Value at `x` of the polynomial through `values` at the start and the stages.
+    /// Evaluates at `x` the polynomial that has the given `values` at the start of the element `[0, 1]` and
+    /// at its stages.
     pub(crate) fn interpolate(&self, values: &[f64; STAGES + 1], x: f64) -> f64 {
         self.weights(x).iter().zip(values).map(|(weight, value)| weight * value).sum()
     }
 
-    /// Weights (start, stages) of the values in that of the polynomial through them at `x`.
+    /// Returns the weights by which the values at the start and at the stages contribute to the value of the
+    /// element's polynomial at the point `x`.
     pub(crate) fn weights(&self, x: f64) -> [f64; STAGES + 1] {
         let mut weights = [0.0; STAGES + 1];
         for (l, weight) in weights.iter_mut().enumerate() {
@@ -88,18 +95,21 @@ impl Radau {
     }
 }
 
-/// Value of the Legendre polynomial of a degree.
+/// Evaluates the Legendre polynomial of the given degree at `t`.
 fn legendre(degree: usize, t: f64) -> f64 {
-    let (mut before, mut value) = (0.0, 1.0);
+    let mut before = 0.0;
+    let mut value = 1.0;
     for k in 1..=degree {
         let k = k as f64;
-        (before, value) = (value, ((2.0 * k - 1.0) * t * value - (k - 1.0) * before) / k);
+        let next = ((2.0 * k - 1.0) * t * value - (k - 1.0) * before) / k;
+        before = value;
+        value = next;
     }
     value
 }
 
-/// Where `function`, which has different signs at both ends, changes its sign, to `2^-steps` of the
-/// interval.
+/// Returns the root of `function` by `steps` bisections of an interval at whose ends the function has
+/// opposite signs.
 pub(crate) fn bisect(
     function: impl Fn(f64) -> f64,
     mut low: f64,

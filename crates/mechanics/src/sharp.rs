@@ -1,33 +1,35 @@
-//! What is left of the transition speed in a motion under dry friction.
+//! Extrapolation of a motion under dry friction to zero transition speed.
 
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 
 use super::{Problem, Result, Solver};
 
-/// The metrics where dry friction changes its sign at once.
+/// Metrics in the limit of zero transition speed, where dry friction reverses its sign discontinuously.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct SharpLimit {
     pub metrics: GaitMetrics,
-    /// By how much the extrapolation may miss each of them.
+    /// Estimated extrapolation error of each metric.
     pub uncertainty: GaitMetrics,
 }
 
 impl Problem {
-    /// The metrics extrapolated to a transition speed of zero from this one, its half and its
-    /// quarter, to a relative `accuracy` of each; `None` where no friction is dry.
+    /// Extrapolates the metrics to zero transition speed from solutions at the robot's transition speed, half
+    /// of it and a quarter of it, each computed to the relative `accuracy`. Returns `None` if no friction is
+    /// dry, or if the no-skid constraints alone determine the motion.
     ///
     /// # Errors
-    /// One of the motions does not exist, or could not be found or resolved.
+    /// Returns an error if one of the three motions does not exist, or could not be found or resolved.
     pub fn sharp_limit(&self, accuracy: f64) -> Result<Option<SharpLimit>> {
         if !self.laws.are_dry() || self.is_determined() {
             return Ok(None);
         }
         let mut solver = Solver::default();
-        let mut solve = |factor: f64| solver.solve(&self.softened(factor), accuracy);
-        let [whole, half, quarter] = [solve(1.0)?, solve(0.5)?, solve(0.25)?];
+        let whole = solver.solve(&self.with_transition_scaled(1.0), accuracy)?;
+        let half = solver.solve(&self.with_transition_scaled(0.5), accuracy)?;
+        let quarter = solver.solve(&self.with_transition_scaled(0.25), accuracy)?;
         let mut uncertainty = GaitMetrics::NONE;
         let limits = ByMetric::<f64>::from_fn(|i| {
-            // Straight lines through neighbours, and the parabola through all three.
+            // Linear extrapolation through neighbouring values, and the parabola through all three.
             let lines = [2.0 * half[i] - whole[i], 2.0 * quarter[i] - half[i]];
             let limit = (4.0 * lines[1] - lines[0]) / 3.0;
             uncertainty[i] = (limit - lines[1]).abs();

@@ -1,35 +1,89 @@
-//! Steady motions one after the other, each from the last and in the same workspace.
+//! Warm-started solver of steady-state motions.
 
 use std::f64::consts::TAU;
+use std::fmt::Debug;
 
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Dry, Friction, Parameter, Viscous};
 
 use super::method::{Collocation, Method};
 use super::orbit::{Effort, PeriodicOrbit};
-use super::quadrature::{Known, Quadrature};
+use super::quadrature::{GaitAnalysis, Quadrature};
 use super::reduced::{Derivatives, PassiveNoSkid, Skid};
 use super::trajectory::Sample;
 use super::{FromRest, MotionError, MotionStatus, Problem, Result, SteadyMotion};
 
-/// Solves for steady motions. A solution starts from the last one if that was of the same
-/// kind of motion (the same passive joint, skidding or not, dry or not), else from rest.
+/// Warm-started solver of steady-state motions, which reuses its workspace. A solution starts from the last one if both
+/// motions are of the same kind: with the same passive joint (or none), with or without skid, and with or without dry
+/// friction. Otherwise it starts from the model's initial guess.
 #[derive(Debug, Clone, Default)]
 pub struct Solver {
+    /// Problem of the last solution.
     last: Option<Problem>,
-    /// That of the solution which the next one starts from: the last one, or where that was not found nearby the one
-    /// before.
+    /// Problem of the solution from which the next one starts; `None` if the next one starts from the model's initial
+    /// guess. After a failed [`Solver::solve_near`], the last solution that was found can still be the start.
     start: Option<Problem>,
-    /// The last problem whose motion eq. 3 gives, its metrics, and how accurate they are.
+    /// Last problem whose motion the no-skid constraints alone determine (eq. 3 of the paper), the metrics of
+    /// that motion, and their relative accuracy.
     last_quadrature: Option<(Problem, GaitMetrics, f64)>,
-    /// What its quadrature has found out.
-    known_of_quadrature: Known,
+    /// Analysis of the gait in the problem of `last_quadrature`.
+    gait_analysis: GaitAnalysis,
     viscous: Orbits<Viscous>,
     dry: Orbits<Dry>,
+    /// Motions under the friction law of [`Solver::with_friction`]; `None` if the solver uses the friction laws in the
+    /// problems.
+    custom: Option<Box<dyn CustomFriction>>,
     effort: Effort,
 }
 
-/// The last steady motion of each kind that is a solution of differential equations.
+/// Steady-state motions under a friction law from outside this crate; implemented by [`Orbits`].
+trait CustomFriction: Debug + Send + Sync {
+    /// Runs `task` with the solution method for the problem. `known` keeps the analysis of the gait from one
+    /// call to the next.
+    fn with(
+        &mut self,
+        problem: &Problem,
+        known: &mut GaitAnalysis,
+        task: &mut dyn FnMut(&mut dyn Method) -> Result<()>,
+    ) -> Result<()>;
+
+    fn successor(&self) -> Box<dyn CustomFriction>;
+
+    fn copy(&self) -> Box<dyn CustomFriction>;
+}
+
+impl Clone for Box<dyn CustomFriction> {
+    fn clone(&self) -> Self {
+        self.as_ref().copy()
+    }
+}
+
+impl<F: Friction> CustomFriction for Orbits<F> {
+    fn with(
+        &mut self,
+        problem: &Problem,
+        known: &mut GaitAnalysis,
+        task: &mut dyn FnMut(&mut dyn Method) -> Result<()>,
+    ) -> Result<()> {
+        match problem.gait.joints {
+            [Some(joint1), Some(joint2)] if !problem.laws.skids() => {
+                task(&mut Quadrature::<F>::new(problem, [joint1, joint2], known))
+            }
+            _ => Orbits::with(self, problem.clone(), problem.gait.passive_joint(), task),
+        }
+    }
+
+    fn successor(&self) -> Box<dyn CustomFriction> {
+        Box::new(Orbits::successor(self))
+    }
+
+    fn copy(&self) -> Box<dyn CustomFriction> {
+        Box::new(self.clone())
+    }
+}
+
+/// Last steady-state motion of each kind that is governed by differential equations: all kinds but that of a robot with
+/// both joints commanded and no-skid wheels.
 #[derive(Debug, Clone)]
 struct Orbits<F: Friction> {
     kinematic_skid: PeriodicOrbit<3, Skid<3, F>>,
@@ -39,8 +93,11 @@ struct Orbits<F: Friction> {
 
 impl<F: Friction> Default for Orbits<F> {
     fn default() -> Self {
-        let (kinematic_skid, passive_skid, passive_no_skid) = Default::default();
-        Self { kinematic_skid, passive_skid, passive_no_skid }
+        Self {
+            kinematic_skid: PeriodicOrbit::default(),
+            passive_skid: PeriodicOrbit::default(),
+            passive_no_skid: PeriodicOrbit::default(),
+        }
     }
 }
 
@@ -54,8 +111,8 @@ impl<F: Friction> Orbits<F> {
         }
     }
 
-    /// Does `task` with the method for the kind of motion of a problem, joint `passive` of which
-    /// may be on its spring.
+    /// Runs `task` with the solution method for the problem; `passive` is the index of the passive joint, if
+    /// there is one.
     fn with<T>(
         &mut self,
         problem: Problem,
@@ -80,22 +137,22 @@ impl<F: Friction> Orbits<F> {
     }
 }
 
-/// The steady motion in which the robot from rest ends.
+/// Attractor reached from rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Attractor {
     pub motion: SteadyMotion,
-    /// Cycles after which the state at the end of every cycle stays within 1 % of the steady
-    /// one.
+    /// Number of cycles after which the state at the end of each cycle stays within 1 % of its steady-state
+    /// value.
     pub cycles: usize,
-    /// Whether it is the solution that [`Solver::solve`] finds.
-    pub is_found_first: bool,
+    /// Whether the attractor is the solution that [`Solver::solve`] finds.
+    pub is_found_by_solve: bool,
 }
 
 impl Attractor {
-    /// Where the robot from rest ends.
+    /// Classifies the result of the search for the attractor reached from rest.
     pub fn from_rest(attractor: &Result<Self>) -> FromRest {
         match attractor {
-            Ok(attractor) if attractor.is_found_first => FromRest::Reached,
+            Ok(attractor) if attractor.is_found_by_solve => FromRest::Reached,
             Ok(_) => FromRest::Another,
             Err(_) => FromRest::Unsettled,
         }
@@ -103,53 +160,71 @@ impl Attractor {
 }
 
 impl Solver {
-    /// Solves for the steady periodic motion to a relative `accuracy` of its metrics. Under commands
-    /// that are their own mirror image half a period later the motion is, too; where that has become
-    /// unstable to a pair of motions that are each other's, it is the one that is reached from rest.
-    ///
-    /// # Errors
-    /// There is no such motion, or it could not be found or resolved.
-    pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
-        let is_warm = self.start.take().is_some_and(|start| is_alike(&start, problem));
-        self.found(problem, accuracy, |method| method.solve(is_warm, accuracy))
+    /// Creates a solver that uses friction law `F` in place of the friction laws in the problems. The laws in
+    /// a problem then determine only whether the wheels can skid, and with respect to which parameters
+    /// derivatives are computed. The example `own_friction` defines such a law.
+    pub fn with_friction<F: Friction>() -> Self {
+        const {
+            let count = F::SKID.len() + F::ROLL.len();
+            assert!(
+                count <= Dry::SKID.len() + Dry::ROLL.len(),
+                "the friction law has more parameters than the solver supports"
+            );
+        }
+        Self { custom: Some(Box::new(Orbits::<F>::default())), ..Self::default() }
     }
 
-    /// The same where there is a solution of this kind of motion nearby, as on a search's way: where Newton's method
-    /// finds the motion neither from there nor at once, the transient is not integrated, and the next solution starts
-    /// from the one before.
+    /// Solves for the steady-state periodic motion to a relative `accuracy` of its metrics. Under commands
+    /// with half-period symmetry, the motion has this symmetry, too; but if the symmetric motion is unstable
+    /// to symmetry breaking, the solution is the motion reached from rest, one of a mirror-image pair.
     ///
     /// # Errors
-    /// There is no such motion, or it is too far away.
+    /// Returns an error if the problem has no steady-state motion, or if the motion could not be found or resolved.
+    pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
+        let is_warm = self.start.take().is_some_and(|start| is_alike(&start, problem));
+        self.solve_by(problem, accuracy, |method| method.solve(is_warm, accuracy))
+    }
+
+    /// Solves as [`Solver::solve`] does, except if a solution of the same kind exists: then Newton's method starts only
+    /// from that solution and from the model's initial guess, not from a transient, and after a failure the next
+    /// solution starts from the existing one. Meant for searches, which solve many similar problems.
+    ///
+    /// # Errors
+    /// Returns an error if the problem has no steady-state motion, or if the motion could not be found or resolved, for
+    /// example because it is too far from the existing solution.
     pub fn solve_near(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
         if !self.start.as_ref().is_some_and(|start| is_alike(start, problem)) {
             return self.solve(problem, accuracy);
         }
-        self.found(problem, accuracy, |method| method.solve_near(accuracy))
+        self.solve_by(problem, accuracy, |method| method.solve_near(accuracy))
     }
 
-    /// Solves by a method, and remembers that.
-    fn found(
+    /// Solves the problem by calling `solve` with the solution method for the problem, unless
+    /// [`Solver::scaled_quadrature`] already has the metrics, and stores the problem as the last one solved.
+    fn solve_by(
         &mut self,
         problem: &Problem,
         accuracy: f64,
         solve: impl FnOnce(&mut dyn Method) -> Result<(GaitMetrics, Effort)>,
     ) -> Result<GaitMetrics> {
-        (self.last, self.effort) = (None, Effort::default());
+        self.last = None;
+        self.effort = Effort::default();
         let metrics;
-        (metrics, self.effort) = match self.known_by_eq_3(problem, accuracy) {
+        (metrics, self.effort) = match self.scaled_quadrature(problem, accuracy) {
             Some(known) => (known, Effort::default()),
             None => self.with(problem, solve)?,
         };
         if problem.is_determined() && self.effort.elements > 0 {
             self.last_quadrature = Some((problem.clone(), metrics, accuracy));
         }
-        self.hold(problem);
+        self.record(problem);
         Ok(metrics)
     }
 
-    /// The metrics of a motion that eq. 3 gives, from another of the same robot and gait: the
-    /// frequency changes nothing but the speed.
-    fn known_by_eq_3(&self, problem: &Problem, accuracy: f64) -> Option<GaitMetrics> {
+    /// Returns the metrics of a motion that the no-skid constraints alone determine (eq. 3 of the paper),
+    /// scaled from those at another frequency, which changes only the speed. Returns `None` unless the last
+    /// motion of this kind had the same robot, gait and friction laws, and at least this accuracy.
+    fn scaled_quadrature(&self, problem: &Problem, accuracy: f64) -> Option<GaitMetrics> {
         let (known, metrics, known_accuracy) = self.last_quadrature.as_ref()?;
         let Problem { robot, gait, laws, omega_rad_s } = problem;
         let is_same = known.robot == *robot && known.gait == *gait && known.laws == *laws;
@@ -157,152 +232,162 @@ impl Solver {
         is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
     }
 
-    /// The solution at hand is that of this problem.
-    fn hold(&mut self, problem: &Problem) {
-        (self.last, self.start) = (Some(problem.clone()), Some(problem.clone()));
+    /// Records the problem of the current solution.
+    fn record(&mut self, problem: &Problem) {
+        self.last = Some(problem.clone());
+        self.start = Some(problem.clone());
     }
 
-    /// Another solver whose next solution starts where this one's would; of its last solution it has nothing else.
+    /// Creates a solver whose next solution starts from the same motion as the next solution of this solver.
+    /// The new solver has no last solution that could be queried.
     pub fn successor(&self) -> Self {
         Self {
             last: None,
             start: self.start.clone(),
             last_quadrature: self.last_quadrature.clone(),
-            known_of_quadrature: self.known_of_quadrature,
+            gait_analysis: self.gait_analysis,
             viscous: self.viscous.successor(),
             dry: self.dry.successor(),
+            custom: self.custom.as_ref().map(|custom| custom.successor()),
             effort: Effort::default(),
         }
     }
 
-    /// Makes the next solution start from rest; the workspace stays.
+    /// Makes the next solution start from the model's initial guess; the workspace is retained.
     pub fn forget(&mut self) {
-        (self.last, self.start, self.last_quadrature) = (None, None, None);
+        self.last = None;
+        self.start = None;
+        self.last_quadrature = None;
     }
 
-    /// Modulus of the largest Floquet multiplier of the last solution; `None` where the motion
-    /// has no states of its own.
+    /// Returns the modulus of the last solution's largest Floquet multiplier; `None` if the motion has no
+    /// dynamic states.
     ///
     /// # Errors
-    /// There is no last solution, or its linearisation is singular.
+    /// Returns an error if there is no last solution, or if its linearisation is singular.
     pub fn floquet(&mut self) -> Result<Option<f64>> {
         self.with_last(|method| method.floquet())
     }
 
-    /// Whether the last solution is one of two that are each other's mirror image half a period later,
-    /// though the commands are their own.
+    /// Returns whether the last solution is one of two motions that mirror each other with a shift of half a
+    /// period, although the commands have half-period symmetry.
     ///
     /// # Errors
-    /// There is no last solution.
+    /// Returns an error if there is no last solution.
     pub fn is_symmetry_broken(&mut self) -> Result<bool> {
         self.with_last(|method| Ok(method.is_symmetry_broken()))
     }
 
-    /// Whether the last solution is stable, and one of two that are each other's mirror image.
+    /// Returns whether the last solution is stable, and whether it is one of a mirror-image pair.
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn status(&mut self) -> Result<MotionStatus> {
         Ok(MotionStatus::new(self.floquet()?, self.is_symmetry_broken()?))
     }
 
-    /// Derivatives of the last solution's metrics.
+    /// Returns the derivatives of the last solution's metrics with respect to all variables.
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn derivatives(&mut self) -> Result<Derivatives> {
         self.with_last(|method| method.derivatives(None))
     }
 
-    /// The same, where only those with respect to the parameters that are `wanted` need be there.
+    /// Returns the derivatives of the last solution's metrics with respect to the `wanted` parameters; other
+    /// derivatives may be zero.
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn derivatives_of(&mut self, wanted: &[Parameter]) -> Result<Derivatives> {
         self.with_last(|method| method.derivatives(Some(wanted)))
     }
 
-    /// Work of the actuators and what friction takes over a cycle of the last solution, J; equal,
-    /// up to the accuracy of the solution.
+    /// Returns the work of the actuators and the energy dissipated by friction over a cycle of the last
+    /// solution, J. The two are equal up to the accuracy of the solution.
     ///
     /// # Errors
-    /// There is no last solution.
+    /// Returns an error if there is no last solution.
     pub fn work_and_loss_j(&mut self) -> Result<[f64; 2]> {
         self.with_last(|method| method.work_and_loss_j())
     }
 
-    /// The latter alone, J.
+    /// Returns the energy dissipated by friction over a cycle of the last solution, J.
     ///
     /// # Errors
-    /// There is no last solution.
+    /// Returns an error if there is no last solution.
     pub fn loss_j(&mut self) -> Result<f64> {
         self.with_last(|method| method.loss_j())
     }
 
-    /// Derivatives of that work, J per unit of each variable.
+    /// Returns the derivatives of the last solution's work over a cycle, J per unit of each variable.
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
         self.distance_and_work_derivatives().map(|[_, work]| work)
     }
 
-    /// Derivatives of d alone, m per unit of each variable, and of the work over a cycle, J.
+    /// Returns the derivatives of the last solution's displacement d (m per unit of each variable) and work
+    /// over a cycle (J per unit of each variable).
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
         self.with_last(|method| method.distance_and_work_derivatives())
     }
 
-    /// Takes one more Newton step, with a fresh Jacobian, from the last solution; gives its size
-    /// relative to the states, which tells what was left. 0 for a motion without states.
+    /// Takes one more Newton step, with a fresh Jacobian, from the last solution. Returns the size of the
+    /// step relative to the states, which estimates the remaining error; 0 for a motion without dynamic
+    /// states.
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn polish(&mut self) -> Result<f64> {
         self.with_last(|method| method.polish())
     }
 
-    /// The last solution at `samples + 1` times of a cycle, the first at phase 0.
+    /// Samples one cycle of the last solution at `samples + 1` equally spaced times, the first at phase 0.
     ///
     /// # Errors
-    /// There is no last solution, or an element of it cannot be integrated.
+    /// Returns an error if there is no last solution, or if its equations cannot be solved at a sample.
     pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>> {
         self.with_last(|method| method.cycle(samples))
     }
 
-    /// Integrates the transient from rest and solves for the steady motion in which it ends. The
-    /// next solution starts from that one.
+    /// Integrates the transient from rest and solves for the steady-state motion that it reaches. The next
+    /// solution starts from that motion.
     ///
     /// # Errors
-    /// The transient cannot be integrated or does not settle.
+    /// Returns an error if the transient cannot be integrated or does not settle.
     pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Attractor> {
         let first = self.solve(problem, accuracy);
         self.attractor(problem, first, accuracy)
     }
 
-    /// The same where `first` is what [`Solver::solve`] has just given for this problem.
+    /// Finds the attractor as [`Solver::settle`] does, given `first`, the result of [`Solver::solve`] for
+    /// this problem.
     ///
     /// # Errors
-    /// As [`Solver::settle`].
+    /// Returns an error as [`Solver::settle`] does.
     pub fn attractor(
         &mut self,
         problem: &Problem,
         first: Result<GaitMetrics>,
         accuracy: f64,
     ) -> Result<Attractor> {
-        (self.last, self.start) = (None, None);
-        let (metrics, cycles, is_found_first) =
+        self.last = None;
+        self.start = None;
+        let (metrics, cycles, is_found_by_solve) =
             self.with(problem, |method| method.attractor(first, accuracy))?;
-        self.hold(problem);
-        Ok(Attractor { motion: self.steady_motion(metrics)?, cycles, is_found_first })
+        self.record(problem);
+        Ok(Attractor { motion: self.steady_motion(metrics)?, cycles, is_found_by_solve })
     }
 
-    /// All that is reported of the last solution, given its metrics.
+    /// Returns the steady-state motion of the last solution, given its metrics.
     ///
     /// # Errors
-    /// As [`Solver::floquet`].
+    /// Returns an error as [`Solver::floquet`] does.
     pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion> {
         let floquet = self.floquet()?;
         let [work_j, _] = self.work_and_loss_j()?;
@@ -310,30 +395,42 @@ impl Solver {
         Ok(SteadyMotion { metrics, floquet, work_j, is_symmetry_broken })
     }
 
-    /// What the last [`Solver::solve`] took.
+    /// Returns the computational effort of the last [`Solver::solve`].
     pub fn effort(&self) -> Effort {
         self.effort
     }
 
-    /// Does `task` with the last solution.
+    /// Runs `task` with the solution method that holds the last solution; returns an error if there is no last
+    /// solution.
     fn with_last<T>(&mut self, task: impl FnOnce(&mut dyn Method) -> Result<T>) -> Result<T> {
         let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
         self.with(&problem, task)
     }
 
-    /// Does `task` with the method for the problem's kind of motion.
+    /// Runs `task` with the solution method for the problem.
     pub(super) fn with<T>(
         &mut self,
         problem: &Problem,
         task: impl FnOnce(&mut dyn Method) -> Result<T>,
     ) -> Result<T> {
+        if problem.gait.joints == [None, None] {
+            return Err(MotionError::NotDriven);
+        }
         let problem = problem.effective();
+        if let Some(custom) = &mut self.custom {
+            let mut task = Some(task);
+            let mut found = None;
+            custom.with(&problem, &mut self.gait_analysis, &mut |method| {
+                found = task.take().map(|task| task(method)).transpose()?;
+                Ok(())
+            })?;
+            return found.ok_or(MotionError::Unsolved);
+        }
         let passive = problem.gait.passive_joint();
         match (problem.gait.joints, problem.laws) {
-            ([None, None], _) => Err(MotionError::NotDriven),
             ([Some(joint1), Some(joint2)], laws) if !laws.skids() => {
-                let known = &mut self.known_of_quadrature;
-                task(&mut Quadrature { problem: &problem, joints: [joint1, joint2], known })
+                let known = &mut self.gait_analysis;
+                task(&mut Quadrature::<Dry>::new(&problem, [joint1, joint2], known))
             }
             (_, laws) if !laws.are_linear() => self.dry.with(problem, passive, task),
             _ => self.viscous.with(problem, passive, task),
@@ -341,7 +438,7 @@ impl Solver {
     }
 }
 
-/// Whether a solution of one problem is a start for the other.
+/// Returns whether the solution of `last` can be the starting point for that of `next`.
 fn is_alike(last: &Problem, next: &Problem) -> bool {
     last.gait.passive_joint() == next.gait.passive_joint()
         && last.laws.skids() == next.laws.skids()

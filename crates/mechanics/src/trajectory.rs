@@ -1,12 +1,12 @@
-//! What the robot does and what acts on it over time.
+//! Trajectories: motion of the robot and forces on it over time.
 //!
-//! Inside an element the collocation polynomial has fewer digits than at its end, so every
-//! sample is made the end of a shorter element from the same start.
+//! The collocation polynomial is less accurate inside an element than at its end. Each sample is therefore
+//! computed as the end of a shorter element with the same start.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
-use trilink_robot::{ContactForces, Pose, Trig, dot, roll_rows, rotated, skid_rows};
+use trilink_robot::{ContactForces, Friction, Pose, Trig, dot, roll_rows, rotated, skid_rows};
 
 use super::element::{Element, Linearisation, Stages, integrate_poses, interpolate, solve_element};
 use super::forces::contact_forces;
@@ -16,26 +16,26 @@ use super::reduced::{KinematicState, Reduced};
 use super::transient::{Integrator, Step};
 use super::{MotionError, Problem, Result};
 
-/// The robot at one time.
+/// State of the robot and the forces on it at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     pub time_s: f64,
-    /// Position and heading of link 0; the motion starts at the origin, heading along x.
+    /// Pose of link 0; the motion starts at the origin, heading along x.
     pub pose: Pose,
     /// Joint angles, rad.
     pub phi_rad: [f64; 2],
-    /// `(x', y', theta', phi1', phi2')`, m/s and rad/s.
+    /// Rates `(x', y', theta', phi1', phi2')`, m/s and rad/s.
     pub rates: [f64; 5],
-    /// Roll velocities of the wheels, m/s.
+    /// Roll velocities of wheels 0, 1, 2, m/s.
     pub roll_m_s: [f64; 3],
-    /// Skid velocities of the wheels, m/s.
+    /// Skid velocities of wheels 0, 1, 2, m/s.
     pub skid_m_s: [f64; 3],
     pub forces: ContactForces,
 }
 
 impl Sample {
-    /// Of a state and the time derivatives of its velocities.
-    pub(super) fn new(
+    /// Creates a sample from a state and the time derivatives of its velocities.
+    pub(super) fn new<F: Friction>(
         problem: &Problem,
         time_s: f64,
         pose: Pose,
@@ -45,24 +45,22 @@ impl Sample {
         let trig = Trig::new(state.phi_rad);
         let [u, v, turning, w1, w2] = state.velocity;
         let [x_rate, y_rate] = rotated(pose.theta_rad, [u, v]);
-        let along = |rows: [[f64; 5]; 3]| rows.map(|row| dot(&row, &state.velocity));
         Self {
             time_s,
             pose,
             phi_rad: state.phi_rad,
             rates: [x_rate, y_rate, turning, w1, w2],
-            roll_m_s: along(roll_rows(&problem.robot, &trig)),
-            skid_m_s: along(skid_rows(&problem.robot, &trig)),
-            forces: contact_forces(problem, state, acceleration),
+            roll_m_s: roll_rows(&problem.robot, &trig).map(|row| dot(&row, &state.velocity)),
+            skid_m_s: skid_rows(&problem.robot, &trig).map(|row| dot(&row, &state.velocity)),
+            forces: contact_forces::<F>(problem, state, acceleration),
         }
     }
 }
 
-/// Relative error of an element of the transient from rest.
+/// Relative error tolerance per time step of the transient from rest.
 const TOLERANCE: f64 = 1e-9;
 
-/// Samples of one steady cycle at `count + 1` times, the first at phase 0, the last a period
-/// later.
+/// Samples one steady-state cycle at `count + 1` times, the first at phase 0, the last one period later.
 pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
@@ -77,16 +75,20 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
             let start = signed(mesh.states.start_of(k));
             let stages = mesh.states.stages_of(k).map(signed);
             let time_s = mesh.span_s * (span as f64 + mesh.bounds[k]);
-            let known =
-                Known { time_s, duration_s: mesh.duration_s(k), start: &start, stages: &stages };
-            pose = sampler.element(&known, pose)?;
+            let solved = SolvedElement {
+                time_s,
+                duration_s: mesh.duration_s(k),
+                start: &start,
+                stages: &stages,
+            };
+            pose = sampler.sample_element(&solved, pose)?;
         }
     }
     sampler.push(TAU / model.problem().omega_rad_s, &mesh.states.start, pose);
     Ok(sampler.samples)
 }
 
-/// Samples of the first `cycles` cycles from rest, `count` a cycle and one at the end.
+/// Samples the first `cycles` cycles from rest at `count` times per cycle and once at the end.
 pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     cycles: usize,
@@ -99,8 +101,8 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     transient.advance_to(end_s, &mut Linearisation::default(), |step| {
         if result.is_ok() {
             let Step { time_s, duration_s, start, stages, .. } = *step;
-            let known = Known { time_s, duration_s, start, stages };
-            result = sampler.element(&known, step.pose).map(|_| ());
+            let solved = SolvedElement { time_s, duration_s, start, stages };
+            result = sampler.sample_element(&solved, step.pose).map(|_| ());
         }
     })?;
     result?;
@@ -108,16 +110,16 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     Ok(sampler.samples)
 }
 
-/// An element that has been solved for.
+/// Collocation element whose states are known.
 #[derive(Clone, Copy)]
-struct Known<'a, const N: usize> {
+struct SolvedElement<'a, const N: usize> {
     time_s: f64,
     duration_s: f64,
     start: &'a [f64; N],
     stages: &'a Stages<N>,
 }
 
-/// Collects samples at regular times.
+/// Sampler that evaluates a motion at regular times.
 struct Sampler<'a, const N: usize, R: Reduced<N>> {
     model: &'a R,
     omega_rad_s: f64,
@@ -127,40 +129,47 @@ struct Sampler<'a, const N: usize, R: Reduced<N>> {
 }
 
 impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
-    /// Takes `count` samples a cycle.
+    /// Creates a sampler with `count` samples per cycle.
     fn new(model: &'a R, count: usize) -> Self {
         let omega_rad_s = model.problem().omega_rad_s;
         let interval_s = TAU / omega_rad_s / count as f64;
-        let (workspace, samples) = Default::default();
-        Self { model, omega_rad_s, interval_s, workspace, samples }
+        let workspace = Linearisation::default();
+        Self { model, omega_rad_s, interval_s, workspace, samples: Vec::new() }
     }
 
-    /// Samples an element; gives the pose at its end.
-    fn element(&mut self, known: &Known<N>, pose: Pose) -> Result<Pose> {
-        // A sample at the very end belongs to the next element.
+    /// Samples an element, at whose start the robot has the given pose, and returns the pose at its end.
+    fn sample_element(&mut self, solved: &SolvedElement<N>, pose: Pose) -> Result<Pose> {
+        // A sample at the end of the element belongs to the next element.
         let just_before = 1.0 - 1e-9;
         loop {
             let sample_s = self.interval_s * self.samples.len() as f64;
-            let fraction = (sample_s - known.time_s) / known.duration_s;
+            let fraction = (sample_s - solved.time_s) / solved.duration_s;
             if fraction >= just_before {
-                return Ok(self.at(known, 1.0, pose)?.1);
+                return Ok(self.at(solved, 1.0, pose)?.1);
             }
             let (state, sample_pose) = match fraction {
-                ..=0.0 => (*known.start, pose),
-                _ => self.at(known, fraction, pose)?,
+                ..=0.0 => (*solved.start, pose),
+                _ => self.at(solved, fraction, pose)?,
             };
             self.push(sample_s, &state, sample_pose);
         }
     }
 
-    /// State and pose after a part of an element, by an element of that length.
-    fn at(&mut self, known: &Known<N>, part: f64, pose: Pose) -> Result<([f64; N], Pose)> {
-        let (model, Known { time_s, start, .. }) = (self.model, *known);
-        let duration_s = part * known.duration_s;
-        let phase_rad = |part: f64| self.omega_rad_s * (time_s + part * duration_s);
-        let nodes = RADAU.nodes.map(|part| model.node(phase_rad(part)));
+    /// Returns the state and the pose after a fraction of an element, computed as the end of a shorter
+    /// element of that length; `pose` is the pose at the element's start.
+    fn at(
+        &mut self,
+        solved: &SolvedElement<N>,
+        fraction: f64,
+        pose: Pose,
+    ) -> Result<([f64; N], Pose)> {
+        let model = self.model;
+        let SolvedElement { time_s, start, .. } = *solved;
+        let duration_s = fraction * solved.duration_s;
+        let nodes =
+            RADAU.nodes.map(|node| model.node(self.omega_rad_s * (time_s + node * duration_s)));
         self.workspace.resize::<N, R>(1);
-        let stages = RADAU.nodes.map(|node| interpolate(start, known.stages, part * node));
+        let stages = RADAU.nodes.map(|node| interpolate(start, solved.stages, fraction * node));
         let guess = Element { nodes: &nodes, start, stages: &stages, duration_s };
         let stages = solve_element(model, &guess, 1e-12, &mut self.workspace)
             .ok_or(MotionError::Stuck { time_s })?;
@@ -169,17 +178,20 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
         Ok((stages[STAGES - 1], end))
     }
 
-    /// Adds the sample of a state.
+    /// Appends the sample for the given time, state and pose.
     fn push(&mut self, time_s: f64, state: &[f64; N], pose: Pose) {
         let node = self.model.node(self.omega_rad_s * time_s);
         let rates = rates(self.model, &node, state);
         let acceleration = self.model.acceleration(&node, state, &rates);
         let state = self.model.kinematics(&node, state);
-        self.samples.push(Sample::new(self.model.problem(), time_s, pose, &state, &acceleration));
+        let problem = self.model.problem();
+        let sample = Sample::new::<R::Friction>(problem, time_s, pose, &state, &acceleration);
+        self.samples.push(sample);
     }
 }
 
-/// Time derivatives of the states by the equations of motion, which are linear in them.
+/// Returns the time derivatives of the states, for which the equations of motion are a linear system; NaN if the system
+/// is singular.
 fn rates<const N: usize, R: Reduced<N>>(
     model: &R,
     node: &R::Node<f64>,

@@ -1,7 +1,7 @@
-//! The transient from rest, by the same collocation, one element after the other.
+//! Transient from rest by Radau IIA collocation, one element (time step) after the other.
 //!
-//! Radau IIA is L-stable: the wheels' time constants, down to 0.2 ms, need not be resolved
-//! once their transients are over.
+//! Radau IIA is L-stable: the time constants of the wheels, down to 0.2 ms, need not be resolved once their
+//! transients have decayed.
 
 use std::f64::consts::TAU;
 use std::iter;
@@ -15,7 +15,7 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{KinematicState, Reduced};
 use super::{MotionError, Result};
 
-/// Integrates a motion that is at rest at phase 0.
+/// Integrator of a motion that starts from rest at phase 0.
 #[derive(Debug)]
 pub(super) struct Integrator<'a, const N: usize, R> {
     model: &'a R,
@@ -24,45 +24,50 @@ pub(super) struct Integrator<'a, const N: usize, R> {
     pub time_s: f64,
     pub state: [f64; N],
     pub pose: Pose,
-    /// Elements so far.
+    /// Number of elements (time steps) so far.
     pub elements: usize,
-    /// Largest value of each state so far.
+    /// Largest magnitude of each state so far.
     sizes: [f64; N],
-    /// Length that the next element should have.
-    length_s: f64,
-    /// Start, stages and length of the last element.
+    /// Duration of the next time step, s.
+    step_s: f64,
+    /// State at the start, states at the stages, and duration (s) of the last time step; `None` before the first time
+    /// step.
     last: Option<([f64; N], Stages<N>, f64)>,
 }
 
-/// One element of the transient.
+/// One time step of the transient.
 pub(super) struct Step<'a, const N: usize> {
     pub time_s: f64,
     pub duration_s: f64,
-    /// Where the next element starts.
+    /// Time at which the step ends, s.
     pub end_s: f64,
-    /// State and pose where the element starts.
+    /// State at the start of the step.
     pub start: &'a [f64; N],
     pub stages: &'a Stages<N>,
+    /// Pose at the start of the step.
     pub pose: Pose,
     pub states: &'a [KinematicState; STAGES],
     pub poses: &'a [Pose; STAGES],
 }
 
-/// Longest element as a part of a period.
-const LONGEST_PART: f64 = 1.0 / 8.0;
-/// Shortest element as a part of a period; a motion that needs less cannot be integrated.
-const SHORTEST_PART: f64 = 1e-9;
-/// Most elements of a period.
-const MOST_ELEMENTS: usize = 20_000;
-/// How far an element's polynomial is of use beyond its end, as a part of its length.
-const FARTHEST: f64 = 1.5;
-/// States smaller than this part of the largest are judged by the largest.
+/// Maximum duration of a time step, as a fraction of a period.
+const MAX_FRACTION: f64 = 1.0 / 8.0;
+/// Minimum duration of a time step, as a fraction of a period; a motion that needs shorter steps cannot be
+/// integrated.
+const MIN_FRACTION: f64 = 1e-9;
+/// Maximum number of time steps per period.
+const MAX_ELEMENTS: usize = 20_000;
+/// Maximum distance over which a time step's polynomial is extrapolated, as a fraction of the step's
+/// duration.
+const MAX_EXTRAPOLATION: f64 = 1.5;
+/// Minimum magnitude by which the error of a state is divided, as a fraction of the largest state's magnitude.
 const SMALL: f64 = 1e-3;
 
 impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
-    /// A robot at rest; the motion's relative error per element is near `tolerance`.
+    /// Creates an integrator that starts from rest, with a relative error per time step near `tolerance`.
     pub(crate) fn new(model: &'a R, tolerance: f64) -> Self {
-        let (state, omega_rad_s) = (model.at_rest(), model.problem().omega_rad_s);
+        let state = model.at_rest();
+        let omega_rad_s = model.problem().omega_rad_s;
         Self {
             model,
             omega_rad_s,
@@ -72,41 +77,44 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             pose: Pose::default(),
             elements: 0,
             sizes: state.map(f64::abs),
-            length_s: 1e-4 * TAU / omega_rad_s,
+            step_s: 1e-4 * TAU / omega_rad_s,
             last: None,
         }
     }
 
-    /// Continues to a later time; `visit` is given every element.
+    /// Integrates up to a later time and calls `visit` with every time step.
     ///
     /// # Errors
-    /// An element would have to be too short.
+    /// Returns an error if the required time step is shorter than the minimum, or if too many time steps are
+    /// needed.
     pub(crate) fn advance_to(
         &mut self,
         until_s: f64,
         workspace: &mut Linearisation,
         mut visit: impl FnMut(&Step<N>),
     ) -> Result<()> {
-        let (model, tolerance) = (self.model, self.tolerance);
+        let model = self.model;
+        let tolerance = self.tolerance;
         let period_s = TAU / self.omega_rad_s;
-        let stuck = |time_s| Err(MotionError::Stuck { time_s });
         workspace.resize::<N, R>(1);
-        let most = MOST_ELEMENTS * (1 + ((until_s - self.time_s) / period_s) as usize);
+        let max_elements = MAX_ELEMENTS * (1 + ((until_s - self.time_s) / period_s) as usize);
         let mut elements = 0;
         while self.time_s < until_s {
             elements += 1;
-            if self.length_s < SHORTEST_PART * period_s || elements > most {
-                return stuck(self.time_s);
+            if self.step_s < MIN_FRACTION * period_s || elements > max_elements {
+                return Err(MotionError::Stuck { time_s: self.time_s });
             }
-            let wanted_s = self.length_s.min(LONGEST_PART * period_s);
+            let wanted_s = self.step_s.min(MAX_FRACTION * period_s);
             let is_last = wanted_s >= until_s - self.time_s;
             let duration_s = if is_last { until_s - self.time_s } else { wanted_s };
-            let phase_rad = |part: f64| self.omega_rad_s * (self.time_s + part * duration_s);
-            let nodes = RADAU.nodes.map(|part| model.node(phase_rad(part)));
-            let (start, stages) = (&self.state, &self.guess(duration_s));
+            let nodes = RADAU
+                .nodes
+                .map(|part| model.node(self.omega_rad_s * (self.time_s + part * duration_s)));
+            let start = &self.state;
+            let stages = &self.guess(duration_s);
             let guess = Element { nodes: &nodes, start, stages, duration_s };
             let Some(stages) = solve_element(model, &guess, tolerance, workspace) else {
-                self.length_s = 0.25 * duration_s;
+                self.step_s = 0.25 * duration_s;
                 continue;
             };
             let sizes = grown(&self.sizes, &stages);
@@ -117,7 +125,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
                 .fold(0.0, f64::max);
             let growth = (tolerance / error.max(1e-300)).powf(1.0 / (STAGES as f64 + 1.0));
             if error > 4.0 * tolerance {
-                self.length_s = duration_s * (0.8 * growth).clamp(0.1, 0.8);
+                self.step_s = duration_s * (0.8 * growth).clamp(0.1, 0.8);
                 continue;
             }
             let states = Element { stages: &stages, ..guess }.kinematics(model);
@@ -140,38 +148,45 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             self.pose = poses[STAGES - 1];
             self.time_s = end_s;
             let next_s = duration_s * (0.9 * growth).clamp(0.3, 4.0);
-            // An element that was cut short says little about the next.
-            self.length_s = if is_last { next_s.max(self.length_s) } else { next_s };
+            // A step that was cut short is no guide to the duration of the next one.
+            self.step_s = if is_last { next_s.max(self.step_s) } else { next_s };
         }
         Ok(())
     }
 
-    /// Stages that an element of this length may have: those of the last element's polynomial,
-    /// or, where that would be too far from it, the state at its end.
-    fn guess(&self, length_s: f64) -> Stages<N> {
+    /// Returns an initial guess for the stages of a time step of the given duration: values of the last
+    /// step's polynomial or, if that would be extrapolated too far, the state at the end of the last step.
+    fn guess(&self, step_s: f64) -> Stages<N> {
         match &self.last {
-            Some((start, stages, last_s)) if length_s <= FARTHEST * last_s => {
-                RADAU.nodes.map(|part| interpolate(start, stages, 1.0 + part * length_s / last_s))
+            Some((start, stages, last_s)) if step_s <= MAX_EXTRAPOLATION * last_s => {
+                RADAU.nodes.map(|part| interpolate(start, stages, 1.0 + part * step_s / last_s))
             }
             _ => [self.state; STAGES],
         }
     }
 
-    /// Largest difference of two states relative to what the states have been.
+    /// Returns the largest difference between two states, relative to the largest magnitude that each component has
+    /// reached so far.
     pub(crate) fn distance(&self, a: &[f64; N], b: &[f64; N]) -> f64 {
         let largest = self.sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
         let floor = (SMALL * largest).max(f64::MIN_POSITIVE);
         (0..N).map(|i| (a[i] - b[i]).abs() / self.sizes[i].max(floor)).fold(0.0, f64::max)
     }
+
+    /// Returns the relative distance of the current state from a reference state; infinite if there is none.
+    pub(crate) fn distance_from(&self, reference: Option<&[f64; N]>) -> f64 {
+        reference.map_or(f64::INFINITY, |reference| self.distance(reference, &self.state))
+    }
 }
 
+/// Returns the largest magnitudes of the states, updated with the stages of a time step.
 fn grown<const N: usize>(sizes: &[f64; N], stages: &Stages<N>) -> [f64; N] {
     std::array::from_fn(|i| stages.iter().fold(sizes[i], |size, y| size.max(y[i].abs())))
 }
 
-/// At which times a transient is asked for, and under which friction.
+/// Sampling times of a transient, and the friction scale in each of its cycles.
 pub(super) struct Frames<'a> {
-    /// Of all wheels in each cycle, as a part of the robot's; 1 in cycles that have none.
+    /// Factor that multiplies the friction of all wheels in each cycle; 1 in cycles beyond the slice.
     pub friction: &'a [f64],
     pub duration_s: f64,
     pub rate_hz: f64,
@@ -183,7 +198,7 @@ impl Frames<'_> {
     }
 }
 
-/// Coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient.
+/// Returns the coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient at the sampling times.
 pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     frames: &Frames,
@@ -209,7 +224,8 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
         }));
     };
     let mut workspace = Linearisation::default();
-    let varied: Vec<R> = friction.iter().map(|factor| model.resisted(*factor)).collect();
+    let varied: Vec<R> =
+        friction.iter().map(|factor| model.with_friction_scaled(*factor)).collect();
     for (cycle, varied) in (1..).zip(&varied) {
         integrator.model = varied;
         let end_s = (f64::from(cycle) * TAU / omega_rad_s).min(duration_s);

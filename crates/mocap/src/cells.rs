@@ -1,19 +1,20 @@
-//! Lines and the cells of a line, whatever separates them.
+//! Splits texts into lines and lines into cells, whatever the line ends and separators.
 
-/// Bytes that can stand between two cells.
+/// Possible cell separators.
 const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];
 
-/// First cell of the row of axes, in Nexus and in the older Workstation.
+/// Possible first cells of the row that names the columns: the cell written by Vicon Nexus, and the cell written by
+/// the older Vicon Workstation.
 const FRAME_CELLS: [&[u8]; 2] = [b"Frame", b"Field #"];
 
-/// Longest number whose decimal comma is turned into a point, bytes.
-const LONGEST_NUMBER: usize = 64;
+/// Maximum length of a number with a decimal comma, bytes.
+const MAX_NUMBER_BYTES: usize = 64;
 
-/// The lines of a text without their ends (LF, CR LF, or CR alone), numbered from 1.
+/// Iterator over lines of text, numbered from 1, without their line ends (LF, CR LF, or CR alone).
 #[derive(Clone)]
 pub(super) struct Lines<'t> {
     rest: &'t [u8],
-    /// Last byte of a line's end.
+    /// Last byte of a line end, LF or CR.
     end: u8,
     number: usize,
 }
@@ -42,67 +43,67 @@ impl<'t> Iterator for Lines<'t> {
     }
 }
 
-/// How a text separates its cells. Where that is not the comma, a comma in a number is the
-/// decimal one: spreadsheets of many countries write both at once.
+/// Separator between the cells in a text file. If the separator is not a comma, a comma in a number is the decimal
+/// separator, as is usual for spreadsheets in many countries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Dialect {
     pub separator: u8,
 }
 
 impl Dialect {
-    /// As in the first row of axes; the comma if there is none.
-    pub(crate) fn of(text: &[u8]) -> Self {
-        let after_frame = |line: &[u8]| {
+    /// Detects the separator from the first row of axes (such as `Frame,Sub Frame,X,Y,Z`); without such a row, a comma
+    /// is assumed.
+    pub(crate) fn detect(text: &[u8]) -> Self {
+        let separator = Lines::new(text).find_map(|(_, line)| {
             let end = line.iter().position(|byte| SEPARATORS.contains(byte))?;
             is_frame_cell(trimmed(&line[..end])).then_some(line[end])
-        };
-        let separator = Lines::new(text).find_map(|(_, line)| after_frame(line));
+        });
         Self { separator: separator.unwrap_or(b',') }
     }
 
-    /// The cells of a line without surrounding spaces and quotes.
+    /// Iterates over the cells in a line, without surrounding spaces and quotes.
     pub(crate) fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
         line.split(move |&byte| byte == self.separator).map(trimmed)
     }
 
-    /// How many cells a line has.
+    /// Returns the number of cells in a line.
     pub(crate) fn count(self, line: &[u8]) -> usize {
         line.iter().filter(|&&byte| byte == self.separator).count() + 1
     }
 
-    /// Length of the first cell of `rest`.
+    /// Returns the length of the first cell in `rest`, bytes.
     pub(crate) fn cell_end(self, rest: &[u8]) -> usize {
         rest.iter().position(|&byte| byte == self.separator).unwrap_or(rest.len())
     }
 
-    /// The first cell of a line without surrounding spaces and quotes.
+    /// Returns the first cell in a line, without surrounding spaces and quotes.
     pub(crate) fn first_cell(self, line: &[u8]) -> &[u8] {
         trimmed(&line[..self.cell_end(line)])
     }
 
-    /// Whether a line has nothing in any cell.
+    /// Returns whether all cells in a line are empty.
     pub(crate) fn is_blank(self, line: &[u8]) -> bool {
         line.iter().all(|&byte| byte == self.separator || byte.is_ascii_whitespace())
     }
 
-    /// A line's only cell that is not empty, if it is the first one.
+    /// Returns the first cell in a line if all other cells are empty; otherwise `None`.
     pub(crate) fn lone_cell(self, line: &[u8]) -> Option<&[u8]> {
         let end = self.cell_end(line);
         let first = trimmed(&line[..end]);
         (!first.is_empty() && self.is_blank(&line[end..])).then_some(first)
     }
 
-    /// Whether a line names the columns below: `Frame,Sub Frame,X,Y,Z`.
+    /// Returns whether a line is a row of axes, which names the columns below it, as in `Frame,Sub Frame,X,Y,Z`.
     pub(crate) fn is_axis_row(self, line: &[u8]) -> bool {
         is_frame_cell(self.first_cell(line))
     }
 
-    /// A finite number that fills the whole cell.
+    /// Parses a finite number that takes up a whole cell; `None` if the cell has no such number.
     pub(crate) fn number(self, cell: &[u8]) -> Option<f64> {
         if self.separator == b',' || !cell.contains(&b',') {
             return parse(cell);
         }
-        let mut with_point = [0; LONGEST_NUMBER];
+        let mut with_point = [0; MAX_NUMBER_BYTES];
         let with_point = with_point.get_mut(..cell.len())?;
         for (to, &from) in with_point.iter_mut().zip(cell) {
             *to = if from == b',' { b'.' } else { from };
@@ -111,13 +112,13 @@ impl Dialect {
     }
 }
 
-/// The number at the start of a text and its length, if it is written as most are: digits, at
-/// most 15 of them, and perhaps a sign and a point. Such a number is the quotient of two that
-/// are exact, and so rounded only once (Clinger 1990).
+/// Parses a plain number at the start of `text`: at most 15 digits, with an optional minus sign and decimal point.
+/// Returns the number and its length in bytes; `None` if there is no plain number. A plain number is the quotient of
+/// two exactly represented numbers, so that it is rounded only once (Clinger 1990).
 #[inline]
 pub(super) fn plain_decimal(text: &[u8]) -> Option<(f64, usize)> {
-    const MOST_DIGITS: usize = 15;
-    const POWERS: [f64; MOST_DIGITS + 1] =
+    const MAX_DIGITS: usize = 15;
+    const POWERS: [f64; MAX_DIGITS + 1] =
         [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
     let (is_negative, number) = match text {
         [b'-', number @ ..] => (true, number),
@@ -132,14 +133,15 @@ pub(super) fn plain_decimal(text: &[u8]) -> Option<(f64, usize)> {
         }
         rest => (digits, rest, 0),
     };
-    if !(1..=MOST_DIGITS).contains(&(whole + places)) {
+    if !(1..=MAX_DIGITS).contains(&(whole + places)) {
         return None;
     }
     let value = digits as f64 / POWERS[places];
     Some((if is_negative { -value } else { value }, text.len() - rest.len()))
 }
 
-/// Appends the digits at the start of a text to a number that may overflow.
+/// Appends the decimal digits at the start of `text` to a number, which wraps around on overflow. Returns the number
+/// and the rest of the text.
 #[inline]
 fn append_digits(mut number: u64, mut text: &[u8]) -> (u64, &[u8]) {
     while let [digit @ b'0'..=b'9', rest @ ..] = text {
@@ -157,14 +159,14 @@ fn parse(cell: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(cell).ok().filter(|value| value.is_finite())
 }
 
-/// A cell without surrounding spaces and quotes.
+/// Removes surrounding spaces and quotes from a cell.
 pub(super) fn trimmed(cell: &[u8]) -> &[u8] {
     let cell = cell.trim_ascii();
     let unquoted = cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\""));
     unquoted.map_or(cell, <[u8]>::trim_ascii)
 }
 
-/// Of the bytes 0x80 to 0x9f in Windows-1252; beyond are those of Latin-1.
+/// Characters for the bytes 0x80 to 0x9f in Windows-1252; higher bytes are as in Latin-1.
 const WINDOWS_1252: [char; 32] = [
     '\u{20ac}', '\u{81}', '\u{201a}', '\u{192}', '\u{201e}', '\u{2026}', '\u{2020}', '\u{2021}',
     '\u{2c6}', '\u{2030}', '\u{160}', '\u{2039}', '\u{152}', '\u{8d}', '\u{17d}', '\u{8f}',
@@ -172,26 +174,32 @@ const WINDOWS_1252: [char; 32] = [
     '\u{2dc}', '\u{2122}', '\u{161}', '\u{203a}', '\u{153}', '\u{9d}', '\u{17e}', '\u{178}',
 ];
 
-/// A label as text: in UTF-8, or else in Windows-1252, in which older programs and spreadsheets
+/// Decodes a label from UTF-8 or, if it is not valid UTF-8, from Windows-1252, which older programs and spreadsheets
 /// write.
 pub(super) fn label_text(label: &[u8]) -> String {
-    let windows = |&byte: &u8| match byte {
-        0x80..=0x9f => WINDOWS_1252[usize::from(byte - 0x80)],
-        _ => char::from(byte),
-    };
     match std::str::from_utf8(label) {
         Ok(text) => text.to_owned(),
-        Err(_) => label.iter().map(windows).collect(),
+        Err(_) => label.iter().map(|&byte| windows_1252(byte)).collect(),
     }
 }
 
-/// A cell for a message: readable, and not longer than a message should be.
+fn windows_1252(byte: u8) -> char {
+    match byte {
+        0x80..=0x9f => WINDOWS_1252[usize::from(byte - 0x80)],
+        _ => char::from(byte),
+    }
+}
+
+/// Formats a cell for a message: printable and limited in length.
 pub(super) fn shown(cell: &[u8]) -> String {
-    const LONGEST: usize = 40;
-    let text = String::from_utf8_lossy(&cell[..cell.len().min(4 * LONGEST)]);
-    let clean = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
-    let mut short: String = text.chars().take(LONGEST).map(clean).collect();
-    if text.chars().nth(LONGEST).is_some() {
+    const MAX_CHARS: usize = 40;
+    let text = String::from_utf8_lossy(&cell[..cell.len().min(4 * MAX_CHARS)]);
+    let mut short: String = text
+        .chars()
+        .take(MAX_CHARS)
+        .map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c })
+        .collect();
+    if text.chars().nth(MAX_CHARS).is_some() {
         short.push_str("...");
     }
     short

@@ -1,29 +1,32 @@
-//! Numbers that lost their decimal point: a spreadsheet with decimal commas takes the point of
-//! `-276.716` for one of thousands, and leaves that of `603.46`.
+//! Detects numbers that lost their decimal point: a spreadsheet with decimal commas mistakes the point in `-276.716`
+//! for a thousands separator, but not the point in `603.46`.
 
 use super::{FileProblem, Recording};
 
-/// Digits that stand after a point that is taken for one of thousands: three.
+/// Factor by which numbers without their decimal point are too large: a point followed by exactly three digits is
+/// mistaken for a thousands separator.
 const FACTOR: f64 = 1000.0;
-/// Tolerances, relative and in mm, within which a number equals [`FACTOR`] times that of another
+/// Relative tolerance within which a coordinate divided by [`FACTOR`] counts as equal to the same coordinate in another
 /// frame.
 const SAME: f64 = 0.05;
+/// Absolute tolerance within which a coordinate divided by [`FACTOR`] counts as equal to the same coordinate in another
+/// frame, mm.
 const SAME_MM: f64 = 2.0;
-/// Numbers below this are told from others by chance, mm.
+/// Minimum magnitude of a number that can be recognised as lacking its decimal point, mm.
 const MIN_MM: f64 = 10.0 * FACTOR;
-/// Such numbers that are no chance.
+/// Minimum number of apparently missing decimal points at which chance is ruled out as their cause.
 const MIN_FOUND: usize = 3;
 
-/// Refuses a file whose numbers lost their decimal points here and there.
+/// Returns an error if some numbers in a file lost their decimal points.
 pub(super) fn check(file: &Recording) -> Result<(), FileProblem> {
     if !file.positions_mm.as_flattened().iter().any(|x| x.abs() >= MIN_MM) {
         return Ok(());
     }
     let axes = 3 * file.labels.len();
-    // Of each axis the last number and its row.
+    // Last number and the row in which it occurs, for each axis.
     let mut last: Vec<(f64, usize)> = vec![(f64::NAN, 0); axes];
     let mut found = 0;
-    // Of the first axis that has one, so that files of one kind say the same.
+    // Example from the first affected axis, so that similar files give the same message.
     let mut example: Option<(usize, usize, f64, (f64, usize))> = None;
     for row in 0..file.frames.len() {
         let numbers = file.row_mm(row).as_flattened();
@@ -45,18 +48,20 @@ pub(super) fn check(file: &Recording) -> Result<(), FileProblem> {
         return Ok(());
     };
     let name = ["X", "Y", "Z"][axis % 3];
-    let (label, frames) = (&file.labels[axis / 3], &file.frames);
+    let label = &file.labels[axis / 3];
+    let frames = &file.frames;
     let found = format!(
         "numbers that lost their decimal point: {label} {name} is {before} in frame {} and {number} in \
          frame {}",
         frames[row_before], frames[row]
     );
-    let needed = "them as exported: a spreadsheet with decimal commas took the points for thousands; \
-                  export the file again, and open it only with the cells imported as text";
+    let needed = "the numbers as they were exported: a spreadsheet with decimal commas took the points for thousands \
+                  separators; export the file again, and if you open it in a spreadsheet, import all cells as text";
     Err(FileProblem::new(found, needed))
 }
 
-/// Whether a whole number is another one without its decimal point.
+/// Returns whether `number` is an integer that, divided by [`FACTOR`], approximately equals `other`, so that `number`
+/// may lack its decimal point.
 #[inline]
 fn is_lost(number: f64, other: f64) -> bool {
     number.abs() >= MIN_MM && number.fract() == 0.0 && {

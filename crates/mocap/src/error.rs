@@ -1,9 +1,9 @@
-//! What can be wrong with a marker file.
+//! Errors in marker files.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Why a marker file cannot be used.
+/// Reason why a marker file cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{}{problem}", path.display())]
 pub struct ReadError {
@@ -11,7 +11,7 @@ pub struct ReadError {
     pub problem: FileProblem,
 }
 
-/// What is wrong, as it is written after the file's name.
+/// Problem with a file, worded to follow the file's name in a message.
 #[derive(Debug, thiserror::Error)]
 pub enum FileProblem {
     #[error(": no such file")]
@@ -20,33 +20,38 @@ pub enum FileProblem {
     Read(std::io::Error),
     #[error(": cannot be unpacked: {0}")]
     Unpack(std::io::Error),
-    /// `place` is a line, perhaps with a cell, or nothing.
+    /// Unusable content. `place` names the line, and possibly the cell; it is empty if the problem concerns the whole
+    /// file.
     #[error("{place}: found {found}, needed {needed}")]
     Content { place: String, found: String, needed: String },
 }
 
 impl FileProblem {
-    /// What is wrong with a file as a whole.
+    /// Creates a problem that concerns the whole file.
     pub(super) fn new(found: impl Into<String>, needed: impl Into<String>) -> Self {
         Self::Content { place: String::new(), found: found.into(), needed: needed.into() }
     }
 
+    /// Creates a problem that concerns a single line.
     pub(super) fn in_line(
         line: usize,
         found: impl Into<String>,
         needed: impl Into<String>,
     ) -> Self {
-        let (found, needed) = (found.into(), needed.into());
-        Self::Content { place: format!(", line {line}"), found, needed }
+        Self::Content {
+            place: format!(", line {line}"),
+            found: found.into(),
+            needed: needed.into(),
+        }
     }
 
-    pub(super) fn of(self, path: &Path) -> ReadError {
+    pub(super) fn in_file(self, path: &Path) -> ReadError {
         ReadError { path: path.to_owned(), problem: self }
     }
 }
 
 impl ReadError {
-    /// What the system says of a file that cannot be read.
+    /// Returns the kind of the operating system's error if the file could not be read; otherwise `None`.
     pub fn system(&self) -> Option<ErrorKind> {
         match &self.problem {
             FileProblem::Missing => Some(ErrorKind::NotFound),

@@ -1,4 +1,4 @@
-//! Where the markers' table starts and what its columns are.
+//! Locates the marker table and reads its header.
 //!
 //! ```text
 //! Trajectories          title; a spreadsheet pads it with commas
@@ -14,39 +14,38 @@ use super::{FileProblem, units};
 use crate::LengthUnit;
 
 const SECTION: &[u8] = b"Trajectories";
-/// Lines below the title among which the row of axes must be; blank ones count.
+/// Maximum number of lines, including blank ones, from the title to the row of axes.
 const HEADER_LINES: usize = 8;
 
-/// The header of the section, and what comes below it.
+/// Header of the marker section, and the text below it.
 pub(super) struct Header<'t> {
     pub dialect: Dialect,
     pub rate_hz: Option<f64>,
-    /// Of the coordinates.
+    /// Unit of the coordinates in the table.
     pub unit: LengthUnit,
     pub labels: Vec<String>,
-    /// What each column of the table holds.
+    /// Content of each column in the table.
     pub columns: Vec<Column>,
-    /// Last line of the header.
+    /// Line number of the last line of the header.
     pub line: usize,
-    /// The lines below.
+    /// Lines of the text below the header.
     pub body: Lines<'t>,
 }
 
-/// What a column holds.
+/// Content of a column in the marker table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Column {
     Frame,
-    /// Index of a marker, and its axis 0, 1, 2.
+    /// Coordinate of a marker, given by the marker's index and the axis (0, 1, 2).
     Axis(u32, u8),
-    /// Sub frames, magnitudes, padding: not read.
+    /// Subframe, magnitude or padding; not read.
     Other,
 }
 
-/// Finds the section and reads its header. A file whose first table has no title may still be
-/// the markers, their title cut off by hand; then the rate may be unknown. `unit` is that of a file
-/// without a row of units.
+/// Finds the marker section and reads its header. A file whose first table has no title may still be the marker table
+/// with its title removed by hand; if so, the rate may be unknown. `unit` applies to a file without a row of units.
 pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProblem> {
-    let dialect = Dialect::of(text);
+    let dialect = Dialect::detect(text);
     if dialect.is_blank(text) {
         return Err(FileProblem::new("an empty file", NEEDED_SECTION));
     }
@@ -60,26 +59,29 @@ pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProb
     Err(foreign::describe(dialect, text))
 }
 
-/// The line of the next title of the markers' section.
+/// Returns the line number of the next title of a marker section; `None` if there is none.
 pub(super) fn title_line<'t>(
     dialect: Dialect,
     mut lines: impl Iterator<Item = (usize, &'t [u8])>,
 ) -> Option<usize> {
-    let is_title = |line| dialect.lone_cell(line).is_some_and(|t| t.eq_ignore_ascii_case(SECTION));
-    lines.find(|(_, line)| is_title(line)).map(|(line, _)| line)
+    lines
+        .find(|(_, line)| {
+            dialect.lone_cell(line).is_some_and(|title| title.eq_ignore_ascii_case(SECTION))
+        })
+        .map(|(line, _)| line)
 }
 
-/// Whether the first rows are a header that lacks its title and perhaps its rate.
+/// Returns whether the first rows are a header that lacks its title and possibly its rate.
 fn starts_without_title(dialect: Dialect, text: &[u8]) -> bool {
-    let filled = || Lines::new(text).filter(|(_, line)| !dialect.is_blank(line));
-    let titled = filled().next().is_some_and(|(_, line)| {
+    let mut filled = Lines::new(text).filter(|(_, line)| !dialect.is_blank(line));
+    let is_titled = filled.next().is_some_and(|(_, line)| {
         dialect.lone_cell(line).is_some_and(|cell| dialect.number(cell).is_none())
     });
-    let is_axes = |line: &[u8]| dialect.is_axis_row(line) && dialect.count(line) > 4;
-    !titled && filled().take(3).skip(1).any(|(_, line)| is_axes(line))
+    !is_titled
+        && filled.take(2).any(|(_, line)| dialect.is_axis_row(line) && dialect.count(line) > 4)
 }
 
-/// Reads the header below a title's line.
+/// Reads the header below the line with the title.
 fn read(
     dialect: Dialect,
     mut lines: Lines<'_>,
@@ -87,12 +89,12 @@ fn read(
     unit: LengthUnit,
 ) -> Result<Header<'_>, FileProblem> {
     const NEEDED_AXES: &str = "a row that starts with `Frame,Sub Frame,X,Y,Z`";
-    let quoted = |cell: &[u8]| format!("`{}`", shown(cell));
     let mut above = Vec::new();
     let (line, axes) = loop {
-        let next = lines.next().filter(|(line, _)| *line <= title + HEADER_LINES);
-        let none = || FileProblem::in_line(title, "no row of axes in the next lines", NEEDED_AXES);
-        let (line, row) = next.ok_or_else(none)?;
+        let (line, row) =
+            lines.next().filter(|(line, _)| *line <= title + HEADER_LINES).ok_or_else(|| {
+                FileProblem::in_line(title, "no row of axes in the next lines", NEEDED_AXES)
+            })?;
         if dialect.is_axis_row(row) {
             break (line, row);
         }
@@ -105,44 +107,60 @@ fn read(
         [(line, rate), (_, labels)] => {
             let cell = dialect.first_cell(rate);
             let rate_hz = dialect.number(cell).filter(|rate_hz| *rate_hz > 0.0);
-            let needed = "the frame rate, a number of Hz above 0";
-            let error = || FileProblem::in_line(line, quoted(cell), needed);
-            (Some(rate_hz.ok_or_else(error)?), labels)
+            let needed = "the frame rate, a number above 0 (in Hz)";
+            let Some(rate_hz) = rate_hz else {
+                return Err(FileProblem::in_line(line, quoted(cell), needed));
+            };
+            (Some(rate_hz), labels)
         }
         [] => {
-            let needed = "a row of marker labels above it";
-            return Err(FileProblem::in_line(line, "the row of axes at once", needed));
+            let needed = "a row of marker labels above the row of axes";
+            return Err(FileProblem::in_line(
+                line,
+                "the row of axes without a row above it",
+                needed,
+            ));
         }
         [.., (line, row)] => return Err(FileProblem::in_line(line, quoted(row), NEEDED_AXES)),
     };
     let (labels, columns) = markers(dialect, labels_row, axes);
     if labels.is_empty() {
-        let needed = "at least one label with X, Y, Z below it";
+        let needed = "at least one marker label with X, Y, Z below the label";
         return Err(FileProblem::in_line(line, quoted(axes), needed));
     }
     let mut header = Header { dialect, rate_hz, unit, labels, columns, line, body: lines.clone() };
     if let Some((line, row)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
-        let mut said: Option<LengthUnit> = None;
-        for (column, cell) in header.columns.iter().zip(dialect.cells(row)) {
-            let Column::Axis(marker, _) = column else { continue };
-            if cell.is_empty() {
-                continue;
-            }
-            let found = || format!("unit {} of {}", quoted(cell), header.labels[*marker as usize]);
-            let unit = units::of_text(cell)
-                .ok_or_else(|| FileProblem::in_line(line, found(), units::needed()))?;
-            if let Some(other) = said.replace(unit).filter(|other| *other != unit) {
-                let found = format!("{} beside `{other}`", found());
-                return Err(FileProblem::in_line(line, found, "one unit for all markers"));
-            }
-        }
-        header.unit = said.unwrap_or(unit);
-        (header.line, header.body) = (line, lines);
+        header.unit = read_units(&header, line, row)?.unwrap_or(unit);
+        header.line = line;
+        header.body = lines;
     }
     Ok(header)
 }
 
-/// Which columns are whole markers: X, Y, Z side by side under a label.
+/// Reads the row of units, which must give the same unit for all markers; `None` if all cells are empty.
+fn read_units(header: &Header, line: usize, row: &[u8]) -> Result<Option<LengthUnit>, FileProblem> {
+    let mut stated: Option<LengthUnit> = None;
+    for (column, cell) in header.columns.iter().zip(header.dialect.cells(row)) {
+        let Column::Axis(marker, _) = column else { continue };
+        if cell.is_empty() {
+            continue;
+        }
+        let found = || format!("unit {} of {}", quoted(cell), header.labels[*marker as usize]);
+        let unit = units::parse(cell)
+            .ok_or_else(|| FileProblem::in_line(line, found(), units::needed()))?;
+        if let Some(other) = stated.replace(unit).filter(|other| *other != unit) {
+            let found = format!("{} beside `{other}`", found());
+            return Err(FileProblem::in_line(line, found, "one unit for all markers"));
+        }
+    }
+    Ok(stated)
+}
+
+fn quoted(cell: &[u8]) -> String {
+    format!("`{}`", shown(cell))
+}
+
+/// Finds the columns of complete markers: X, Y, Z side by side under a label.
 fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Vec<Column>) {
     let mut names = Vec::with_capacity(dialect.count(axes));
     names.extend(dialect.cells(axes));
@@ -161,7 +179,7 @@ fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Ve
     (labels, columns)
 }
 
-/// Units are words; a row of data without a frame number has numbers.
+/// Returns whether a row consists of units, which are words; a data row without a frame number consists of numbers.
 fn is_unit_row(dialect: Dialect, line: &[u8]) -> bool {
     let mut filled = dialect.cells(line).filter(|cell| !cell.is_empty());
     dialect.first_cell(line).is_empty()

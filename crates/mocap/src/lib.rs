@@ -1,18 +1,16 @@
-//! Marker files of the camera system: a file's bytes in, markers over time out.
+//! Reads and writes marker files of motion-capture systems.
 //!
-//! A CSV export is several ragged tables in one file. The `Trajectories` section is found by
-//! its name; its header names the columns of markers; its rows are parsed byte by byte
-//! straight into one flat vector. C3D files are recognised by their content or name. Nothing is
-//! interpolated and nothing is guessed: what the file leaves empty is missing.
+//! A CSV export consists of several tables of different widths in one file. The `Trajectories` section is found by its
+//! title; its header names the marker columns; its rows are parsed byte by byte into one flat vector. C3D files are
+//! recognised by their content or name. Nothing is interpolated or guessed: empty cells are missing values.
 //!
-//! [`read_markers`] gives a [`Recording`], in mm. The modules in the order that a file passes them:
+//! [`read_markers`] returns a [`Recording`], in mm. The modules are, in the order in which a file passes through them:
 //!
-//! - `bytes` reads and decompresses; then, by format,
-//!   - text: `cells`, `sections`, `header`, `units`, `rows`, `decimals`; `foreign` says what another
-//!     program's file is;
-//!   - C3D: `c3d` (<https://www.c3d.org>), integers and floats of all three processor types;
-//! - both give `markers`; `error`: what was found, what was needed, in which line.
-//! - `write`: the same files from markers, as Nexus writes them.
+//! - `bytes` reads and decompresses files; the next step depends on the format:
+//!   - text: `cells`, `sections`, `header`, `units`, `rows`, `decimals`; `foreign` identifies other files;
+//!   - C3D: `c3d` (<https://www.c3d.org>), with the integers and floats of all three processor types;
+//! - `markers`: the resulting recording; `error`: what was found, what was needed, and in which line;
+//! - `write` writes the same formats as Nexus does.
 //!
 //! ```
 //! use trilink_mocap::{LengthUnit, Recording, csv_bytes, parse_markers};
@@ -26,7 +24,7 @@
 //! # Ok::<(), trilink_mocap::ReadError>(())
 //! ```
 //!
-//! The example `gaps` prints how well the cameras saw each marker.
+//! The example `gaps` prints the coverage of each marker.
 
 mod bytes;
 mod c3d;
@@ -50,53 +48,55 @@ pub use sections::Section;
 pub use trilink_base::LengthUnit;
 pub use write::{c3d_bytes, csv_bytes};
 
-/// Names of marker files end like this, packed or not.
+/// File-name extensions of marker files, which may be followed by `.gz`.
 const ENDINGS: [&str; 2] = [".csv", ".c3d"];
 
-/// Names of the marker files of a folder, sorted.
+/// Lists the names of the marker files in a folder, sorted.
 ///
 /// # Errors
-/// The folder cannot be read.
+/// Returns an error if the folder cannot be read.
 pub fn marker_files(folder: &Path) -> std::io::Result<Vec<String>> {
-    let is_marker_file = |name: &String| {
-        let plain = name.to_ascii_lowercase();
-        let plain = plain.strip_suffix(".gz").unwrap_or(&plain);
-        ENDINGS.iter().any(|end| plain.ends_with(end)) && !name.starts_with('.')
-    };
     let entries = std::fs::read_dir(folder)?.flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    let mut names: Vec<String> = names.filter(is_marker_file).collect();
+    let mut names: Vec<String> = names.filter(|name| is_marker_file(name)).collect();
     names.sort();
     Ok(names)
 }
 
-/// Reads the markers of an exported file, CSV or C3D, as it is or packed by gzip; `unit` is that of
-/// a file which does not say its own.
+fn is_marker_file(name: &str) -> bool {
+    let plain = name.to_ascii_lowercase();
+    let plain = plain.strip_suffix(".gz").unwrap_or(&plain);
+    ENDINGS.iter().any(|ending| plain.ends_with(ending)) && !name.starts_with('.')
+}
+
+/// Reads the markers in an exported file, CSV or C3D, plain or gzipped; `unit` applies if the file does not state a
+/// unit.
 ///
 /// # Errors
-/// The file is missing, unreadable, empty or too large when unpacked; has no `Trajectories`
-/// section with named markers, or two; has text where a number should be, numbers that lost their
-/// decimal point, or frame numbers that do not increase; is a C3D file that is cut or damaged, or
-/// whose counts contradict each other. Every message names the file, the line of a text, what was
-/// found and what was needed.
+/// Returns an error if the file is missing, unreadable, empty or too large when decompressed; if it has no
+/// `Trajectories` section with named markers, or more than one; if it has text in place of a number, numbers that lost
+/// their decimal point, or frame numbers that do not increase; or if it is a C3D file that is truncated, damaged or
+/// inconsistent. Every message names the file, the line if it is a text file, what was found and what was needed.
 pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<Recording, ReadError> {
     parse_markers(path, &read_file(path)?.0, unit)
 }
 
-/// [`read_markers`] of bytes at hand, packed or not; `path` is the file that errors name.
+/// Parses the markers in the bytes of a file, plain or gzipped; error messages refer to the file as `path`.
 ///
 /// # Errors
-/// As [`read_markers`].
+/// Returns an error in the same cases as [`read_markers`].
 pub fn parse_markers(path: &Path, file: &[u8], unit: LengthUnit) -> Result<Recording, ReadError> {
     by_format(path, file, |file| c3d::parse(file, unit), |text| rows::parse(text, unit))
 }
 
-/// Every table of a file's bytes, also those that are not read.
+/// Lists all tables in the bytes of a file, including those that are not read as markers.
 ///
 /// # Errors
-/// The file cannot be unpacked, or is neither text nor C3D.
+/// Returns an error if the file cannot be decompressed or is neither text nor C3D.
 pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ReadError> {
-    by_format(path, file, c3d::sections, |text| Ok(sections::list(cells::Dialect::of(text), text)))
+    by_format(path, file, c3d::sections, |text| {
+        Ok(sections::list(cells::Dialect::detect(text), text))
+    })
 }
 
 fn by_format<T>(
@@ -105,11 +105,11 @@ fn by_format<T>(
     of_c3d: impl Fn(&[u8]) -> Result<T, FileProblem>,
     of_text: impl Fn(&[u8]) -> Result<T, FileProblem>,
 ) -> Result<T, ReadError> {
-    let read = |content: &[u8]| match c3d::is_c3d(path, content) {
-        true => of_c3d(content),
-        false => of_text(bytes::text(content)?),
+    let parse = || {
+        let content = bytes::unpack(file)?;
+        if c3d::is_c3d(path, &content) { of_c3d(&content) } else { of_text(bytes::text(&content)?) }
     };
-    bytes::unpack(file).and_then(|content| read(&content)).map_err(|problem| problem.of(path))
+    parse().map_err(|problem: FileProblem| problem.in_file(path))
 }
 
 #[cfg(test)]

@@ -1,39 +1,37 @@
-//! Markers over time.
+//! Marker positions over time.
 
 use trilink_base::pattern::matches_label;
 
-/// Largest coordinate that is believed: no camera sees a kilometre.
-pub(super) const LARGEST_MM: f64 = 1e6;
+/// Maximum plausible coordinate, mm: no camera system covers a kilometre.
+pub(super) const MAX_MM: f64 = 1e6;
 
-/// Where a marker is that was not seen.
+/// Position of an occluded marker: three NaN.
 pub(super) const MISSING: [f64; 3] = [f64::NAN; 3];
 
-/// The markers of one file, mm in the cameras' frame, in the order of the file.
+/// Recorded markers in one file, mm in the camera frame, in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
-    /// Frame rate that the file states, Hz; a file that somebody trimmed may have none.
+    /// Frame rate stated by the file, Hz; `None` if the file states none, as a trimmed file may.
     pub rate_hz: Option<f64>,
-    /// Frame number of each row, increasing; the first is often not 1, and numbers can jump.
+    /// Frame number of each row, ascending; the first is often not 1, and frame numbers may be missing.
     pub frames: Vec<i64>,
-    /// Labels as they stand in the file, often `Subject:Marker`.
+    /// Labels as in the file, often `Subject:Marker`.
     pub labels: Vec<String>,
-    /// Rows with data but without a frame number, which are left out.
+    /// Number of rows that have data but no frame number; these rows are left out.
     pub rows_without_frame: usize,
-    /// Rows with more cells than the header has columns; what is beyond is not read.
+    /// Number of rows with more cells than the header has columns; the excess cells are ignored.
     pub rows_too_long: usize,
-    /// Numbers of the file about itself that are missing or contradict each other, and what was
-    /// taken.
+    /// Notes on missing or contradictory metadata in the file and on the values used instead.
     pub doubts: Vec<String>,
-    /// Row by row, marker by marker, X, Y, Z; three NaN where the cameras did not see it.
+    /// Positions by row, then marker: X, Y, Z, or three NaN where the marker is occluded.
     pub positions_mm: Vec<[f64; 3]>,
 }
 
 impl Recording {
-    /// Markers that no file has yet: `positions_mm` frame by frame, marker by marker, three NaN where
-    /// one was not seen.
+    /// Creates a recording from positions by frame, then marker, with three NaN where a marker is occluded.
     ///
     /// # Panics
-    /// There are not as many positions as frames times labels.
+    /// Panics if the number of positions is not the number of frames times the number of labels.
     pub fn new(
         rate_hz: Option<f64>,
         frames: Vec<i64>,
@@ -41,17 +39,24 @@ impl Recording {
         positions_mm: Vec<[f64; 3]>,
     ) -> Self {
         assert_eq!(positions_mm.len(), frames.len() * labels.len(), "positions of the recording");
-        let (rows_without_frame, rows_too_long, doubts) = (0, 0, Vec::new());
-        Self { rate_hz, frames, labels, rows_without_frame, rows_too_long, doubts, positions_mm }
+        Self {
+            rate_hz,
+            frames,
+            labels,
+            rows_without_frame: 0,
+            rows_too_long: 0,
+            doubts: Vec::new(),
+            positions_mm,
+        }
     }
 
-    /// Whether a marker is one that any of the patterns names: `*` stands for any characters,
-    /// `?` for one, and the subject may be left out.
+    /// Returns whether any of the patterns matches a marker's label. `*` stands for any characters, `?` for a single
+    /// one, and the subject may be omitted.
     pub fn is_named(&self, marker: usize, patterns: &[String]) -> bool {
         patterns.iter().any(|pattern| matches_label(pattern, &self.labels[marker]))
     }
 
-    /// The file without the markers that any of the patterns names.
+    /// Returns the recording without the markers whose labels match any of the patterns.
     pub fn without(self, patterns: &[String]) -> Self {
         let kept: Vec<usize> =
             (0..self.labels.len()).filter(|&marker| !self.is_named(marker, patterns)).collect();
@@ -59,18 +64,18 @@ impl Recording {
             return self;
         }
         let rows = 0..self.frames.len();
-        let kept_of = |row| kept.iter().map(move |&marker| (row, marker));
         Self {
             labels: kept.iter().map(|&marker| self.labels[marker].clone()).collect(),
             positions_mm: rows
-                .flat_map(kept_of)
+                .flat_map(|row| kept.iter().map(move |&marker| (row, marker)))
                 .map(|(row, marker)| self.position_mm(row, marker))
                 .collect(),
             ..self
         }
     }
 
-    /// Every so manieth frame, numbered anew, at so much less a rate.
+    /// Returns the recording reduced to frames whose numbers are multiples of `stride`, renumbered and with the frame
+    /// rate reduced accordingly.
     pub fn thinned(&self, stride: usize) -> Self {
         let stride = stride.max(1) as i64;
         let kept: Vec<usize> =
@@ -85,31 +90,31 @@ impl Recording {
         }
     }
 
-    /// Turns a file's axes so that its first (0) or second (1) points up: it becomes the third.
+    /// Permutes the axes cyclically so that the upward axis, whose index is `axis` (0 or 1), becomes the third.
     pub fn turn_up(&mut self, axis: usize) {
         for position in &mut self.positions_mm {
             position.rotate_left(axis + 1);
         }
     }
 
-    /// Where a marker was in a row of the file, mm; three NaN where the cameras did not see it.
+    /// Returns the position of a marker in a row, mm; three NaN where the marker is occluded.
     ///
     /// # Panics
-    /// There is no such row or marker.
+    /// Panics if there is no such row or marker.
     #[inline]
     pub fn position_mm(&self, row: usize, marker: usize) -> [f64; 3] {
         self.row_mm(row)[marker]
     }
 
-    /// Leaves labels and frame numbers alone.
+    /// Frees the memory of the positions; labels and frame numbers remain.
     pub fn forget_positions(&mut self) {
         self.positions_mm = Vec::new();
     }
 
-    /// All markers of a row, mm, in the order of [`Recording::labels`].
+    /// Returns the positions of all markers in a row, mm, in the order of [`Recording::labels`].
     ///
     /// # Panics
-    /// There is no such row.
+    /// Panics if there is no such row.
     #[inline]
     pub fn row_mm(&self, row: usize) -> &[[f64; 3]] {
         let markers = self.labels.len();

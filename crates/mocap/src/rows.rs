@@ -1,26 +1,28 @@
-//! The numbers of the markers' table.
+//! Parses the rows of the marker table.
 
 use super::cells::{Dialect, plain_decimal, shown, trimmed};
 use super::header::{self, Column, Header};
-use super::markers::{LARGEST_MM, MISSING};
+use super::markers::{MAX_MM, MISSING};
 use super::{FileProblem, Recording, decimals};
 use crate::LengthUnit;
 
-/// Largest frame number that is believed, so that differences of two cannot overflow.
-const LARGEST_FRAME: f64 = 1e12;
+/// Maximum plausible frame number; with larger ones, differences could overflow.
+const MAX_FRAME: f64 = 1e12;
 
-/// Parses the markers' table, up to the next section or the end of the text; `unit` is that of a
-/// table which does not say its own.
+/// Parses the marker table up to the next section or the end of the text; `unit` applies to a table that does not state
+/// a unit.
 pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProblem> {
     let header = header::find(text, unit)?;
     let dialect = header.dialect;
     let markers = header.labels.len();
-    // Up to the next section; a long recording would be copied to have more room. A full row has a byte per cell.
+    // Number of rows up to the next section: memory is allocated once, so that a long recording need not be copied to
+    // grow.
     let rows = header.body.clone().take_while(|(_, cells)| !dialect.is_blank(cells)).count();
     let rows = rows.min(text.len() / (3 * markers.max(1)));
     let mut frames: Vec<i64> = Vec::with_capacity(rows);
     let mut positions_mm: Vec<[f64; 3]> = Vec::with_capacity(rows * markers);
-    let (mut rows_without_frame, mut rows_too_long) = (0, 0);
+    let mut rows_without_frame = 0;
+    let mut rows_too_long = 0;
     let mut after_blank = false;
     let mut lines = header.body.clone();
     while let Some((line, cells)) = lines.next() {
@@ -30,16 +32,14 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         }
         if is_next_title(dialect, cells, after_blank) {
             let rest = [(line, cells)].into_iter().chain(lines);
-            match header::title_line(dialect, rest) {
-                Some(line) => {
-                    return Err(FileProblem::in_line(
-                        line,
-                        "a second `Trajectories` section",
-                        "one",
-                    ));
-                }
-                None => break,
+            if let Some(line) = header::title_line(dialect, rest) {
+                return Err(FileProblem::in_line(
+                    line,
+                    "a second `Trajectories` section",
+                    "only one",
+                ));
             }
+            break;
         }
         after_blank = false;
         let row = Row { line, cells, header: &header };
@@ -49,20 +49,22 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         };
         if let Some(&previous) = frames.last().filter(|&&previous| frame <= previous) {
             let found = format!("frame {frame} after frame {previous}");
-            return Err(FileProblem::in_line(line, found, "a larger number"));
+            return Err(FileProblem::in_line(line, found, "a larger frame number"));
         }
         frames.push(frame);
         if row.is_cut(text) {
-            let found = format!("the file's end after {} cells of a row", dialect.count(cells));
-            let needed = format!("{}; is the copy complete?", header.columns.len());
+            let found =
+                format!("the end of the file after {} cells of a row", dialect.count(cells));
+            let needed =
+                format!("{} cells; is the copy of the file complete?", header.columns.len());
             return Err(FileProblem::in_line(line, found, needed));
         }
         let start = positions_mm.len();
-        // A full row has a byte per cell, so this many cells mean that rows are cut short;
-        // a crafted file could otherwise ask for far more memory than its own size.
+        // A full row has at least one byte per cell, so a larger number of cells means that rows are cut short.
+        // Otherwise a crafted file could request far more memory than its own size.
         if (start + markers) * 3 > text.len() {
-            let found = format!("rows much shorter than the {markers} markers of the header");
-            return Err(FileProblem::in_line(line, found, "one cell per axis"));
+            let found = format!("rows much too short for the {markers} markers of the header");
+            return Err(FileProblem::in_line(line, found, "one cell for each axis of each marker"));
         }
         positions_mm.resize(start + markers, MISSING);
         let rest = row.positions(&mut positions_mm[start..])?;
@@ -70,32 +72,29 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
     }
     let Header { rate_hz, labels, line, .. } = header;
     if frames.is_empty() {
-        let unnumbered =
-            || format!("{rows_without_frame} rows below line {line} and none with a frame number");
-        return Err(match rows_without_frame {
-            0 => FileProblem::new(
-                format!("no row of numbers below line {line}"),
-                "at least one frame",
-            ),
-            _ => FileProblem::new(unnumbered(), "at least one"),
+        return Err(if rows_without_frame == 0 {
+            FileProblem::new(format!("no row of numbers below line {line}"), "at least one frame")
+        } else {
+            let found =
+                format!("{rows_without_frame} rows below line {line}, all without a frame number");
+            FileProblem::new(found, "at least one row with a frame number")
         });
     }
-    let doubts = Vec::new();
     let file = Recording {
         rate_hz,
         frames,
         labels,
         rows_without_frame,
         rows_too_long,
-        doubts,
+        doubts: Vec::new(),
         positions_mm,
     };
     decimals::check(&file)?;
     Ok(file)
 }
 
-/// A title is a lone text cell; without a blank row above it could be damage, so then only the
-/// names that the camera system writes are believed.
+/// Returns whether a row is the title of the next section: a row whose only cell is text. After a blank row, any text
+/// is accepted; otherwise only titles that the camera system writes, because the row may be a damaged row of data.
 fn is_next_title(dialect: Dialect, row: &[u8], after_blank: bool) -> bool {
     const NAMES: &str =
         "devices,events,joints,model outputs,segments,trajectories,trajectory count";
@@ -105,7 +104,7 @@ fn is_next_title(dialect: Dialect, row: &[u8], after_blank: bool) -> bool {
     })
 }
 
-/// One row of the table.
+/// Row of the marker table.
 struct Row<'a> {
     line: usize,
     cells: &'a [u8],
@@ -113,28 +112,29 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Whether the file ends in the middle of this row: it has neither all its cells nor a line
-    /// end. Exports without a line end after the last full row are common.
+    /// Returns whether the file ends in the middle of this row, so that the row lacks cells and a line end. Exports
+    /// whose last row is complete but lacks a line end are common.
     fn is_cut(&self, text: &[u8]) -> bool {
         self.cells.as_ptr_range().end == text.as_ptr_range().end
             && self.header.dialect.count(self.cells) < self.header.columns.len()
     }
 
-    /// The row's frame number; `None` if the cell is empty.
+    /// Parses the frame number in the row; `None` if the cell is empty.
     fn frame(&self) -> Result<Option<i64>, FileProblem> {
         let dialect = self.header.dialect;
         let cell = dialect.first_cell(self.cells);
         if cell.is_empty() {
             return Ok(None);
         }
-        let is_whole = |frame: &f64| frame.fract() == 0.0 && frame.abs() <= LARGEST_FRAME;
-        let frame = dialect.number(cell).filter(is_whole).map(|frame| Some(frame as i64));
-        frame.ok_or_else(|| self.not_a_number(0, cell, "a whole frame number".to_owned()))
+        dialect
+            .number(cell)
+            .filter(|frame| frame.fract() == 0.0 && frame.abs() <= MAX_FRAME)
+            .map(|frame| Some(frame as i64))
+            .ok_or_else(|| self.not_a_number(0, cell, "a whole frame number".to_owned()))
     }
 
-    /// Fills in what the row has, and gives what is beyond its columns. Cells that are empty or cut
-    /// off stay missing, and a marker of which only some coordinates are there is missing as a
-    /// whole.
+    /// Stores the positions in the row and returns the cells beyond the table's columns. Empty cells and cells that are
+    /// cut off are missing values; a marker that lacks any coordinate is missing as a whole.
     fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], FileProblem> {
         let mut rest = self.cells;
         for (i, column) in self.header.columns.iter().enumerate() {
@@ -158,7 +158,7 @@ impl Row<'_> {
         Ok(rest)
     }
 
-    /// The number at the start of `rest`, mm (NaN for an empty cell), and the length of its cell.
+    /// Parses the number at the start of `rest`, mm (NaN for an empty cell). Also returns the length of the cell.
     #[inline]
     fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), FileProblem> {
         let dialect = self.header.dialect;
@@ -167,18 +167,23 @@ impl Row<'_> {
             return Ok((f64::NAN, 0));
         }
         let mm = self.header.unit.mm();
-        let is_near = |value: &f64| value.abs() <= LARGEST_MM;
+        let is_plausible = |value: &f64| value.abs() <= MAX_MM;
         let plain = plain_decimal(rest).map(|(value, at)| (value * mm, at));
-        if let Some(number) = plain.filter(|(value, at)| is_near(value) && ends(*at)) {
+        if let Some(number) = plain.filter(|(value, at)| is_plausible(value) && ends(*at)) {
             return Ok(number);
         }
         let end = dialect.cell_end(rest);
         let cell = trimmed(&rest[..end]);
-        let number = || dialect.number(cell).map(|value| value * mm);
-        let value = if cell.is_empty() { Some(f64::NAN) } else { number().filter(is_near) };
-        let needed = || format!("a number of {} or an empty cell", self.header.unit);
-        let error = || self.not_a_number(column, cell, needed());
-        Ok((value.ok_or_else(error)?, end))
+        let value = if cell.is_empty() {
+            Some(f64::NAN)
+        } else {
+            dialect.number(cell).map(|value| value * mm).filter(is_plausible)
+        };
+        let value = value.ok_or_else(|| {
+            let needed = format!("a number (in {}) or an empty cell", self.header.unit);
+            self.not_a_number(column, cell, needed)
+        })?;
+        Ok((value, end))
     }
 
     #[cold]

@@ -1,30 +1,31 @@
-//! The tables that an exported file holds, whether they are read or not.
+//! Lists all tables in an exported file, whether they are read as markers or not.
 
 use serde::Serialize;
 
 use super::cells::{Dialect, Lines, shown};
 
-/// More sections are not listed; no export has a tenth of them.
-const MOST_SECTIONS: usize = 64;
+/// Maximum number of sections listed; exports have fewer than ten.
+const MAX_SECTIONS: usize = 64;
 
-/// One table of an exported file.
+/// Table in an exported file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Section {
-    /// Its title; empty if the file does not have it.
+    /// Title; empty if the table has none.
     pub name: String,
-    /// Line where it starts, from 1; 0 in a binary file.
+    /// Number of the table's first line, counted from 1; 0 in a binary file.
     pub line: usize,
-    /// Its own rate, Hz, if the file states one.
+    /// Rate of the table, Hz; `None` if the file states none.
     pub rate_hz: Option<f64>,
-    /// Rows with a frame number.
+    /// Number of rows with a frame number.
     pub rows: usize,
 }
 
-/// All sections of a text. A title is a lone text cell, above a rate or above labels and axes.
+/// Lists all sections of a text file. A title is the only cell in its row, and is followed by a rate or by labels and
+/// axes.
 pub(super) fn list(dialect: Dialect, text: &[u8]) -> Vec<Section> {
     let mut found: Vec<Section> = Vec::new();
     let mut title: Option<(usize, &[u8])> = None;
-    // Whether the last section's row of axes is passed.
+    // Whether the row of axes in the last section has been passed.
     let mut in_table = false;
     for (line, row) in Lines::new(text) {
         if dialect.is_blank(row) {
@@ -38,7 +39,7 @@ pub(super) fn list(dialect: Dialect, text: &[u8]) -> Vec<Section> {
             in_table = true;
         } else if axes || number.is_some() && just_titled {
             let (start, name) = title.take().unwrap_or((line, b""));
-            if found.len() == MOST_SECTIONS {
+            if found.len() == MAX_SECTIONS {
                 break;
             }
             let name = shown(name);

@@ -1,4 +1,4 @@
-//! One fixture for each quirk that exports have and one for each error.
+//! Tests of the readers, with one fixture for each peculiarity of exports and one for each error.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ fn message(name: &str) -> String {
     read_markers(&fixture(name), MM).unwrap_err().to_string()
 }
 
-/// NaN equals NaN here.
+/// Returns the positions in all rows, with `None` in place of NaN so that they can be compared.
 fn rows(file: &Recording) -> Vec<Vec<Option<[f64; 3]>>> {
     let seen = |p: &[f64; 3]| (!p[0].is_nan()).then_some(*p);
     (0..file.frames.len()).map(|row| file.row_mm(row).iter().map(seen).collect()).collect()
@@ -167,7 +167,7 @@ fn every_error_names_file_line_found_and_needed() {
             ": found a table of quoted cells (a graph plot, from Tracker), \
              needed a `Trajectories` section",
         ),
-        ("utf-16.csv", ": found UTF-16, needed a text in UTF-8; save it as `CSV UTF-8`"),
+        ("utf-16.csv", ": found UTF-16, needed UTF-8 text; save the file as `CSV UTF-8`"),
         (
             "not-a-table.csv",
             ": found no section at all in a text that begins with `hello, world`, \
@@ -181,46 +181,52 @@ fn every_error_names_file_line_found_and_needed() {
         (
             "no-labels.csv",
             ", line 3: found `Frame,Sub Frame,X,Y,Z,X,Y,Z`, \
-             needed at least one label with X, Y, Z below it",
+             needed at least one marker label with X, Y, Z below the label",
         ),
         (
             "no-markers.csv",
             ", line 4: found `Frame,Sub Frame,RX,RY,RZ`, \
-             needed at least one label with X, Y, Z below it",
+             needed at least one marker label with X, Y, Z below the label",
         ),
-        ("bad-rate.csv", ", line 2: found `fast`, needed the frame rate, a number of Hz above 0"),
+        ("bad-rate.csv", ", line 2: found `fast`, needed the frame rate, a number above 0 (in Hz)"),
         ("no-rows.csv", ": found no row of numbers below line 5, needed at least one frame"),
         (
             "no-frame-numbers.csv",
-            ": found 2 rows below line 5 and none with a frame number, needed at least one",
+            ": found 2 rows below line 5, all without a frame number, needed at least one row with a frame number",
         ),
-        ("two-trajectories.csv", ", line 16: found a second `Trajectories` section, needed one"),
+        (
+            "two-trajectories.csv",
+            ", line 16: found a second `Trajectories` section, needed only one",
+        ),
         (
             "text-cell.csv",
             ", line 7, column 7 (Snake:M2 Y): found `occluded`, \
-             needed a number of mm or an empty cell",
+             needed a number (in mm) or an empty cell",
         ),
         (
             "nan-cell.csv",
             ", line 6, column 4 (Snake:M1 Y): found `nan`, \
-             needed a number of mm or an empty cell",
+             needed a number (in mm) or an empty cell",
         ),
         ("text-frame.csv", ", line 6, column 1 (Frame): found `one`, needed a whole frame number"),
-        ("frames-backwards.csv", ", line 7: found frame 7 after frame 7, needed a larger number"),
+        (
+            "frames-backwards.csv",
+            ", line 7: found frame 7 after frame 7, needed a larger frame number",
+        ),
         (
             "far-away.csv",
             ", line 6, column 4 (Snake:M1 Y): found `1e30`, \
-             needed a number of mm or an empty cell",
+             needed a number (in mm) or an empty cell",
         ),
         (
             "cut.csv",
-            ", line 7: found the file's end after 5 cells of a row, needed 8; \
-             is the copy complete?",
+            ", line 7: found the end of the file after 5 cells of a row, needed 8 cells; is the copy of the file \
+             complete?",
         ),
         (
             "short-rows.csv",
-            ", line 16: found rows much shorter than the 9 markers of the header, \
-             needed one cell per axis",
+            ", line 16: found rows much too short for the 9 markers of the header, \
+             needed one cell for each axis of each marker",
         ),
     ];
     for (name, rest) in expected {
@@ -245,7 +251,7 @@ fn units_are_understood_and_one_for_all_markers() {
         let expected = [[1.5, -2.0, 3.0], [10.0, 20.0, 30.0]].map(|of| of.map(|x: f64| x * unit));
         assert_eq!(found.row_mm(0), expected, "{units}");
     }
-    // A table without a row of units, as the older Workstation wrote it.
+    // A table without a row of units, as written by the older Workstation.
     assert_eq!(read("", MM).unwrap().row_mm(0), plain.row_mm(0));
     assert_eq!(read("", LengthUnit::M).unwrap().position_mm(0, 0), [1500.0, -2000.0, 3000.0]);
     assert_eq!(
@@ -264,7 +270,8 @@ fn lines_may_end_by_carriage_returns_alone() {
     let lines: Vec<&str> = text.lines().collect();
     for (end, last) in [("\r", "\r"), ("\r", ""), ("\r", "\r\r"), ("\r\n", ""), ("\n", "\n\n")] {
         let text = lines.join(end) + last;
-        let (path, file) = (Path::new("a"), text.as_bytes());
+        let path = Path::new("a");
+        let file = text.as_bytes();
         assert_eq!(parse_markers(path, file, MM).unwrap(), read("nexus.csv"), "{end:?} {last:?}");
         assert_eq!(sections(path, file).unwrap().len(), 3, "{end:?} {last:?}");
     }
@@ -287,7 +294,7 @@ fn labels_are_read_in_utf_8_and_in_windows_1252() {
 }
 
 #[test]
-fn numbers_that_lost_their_decimal_point_are_told() {
+fn numbers_that_lost_their_decimal_point_are_reported() {
     let table = |number: &dyn Fn(f64) -> String| {
         let mut text = "Trajectories\n120\n;;S:A;;\nFrame;Sub Frame;X;Y;Z\n;;mm;mm;mm\n".to_owned();
         for frame in 0..60 {
@@ -297,7 +304,8 @@ fn numbers_that_lost_their_decimal_point_are_told() {
         }
         parse_markers(Path::new("a"), text.as_bytes(), MM).map_err(|error| error.to_string())
     };
-    // Six digits, of which three after the point make it one of thousands.
+    // With six significant digits, a number with three digits after the point is mistaken for one with a thousands
+    // separator.
     let six = |x: f64| format!("{:.2}", x).trim_end_matches('0').to_owned();
     assert_eq!(table(&six).unwrap().doubts, [""; 0]);
     let mixed = |x: f64| match x as i64 % 3 {
@@ -311,14 +319,13 @@ fn numbers_that_lost_their_decimal_point_are_told() {
         message.starts_with(begin) && message.contains("took the points for thousands"),
         "{message}"
     );
-    // Whole numbers are no such thing, nor is a marker that jumps.
+    // Neither integers nor a marker that jumps cause an error.
     assert!(table(&|x| format!("{x:.0}")).is_ok());
-    let far = |x: f64| format!("{}", if x as i64 % 3 == 0 { 200_000.0 } else { x });
-    assert!(table(&far).is_ok());
+    assert!(table(&|x| format!("{}", if x as i64 % 3 == 0 { 200_000.0 } else { x })).is_ok());
 }
 
 #[test]
-fn files_of_other_kinds_are_named_with_what_to_do() {
+fn files_of_other_formats_are_identified_with_advice() {
     let motive = "Format Version,1.23,Take Name,take 7,Capture Frame Rate,100.000000,Length Units,Meters\n\n\
                   ,,Marker,Marker,Marker\n,,Car:A,Car:A,Car:A\n,,1,1,1\n,,Position,Position,Position\n\
                   Frame,Time (Seconds),X,Y,Z\n0,0.000000,0.1,0.2,0.05\n1,0.010000,0.101,0.202,0.05\n";
@@ -326,7 +333,7 @@ fn files_of_other_kinds_are_named_with_what_to_do() {
     let kinds: [(&[u8], &str, &str); 11] = [
         (
             motive.as_bytes(),
-            "an OptiTrack Motive export, which is not read yet",
+            "an OptiTrack Motive export, which is not supported yet",
             "; export C3D from Motive instead, with Z up",
         ),
         (
@@ -338,8 +345,8 @@ fn files_of_other_kinds_are_named_with_what_to_do() {
         (b"PK\x03\x04\0\0", "a zip archive or an Excel workbook", "; save or unpack it as CSV"),
         (
             b"frame,time_s,link0_x_m\n1,0,0.1\n",
-            "a table of `trilink export`",
-            "; take the marker file that it was made from",
+            "a table written by `trilink export`",
+            "; use the marker file from which it was made",
         ),
         (b"<!DOCTYPE html>\n<html>", "HTML or XML", "; export CSV or C3D"),
         (&utf16, "UTF-16", ""),
@@ -351,7 +358,7 @@ fn files_of_other_kinds_are_named_with_what_to_do() {
         ),
         (
             b"Frame,Sub Frame,X,Y,Z\n1,0,1,2,3\n",
-            "a row of axes in line 1, and no title above it",
+            "a row of axes in line 1 without a title above it",
             "",
         ),
         (b"dear all\n", "no section at all in a text that begins with `dear all`", ""),
@@ -364,7 +371,7 @@ fn files_of_other_kinds_are_named_with_what_to_do() {
 
 #[test]
 fn a_packed_file_that_is_cut_off_is_an_error() {
-    // What follows is the unpacking library's own words.
+    // The rest of the message comes from the decompression library.
     let expected = format!("{}: cannot be unpacked: ", fixture("broken.csv.gz").display());
     assert!(message("broken.csv.gz").starts_with(&expected));
 }
@@ -381,8 +388,8 @@ fn a_packed_file_that_grows_beyond_the_limit_is_refused() {
     assert!(bytes::unpack_at_most(&file, unpacked).is_ok());
     let error = bytes::unpack_at_most(&file, unpacked - 1).unwrap_err();
     let limit = unpacked - 1;
-    let expected = format!("a: found more than {limit} bytes when unpacked, needed at most that");
-    assert_eq!(error.of(Path::new("a")).to_string(), expected);
+    let expected = format!("a: found more than {limit} bytes when unpacked, needed a smaller file");
+    assert_eq!(error.in_file(Path::new("a")).to_string(), expected);
 }
 
 #[test]
@@ -393,11 +400,11 @@ fn a_packed_file_that_is_made_to_fill_the_memory_is_refused() {
     assert!(bomb.len() < 1 << 20);
     assert_eq!(
         parse_markers(Path::new("a"), &bomb, MM).unwrap_err().to_string(),
-        "a: found more than 67108864 bytes when unpacked, needed at most that"
+        "a: found more than 67108864 bytes when unpacked, needed a smaller file"
     );
 }
 
-/// Polars alone took 1.6 times as long as this reader for the same bytes, one thread each.
+/// Polars took 1.6 times as long as this reader for the same bytes, with one thread each.
 #[test]
 #[ignore = "a timing; alone and with --release: cargo test --release -p trilink-mocap --lib reading -- --ignored"]
 fn reading_is_as_fast_as_parsing_every_cell() {
@@ -427,7 +434,7 @@ fn reading_is_as_fast_as_parsing_every_cell() {
     assert!(read <= parse, "reading {read:?}, every cell {parse:?}");
 }
 
-/// Bytes of every fixture.
+/// Returns the bytes of every fixture.
 fn fixtures() -> &'static [Vec<u8>] {
     static FIXTURES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
     FIXTURES.get_or_init(|| {
@@ -438,7 +445,7 @@ fn fixtures() -> &'static [Vec<u8>] {
     })
 }
 
-/// What reading may hold at most, bytes: so many times the file, and some.
+/// Maximum memory of a recording as a multiple of the file size.
 const MEMORY_FACTOR: usize = 64;
 
 impl Recording {
@@ -451,12 +458,12 @@ impl Recording {
     }
 }
 
-/// One thing that happens to a file, somewhere in it.
+/// Damage to a file at one position.
 #[derive(Debug, Clone)]
 enum Damage {
     Byte(u8),
     Insert(&'static [u8]),
-    /// So many bytes are gone, or are there twice.
+    /// Number of bytes removed or repeated.
     Remove(usize),
     Repeat(usize),
 }
@@ -507,8 +514,8 @@ fn apply(file: &mut Vec<u8>, at: prop::sample::Index, damage: Damage) {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 4000, ..ProptestConfig::default() })]
 
-    /// Damage anywhere in any file gives a result or an error, never a marker that is there in
-    /// part, and never much more memory than the file has bytes.
+    /// Damage anywhere in any file leads to a result or an error, never to a position with only some coordinates, and
+    /// never to memory use far beyond the size of the file.
     #[test]
     fn damaged_files_neither_panic_nor_fill_the_memory(
         which in any::<prop::sample::Index>(),

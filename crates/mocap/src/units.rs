@@ -1,9 +1,9 @@
-//! Units of length as marker files write them.
+//! Names of length units in marker files.
 
 use trilink_base::LengthUnit;
 
-/// The unit that a text names; capitals do not matter.
-pub(super) fn of_text(text: &[u8]) -> Option<LengthUnit> {
+/// Parses the name of a unit, ignoring case; `None` if it is unknown.
+pub(super) fn parse(text: &[u8]) -> Option<LengthUnit> {
     Some(match text.to_ascii_lowercase().as_slice() {
         b"mm" | b"millimeter" | b"millimeters" | b"millimetre" | b"millimetres" => LengthUnit::Mm,
         b"cm" | b"centimeter" | b"centimeters" | b"centimetre" | b"centimetres" => LengthUnit::Cm,
@@ -13,7 +13,7 @@ pub(super) fn of_text(text: &[u8]) -> Option<LengthUnit> {
     })
 }
 
-/// The units, for a message.
+/// Returns a list of the known units for a message.
 pub(super) fn needed() -> String {
     format!("a unit of length: `{}`", LengthUnit::ALL.map(LengthUnit::name).join("`, `"))
 }

@@ -1,8 +1,8 @@
-//! A figure of two panels with model curves and measurements, as SVG, PNG, PDF and CSV.
+//! Writes a figure of two panels with model curves and measurements as SVG, PNG, PDF and CSV.
 //!
-//! The numbers are made up: a resonance curve, a band around it, and points with error bars. The
-//! CSV holds the points of curves and measurements and the half-widths of the error bars (95 %
-//! intervals), not the bands.
+//! The data are made up: a resonance curve, a band around it, and points with error bars. The CSV contains
+//! the points of the curves and measurements and the half-widths of the error bars (95 % intervals), but not
+//! the bands.
 //!
 //! ```sh
 //! cargo run -p trilink-plot --example figure                   # into figure/ of the temp folder
@@ -17,19 +17,20 @@ use trilink_plot::{Figure, Format, INK, Layer, Layout, Look, Panel, RGBColor, SO
 const BLUE: RGBColor = RGBColor(0, 114, 178);
 const OMEGA: &str = "Actuation frequency ω (rad/s)";
 
-/// Displacement per cycle at a frequency, m: a resonance of natural frequency 3.5 rad/s and damping
-/// ratio 0.5.
+/// Returns the displacement per cycle at a frequency, m: a resonance curve with a natural frequency of 3.5
+/// rad/s and a damping ratio of 0.5.
 fn d_m(omega_rad_s: f64) -> f64 {
     let ratio = omega_rad_s / 3.5;
     0.2 / ((1.0 - ratio * ratio).powi(2) + ratio * ratio).sqrt()
 }
 
-/// Speed in cm/s of a robot that advances so far each cycle.
+/// Returns the mean speed at a frequency, cm/s, from the displacement per cycle [`d_m`].
 fn v_cm_s(omega_rad_s: f64) -> f64 {
     100.0 * d_m(omega_rad_s) * omega_rad_s / std::f64::consts::TAU
 }
 
-/// One quantity as a curve with a band of 5 % and as measurements with 95 % intervals.
+/// Returns a panel that shows a quantity as a curve with a band of 5 % on either side, and as made-up
+/// measurements whose 95 % intervals have the half-width `error`.
 fn panel(title: &str, y_label: &str, of: fn(f64) -> f64, error: f64) -> Panel {
     let curve = (10..=60).map(|tenth| f64::from(tenth) / 10.0).map(|omega| (omega, of(omega)));
     let mut model = Layer::new("model", curve, Look::Line { colour: BLUE, dash: SOLID });

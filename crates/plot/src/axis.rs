@@ -1,4 +1,4 @@
-//! The limits, the ticks and the scale of an axis.
+//! Range, ticks and scale of a plot axis.
 
 use plotters::coord::ranged1d::{
     BoldPoints, KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter,
@@ -9,7 +9,7 @@ use trilink_statistics::extremes;
 
 use super::style::text_width;
 
-/// From where to where an axis goes.
+/// Closed interval of values.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Range {
     pub low: f64,
@@ -25,86 +25,88 @@ impl Range {
         (self.low..=self.high).contains(&value)
     }
 
-    /// From the least of the values that can be drawn to the greatest.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let [low, high] = extremes(values.into_iter().filter(|value| value.abs() <= LARGEST));
+    /// Returns the smallest range that contains all drawable values; `None` if there are none.
+    pub fn enclosing(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let [low, high] = extremes(values.into_iter().filter(|value| value.abs() <= MAX_VALUE));
         (low <= high).then_some(Self { low, high })
     }
 }
 
-/// How an axis divides.
+/// Scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub enum Scale {
-    /// Linear, from zero if the values come near it.
+    /// Linear; begins at zero if the smallest value is near zero relative to the largest.
     #[default]
     Linear,
-    /// Linear from zero, unless there are values below.
+    /// Linear; begins at zero unless there are negative values.
     FromZero,
-    /// Linear, with ticks at whole numbers.
+    /// Linear, with ticks at integers.
     Whole,
-    /// Linear, and a unit is as long as on the other axis.
+    /// Linear, with the same length per unit as the other axis (equal aspect ratio).
     Equal,
-    /// Logarithmic where positive values go over decades.
+    /// Logarithmic if all values are positive and span a large ratio, otherwise linear.
     Decades,
 }
 
-/// From this ratio of its ends on an axis of positive values is logarithmic.
-const LOGARITHMIC: f64 = 5.0;
-/// Where all values lie above this part of the greatest one, an axis from zero would show little
-/// but white.
+/// Minimum ratio of the largest to the smallest value on a logarithmic axis.
+const MIN_LOGARITHMIC_RATIO: f64 = 5.0;
+/// Ratio of the smallest to the largest value below which a linear axis begins at zero.
 const NEAR_ZERO: f64 = 0.5;
-/// Part of the values' extent that is left free on either side of them.
+/// Margin on either side of the values, as a fraction of their span.
 const MARGIN: f64 = 0.05;
-/// How many ticks more than there should be an axis may have so that it has two.
-const SOME_MORE: usize = 3;
-/// Of the greatest value: smaller differences are not spread over the axis.
-const LEAST_SPAN: f64 = 1e-3;
-/// Farther from zero nothing is drawn, and with less between them values are one: beyond, spans
-/// and pixels are no numbers.
-const LARGEST: f64 = 1e100;
-const SMALLEST: f64 = 1e-100;
+/// Number of ticks by which an axis may exceed its maximum number of ticks in order to have at least two.
+const MAX_EXTRA_TICKS: usize = 3;
+/// Minimum span of an axis relative to its largest value, so that tiny differences do not fill the axis.
+const MIN_SPAN: f64 = 1e-3;
+/// Maximum magnitude of a drawable value; beyond it, spans and pixels would not be finite.
+const MAX_VALUE: f64 = 1e100;
+/// Minimum difference between distinct values; below it, spans and pixels would not be finite.
+const MIN_DIFFERENCE: f64 = 1e-100;
 
-/// An axis. Its coordinates are values, of a logarithmic one their decimal logarithms.
+/// Axis whose coordinates are the values, or their decimal logarithms if it is logarithmic.
 #[derive(Debug, Clone)]
 pub(crate) struct Axis {
     pub is_logarithmic: bool,
     is_whole: bool,
     pub range: Range,
     pub ticks: Vec<f64>,
-    /// What ticks are called, if not by their numbers.
+    /// Tick labels to use in place of numbers, each with its position.
     names: Vec<(f64, String)>,
 }
 
 impl Axis {
-    /// An axis without ticks.
+    /// Returns a linear axis over `range` without ticks.
     pub(crate) fn linear(range: Range) -> Self {
-        let (ticks, names) = (Vec::new(), Vec::new());
-        Self { is_logarithmic: false, is_whole: false, range, ticks, names }
+        let is_logarithmic = false;
+        Self { is_logarithmic, is_whole: false, range, ticks: Vec::new(), names: Vec::new() }
     }
 
-    /// An axis with room for all finite values, or for those within `shown`.
+    /// Returns an axis that covers all drawable values or, if `shown` is given, only those within this range.
     pub(crate) fn new(values: &[f64], shown: Option<Range>, scale: Scale) -> Self {
-        let is_shown = |value: &f64| shown.is_none_or(|shown| shown.contains(*value));
-        let Some(extent) = Range::of(values.iter().copied().filter(is_shown)) else {
+        let values = values.iter().copied();
+        let values = values.filter(|value| shown.is_none_or(|shown| shown.contains(*value)));
+        let Some(Range { mut low, mut high }) = Range::enclosing(values) else {
             return Self::linear(Range { low: 0.0, high: 1.0 });
         };
-        let Range { low, high } = extent;
-        let is_logarithmic = scale == Scale::Decades && low > 0.0 && high > LOGARITHMIC * low;
+        let is_logarithmic =
+            scale == Scale::Decades && low > 0.0 && high > MIN_LOGARITHMIC_RATIO * low;
         let is_near_zero = scale == Scale::Linear && low < NEAR_ZERO * high;
         let from_zero = low >= 0.0 && (is_near_zero || scale == Scale::FromZero);
-        let (low, high) = match is_logarithmic {
-            true => (low.log10(), high.log10()),
-            false => (if from_zero { 0.0 } else { low }, high),
-        };
-        let span = (high - low).max(LEAST_SPAN * high.abs());
-        let span = if span < SMALLEST { 1.0 } else { span };
+        if is_logarithmic {
+            low = low.log10();
+            high = high.log10();
+        } else if from_zero {
+            low = 0.0;
+        }
+        let span = (high - low).max(MIN_SPAN * high.abs());
+        let span = if span < MIN_DIFFERENCE { 1.0 } else { span };
         let margin = MARGIN * span + 0.5 * (span - (high - low));
         let low = if from_zero { 0.0 } else { low - margin };
         let is_whole = scale == Scale::Whole;
         Self { is_logarithmic, is_whole, ..Self::linear(Range { low, high: high + margin }) }
     }
 
-    /// It with names of ticks, in order; there are no others, if there are any.
+    /// Sets named ticks, which must be in ascending order. If there are any, the axis has no other ticks.
     pub(crate) fn named(self, names: &[(f64, String)]) -> Self {
         let within = names.iter().filter(|(tick, _)| self.range.contains(*tick));
         Self { names: within.cloned().collect(), ..self }
@@ -115,77 +117,82 @@ impl Axis {
         Some(&self.names[index].1)
     }
 
-    /// Makes units of two axes of `width` and `height` px equally long, by giving one axis more
-    /// room.
+    /// Makes one unit equally long on both axes, which are `width` and `height` px long, by extending the
+    /// range of one axis.
     pub(crate) fn equalise(x: &mut Self, y: &mut Self, width: f64, height: f64) {
         let coarser = (x.range.span() / width).max(y.range.span() / height);
         for (axis, length) in [(x, width), (y, height)] {
-            let middle = 0.5 * (axis.range.low + axis.range.high);
+            let midpoint = 0.5 * (axis.range.low + axis.range.high);
             let half = 0.5 * coarser * length;
-            axis.range = Range { low: middle - half, high: middle + half };
+            axis.range = Range { low: midpoint - half, high: midpoint + half };
         }
     }
 
-    /// Sets at most so many ticks, or some more where these would be fewer than two; fewer if these do not
-    /// satisfy `have_room`, but two if there are.
-    pub(crate) fn set_ticks(&mut self, most: usize, have_room: impl Fn(&Self) -> bool) {
+    /// Sets at most `max_ticks` ticks, and so few that, according to `have_room`, their labels fit. At least two ticks
+    /// are set if possible, even if that takes slightly more than `max_ticks`.
+    pub(crate) fn set_ticks(&mut self, max_ticks: usize, have_room: impl Fn(&Self) -> bool) {
         let ticks = match (self.names.is_empty(), self.is_logarithmic) {
             (false, _) => Self::named_ticks,
             (true, true) => Self::logarithmic_ticks,
             (true, false) => Self::linear_ticks,
         };
-        let tells = |most: &usize| ticks(self, *most).len() > 1;
-        let most = (most..most + SOME_MORE).find(tells).unwrap_or(most);
-        for most in (1..=most).rev() {
-            let found = ticks(self, most);
+        let mut maxima = max_ticks..max_ticks + MAX_EXTRA_TICKS;
+        let max_ticks = maxima.find(|max| ticks(self, *max).len() > 1).unwrap_or(max_ticks);
+        for max_ticks in (1..=max_ticks).rev() {
+            let found = ticks(self, max_ticks);
             let is_last = found.len() < 2 && self.ticks.len() > 1;
             if !is_last {
                 self.ticks = found;
             }
-            let are_right = !self.is_whole || self.ticks.iter().all(|tick| tick.fract() == 0.0);
-            if is_last || are_right && have_room(self) {
+            let are_valid = !self.is_whole || self.ticks.iter().all(|tick| tick.fract() == 0.0);
+            if is_last || are_valid && have_room(self) {
                 break;
             }
         }
     }
 
-    /// Width of the widest label of a tick, px.
+    /// Returns the width of the widest tick label, px.
     pub(crate) fn label_width(&self) -> f64 {
         let widths = self.ticks.iter().map(|tick| text_width(&self.format_ext(tick)));
         widths.fold(0.0, f64::max)
     }
 
-    fn named_ticks(&self, most: usize) -> Vec<f64> {
-        let every = self.names.len().div_ceil(most);
+    fn named_ticks(&self, max_ticks: usize) -> Vec<f64> {
+        let every = self.names.len().div_ceil(max_ticks);
         self.names.iter().step_by(every).map(|(tick, _)| *tick).collect()
     }
 
-    fn linear_ticks(&self, most: usize) -> Vec<f64> {
-        // Plotters tells numbers apart to 2e-16, whatever their size.
+    fn linear_ticks(&self, max_ticks: usize) -> Vec<f64> {
+        // Plotters compares numbers with an absolute tolerance of 2e-16, so extreme numbers must be scaled
+        // first.
         let unit = 10_f64.powf(self.range.span().log10().floor());
         let unit = if (1e-9..1e9).contains(&unit) { 1.0 } else { unit };
         let range = RangedCoordf64::from(self.range.low / unit..self.range.high / unit);
-        range.key_points(BoldPoints(most)).into_iter().map(|tick| unit * tick).collect()
+        range.key_points(BoldPoints(max_ticks)).into_iter().map(|tick| unit * tick).collect()
     }
 
-    /// Decades, and where there is room their halves and fifths: plotters knows whole decades
-    /// alone, of which many axes here have none.
-    fn logarithmic_ticks(&self, most: usize) -> Vec<f64> {
-        let within = |factors: &[f64]| -> Vec<f64> {
-            let decades = (self.range.low.floor() as i32)..=(self.range.high.ceil() as i32);
-            let of_decade = |power| factors.iter().map(move |f| f.log10() + f64::from(power));
-            let ticks = decades.flat_map(of_decade);
-            ticks.filter(|tick| self.range.contains(*tick)).collect()
-        };
-        let fine = within(&[1.0, 2.0, 5.0]);
-        let decades = if fine.len() <= most { fine } else { within(&[1.0]) };
-        let every = decades.len().div_ceil(most).max(1);
-        decades.into_iter().step_by(every).collect()
+    /// Returns ticks at 1, 2 and 5 times powers of ten, or only at powers of ten if there would be too many.
+    /// Plotters itself offers only powers of ten, which many axes do not contain.
+    fn logarithmic_ticks(&self, max_ticks: usize) -> Vec<f64> {
+        let fine = self.decade_ticks(&[1.0, 2.0, 5.0]);
+        let ticks = if fine.len() <= max_ticks { fine } else { self.decade_ticks(&[1.0]) };
+        let every = ticks.len().div_ceil(max_ticks).max(1);
+        ticks.into_iter().step_by(every).collect()
     }
 
-    /// A value in the axis' coordinates; NaN if it cannot be drawn.
+    /// Returns ticks at powers of ten multiplied by each of `factors`, within the range of the axis.
+    fn decade_ticks(&self, factors: &[f64]) -> Vec<f64> {
+        let mut ticks = Vec::new();
+        for power in (self.range.low.floor() as i32)..=(self.range.high.ceil() as i32) {
+            ticks.extend(factors.iter().map(|factor| factor.log10() + f64::from(power)));
+        }
+        ticks.retain(|tick| self.range.contains(*tick));
+        ticks
+    }
+
+    /// Converts a value to a coordinate of the axis; NaN if the value cannot be drawn.
     pub(crate) fn scaled(&self, value: f64) -> f64 {
-        let value = if value.abs() <= LARGEST { value } else { f64::NAN };
+        let value = if value.abs() <= MAX_VALUE { value } else { f64::NAN };
         if self.is_logarithmic { value.log10() } else { value }
     }
 }
@@ -195,8 +202,8 @@ impl Ranged for Axis {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
-        let part = (value - self.range.low) / self.range.span();
-        from + (part * f64::from(to - from)).round() as i32
+        let fraction = (value - self.range.low) / self.range.span();
+        from + (fraction * f64::from(to - from)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
@@ -209,10 +216,10 @@ impl Ranged for Axis {
 }
 
 impl ValueFormatter<f64> for Axis {
-    /// With as many decimals as any of the ticks needs.
+    /// Formats a tick with as many decimals as the tick that needs most.
     fn format_ext(&self, tick: &f64) -> String {
         if let Some(name) = self.name(*tick) {
-            // Neighbours of one name have it once.
+            // Neighbouring ticks with the same name show the name only once.
             let before = self.ticks.iter().rev().find(|before| *before < tick);
             let is_new = before.is_none_or(|before| self.name(*before) != Some(name));
             return if is_new { name.to_owned() } else { String::new() };
@@ -263,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_that_have_names_stand_where_these_are() {
+    fn named_ticks_are_at_the_positions_of_their_names() {
         let names = ["1 Nov", "1 Nov", "2 Nov", "3 Nov"];
         let names: Vec<(f64, String)> =
             (1..).map(f64::from).zip(names.map(str::to_owned)).collect();
@@ -280,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_of_counted_things_are_whole_numbers() {
+    fn ticks_of_counts_are_integers() {
         for last in 2..40 {
             let mut axis = Axis::new(&[1.0, f64::from(last)], None, Scale::Whole);
             axis.set_ticks(5, |_| true);
@@ -301,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn one_value_and_none_still_have_a_range() {
+    fn a_single_value_and_none_have_a_range() {
         for values in [vec![], vec![0.0], vec![3.0]] {
             for scale in [Scale::Linear, Scale::FromZero, Scale::Equal, Scale::Decades] {
                 let mut axis = Axis::new(&values, None, scale);
@@ -315,7 +322,8 @@ mod tests {
     fn a_metre_is_as_long_along_both_axes() {
         let [mut x, mut y] =
             [[0.0, 4.0], [-0.1, 0.1]].map(|values| Axis::new(&values, None, Scale::Equal));
-        let (width, height) = (300.0, 100.0);
+        let width = 300.0;
+        let height = 100.0;
         Axis::equalise(&mut x, &mut y, width, height);
         let metre = |axis: &Axis, length: f64| length / axis.range.span();
         assert!((metre(&x, width) - metre(&y, height)).abs() < 1e-9);
@@ -323,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_to_be_shown_does_not_stretch_the_axis() {
+    fn values_outside_the_shown_range_do_not_stretch_the_axis() {
         let shown = Some(Range { low: -5.0, high: 5.0 });
         let axis = Axis::new(&[-1.0, 1.0, 400.0], shown, Scale::Linear);
         assert!(axis.range.high > 1.0 && axis.range.high < 1.2);

@@ -1,42 +1,42 @@
-//! A figure in the formats of files.
+//! Encoding of a figure in the supported file formats.
 
 use trilink_base::named;
 
 use crate::{Drawing, Figure, pdf, plotted, raster};
 
 named! {
-    /// Formats that figures are written in.
+    /// File format of a figure.
     pub enum Format {
-        /// With its font inside.
+        /// SVG with an embedded font.
         Svg = "svg",
-        /// 288 dots per inch on screens, 600 in print.
+        /// PNG with 288 dots per inch, or 600 for a figure with a printed width.
         Png = "png",
-        /// One page of the figure's size.
+        /// PDF with a single page of the figure's size.
         Pdf = "pdf",
-        /// The plotted numbers.
+        /// Plotted data as CSV.
         Csv = "csv",
     }
 }
 
-/// Why a figure cannot be drawn.
+/// Error that occurred while a figure was drawn.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("figure {figure}: cannot be drawn: {message}")]
 pub struct DrawError {
-    /// Its name.
+    /// Name of the figure that could not be drawn.
     pub figure: String,
     pub message: String,
 }
 
 impl Figure {
-    /// The bytes of a file in one format.
+    /// Encodes the figure in one format.
     ///
     /// # Errors
-    /// The figure cannot be drawn.
+    /// Returns an error if the figure cannot be drawn.
     pub fn encode(&self, format: Format) -> Result<Vec<u8>, DrawError> {
         if format == Format::Csv {
             return Ok(plotted::csv(self).into_bytes());
         }
-        let svg = Drawing::of(self)?.svg();
+        let svg = Drawing::new(self)?.svg();
         match format {
             Format::Png => self.png(&self.parsed(&svg)?),
             Format::Pdf => self.pdf(&self.parsed(&svg)?),
@@ -44,12 +44,13 @@ impl Figure {
         }
     }
 
-    /// The drawing, and the bytes of its files in the order of [`Format::ALL`].
+    /// Encodes the figure in all formats. Returns the drawing, and the encoded files in the order of
+    /// [`Format::ALL`].
     ///
     /// # Errors
-    /// The figure cannot be drawn.
+    /// Returns an error if the figure cannot be drawn.
     pub fn encode_all(&self) -> Result<(Drawing, [Vec<u8>; 4]), DrawError> {
-        let drawing = Drawing::of(self)?;
+        let drawing = Drawing::new(self)?;
         let svg = drawing.svg();
         let tree = self.parsed(&svg)?;
         let files =

@@ -1,19 +1,20 @@
-//! A figure before it is drawn.
+//! Description of figures: panels, layers, points and print size.
 
 use serde::Serialize;
 
 use super::axis::{Range, Scale};
 use super::style::{EM, Look, SAMPLE, Shape};
 
-/// Notice in every file of a figure that shows synthetic trials: drawn below the panels and stored as a comment.
+/// Notice for figures that show synthetic trials, drawn below the panels and stored as a comment in every
+/// file.
 pub(crate) const SYNTHETIC: &str = "Synthetic trials, not recorded";
 
-/// Of a pixel in print, as SVG and pages have it.
+/// Size of a pixel in print, as in SVG and HTML, points.
 pub(crate) const PT_PER_PX: f32 = 0.75;
 pub(crate) const PX_PER_INCH: f32 = 96.0;
 const MM_PER_INCH: f64 = 25.4;
 
-/// A point of a layer with the half-width of its error bar. What is not a number is not known.
+/// Point of a layer with the half-width of its error bar; unknown values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Point {
     pub x: f64,
@@ -21,19 +22,19 @@ pub struct Point {
     pub error: f64,
 }
 
-/// One of the things that a panel shows.
+/// Series of points in a panel, such as a line or a set of markers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Layer {
     pub name: String,
     pub points: Vec<Point>,
     pub look: Look,
-    /// Trials that the points are of, if they are of trials.
+    /// Name of the trial for each point; empty if the points do not belong to trials.
     pub trials: Vec<String>,
-    /// Limits of a line's interval at each of its points, if it has any.
+    /// Lower and upper limit of the band around a line at each point; empty if there is no band.
     pub band: Vec<[f64; 2]>,
 }
 
-/// One panel with its axes.
+/// Panel with its axes.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Panel {
     pub title: String,
@@ -42,32 +43,33 @@ pub struct Panel {
     pub layers: Vec<Layer>,
     pub x_scale: Scale,
     pub y_scale: Scale,
-    /// What ticks at these whole numbers are called, in order; there are no others.
+    /// Labels on the horizontal axis in place of numeric ticks, each with its integer position, in ascending
+    /// order.
     pub x_names: Vec<(f64, String)>,
-    /// What the vertical axis has to show, if not all values.
+    /// Range to which the vertical axis is limited; `None` to show all values.
     pub shown: Option<Range>,
-    /// Lines of text in the panel's upper right corner.
+    /// Lines of text in the upper right corner of the panel.
     pub notes: Vec<String>,
-    /// What lies beyond the panel, at the right end of its title.
+    /// Remark about values outside the panel's range, written to the right of the title.
     pub beyond: String,
 }
 
-/// How panels are put together.
+/// Arrangement of the panels in a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub enum Layout {
-    /// Side by side, up to three in a row.
+    /// Up to three panels per row.
     #[default]
     Grid,
-    /// Two in a row; one that is left over is as wide as both.
+    /// Two panels per row; a single panel in the last row is as wide as both.
     Pairs,
-    /// Above one another. They share the horizontal axis if it is of the same quantity.
+    /// One panel per row; panels with the same quantity on their horizontal axes share the axis.
     Stack,
 }
 
-/// The size of a figure in print.
+/// Size of a figure in print.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Print {
-    /// As wide as the panels need if there is none.
+    /// Width in print, mm; `None` for the width that the panels need.
     pub width_mm: Option<f64>,
     pub font_pt: f64,
 }
@@ -79,41 +81,41 @@ impl Default for Print {
 }
 
 impl Print {
-    /// How much larger than drawn it is printed.
+    /// Returns the ratio of the printed size to the drawn size.
     pub fn scale(self) -> f64 {
         self.font_pt / Self::default().font_pt
     }
 
-    /// Of its pixels: more where it is to be printed.
+    /// Returns the resolution of a PNG, which is higher for a figure with a printed width.
     pub(crate) fn dots_per_inch(self) -> f32 {
         if self.width_mm.is_some() { 600.0 } else { 288.0 }
     }
 
-    /// The width to draw it with, px.
+    /// Returns the width of the drawing, px; `None` for the width that the panels need.
     pub fn width(self) -> Option<f64> {
         self.width_mm.map(|mm| mm / MM_PER_INCH * f64::from(PX_PER_INCH) / self.scale())
     }
 }
 
-/// A grid of panels.
+/// Figure: a grid of panels.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Figure {
-    /// Name of its files without extension, such as `fig16`.
+    /// Name of the figure's files without their extension, such as `fig16`.
     pub stem: String,
-    /// What is plotted, in a line.
+    /// Title of the figure, in one line.
     pub title: String,
-    /// What a reader has to know beyond the title.
+    /// Caption, with everything that a reader needs to know beyond the title.
     pub caption: String,
-    /// Campaigns that are in it.
+    /// Names of the campaigns that the figure shows.
     pub campaigns: Vec<String>,
     pub panels: Vec<Panel>,
     pub layout: Layout,
     pub print: Print,
-    /// It shows trials that were computed, or what was fitted to them; its files say so.
+    /// Whether the figure shows synthetic trials or fits to them; if so, its files say so.
     pub is_synthetic: bool,
-    /// The plotted numbers as CSV and what they show as text, where these have more to them than
-    /// the panels.
+    /// Data to write as CSV in place of the panels' data; `None` for the panels' data.
     pub csv: Option<String>,
+    /// Text alternative of the figure; `None` to derive it from titles and labels.
     pub alternative: Option<String>,
 }
 
@@ -123,20 +125,28 @@ impl Layer {
         Self::with_errors(name, points, look)
     }
 
-    /// Points with half-widths of error bars.
+    /// Creates a layer from points `(x, y, half-width of the error bar)`.
     pub fn with_errors(
         name: &str,
         points: impl IntoIterator<Item = (f64, f64, f64)>,
         look: Look,
     ) -> Self {
         let points = points.into_iter().map(|(x, y, error)| Point { x, y, error });
-        let (name, points) = (name.to_owned(), points.collect());
-        Self { name, points, look, trials: Vec::new(), band: Vec::new() }
+        Self {
+            name: name.to_owned(),
+            points: points.collect(),
+            look,
+            trials: Vec::new(),
+            band: Vec::new(),
+        }
     }
 
-    /// What a legend has of the layer, px from its middle: measurements have error bars there, too.
+    /// Returns a layer that represents this layer in a legend: a line or a marker, with an error bar if any point of
+    /// this layer has one. Its coordinates are in px from the centre of the legend key. Returns `None` if legends do
+    /// not list the layer.
     fn sample(&self) -> Option<Self> {
-        let has_bar = self.points.iter().any(|of| of.error > 0.0 && of.error.is_finite());
+        let mut errors = self.points.iter().map(|point| point.error);
+        let has_bar = errors.any(|error| error > 0.0 && error.is_finite());
         let bar = if has_bar { 7.0 } else { 0.0 };
         let half = 0.5 * SAMPLE;
         let (points, look) = match self.look {
@@ -158,11 +168,16 @@ impl Panel {
         y_label: impl Into<String>,
         layers: Vec<Layer>,
     ) -> Self {
-        let (title, x_label, y_label) = (title.into(), x_label.to_owned(), y_label.into());
-        Self { title, x_label, y_label, layers, ..Self::default() }
+        Self {
+            title: title.into(),
+            x_label: x_label.to_owned(),
+            y_label: y_label.into(),
+            layers,
+            ..Self::default()
+        }
     }
 
-    /// Whether there is a value to show.
+    /// Returns whether the panel has no values to show.
     pub fn is_empty(&self) -> bool {
         !self.points().any(|point| point.x.is_finite() && point.y.is_finite())
     }
@@ -171,20 +186,23 @@ impl Panel {
         self.layers.iter().flat_map(|layer| &layer.points)
     }
 
-    /// All values that the horizontal axis has to show.
+    /// Returns all values on the panel's horizontal axis.
     pub(crate) fn xs(&self) -> Vec<f64> {
         self.points().map(|point| point.x).collect()
     }
 
-    /// All values that the vertical axis has to show, ends of error bars and bands included.
+    /// Returns all values on the panel's vertical axis, including the ends of error bars and bands.
     pub(crate) fn ys(&self) -> Vec<f64> {
-        let half = |point: &Point| if point.error.is_finite() { point.error } else { 0.0 };
-        let ends = |point: &Point| [point.y - half(point), point.y + half(point)];
-        let bands = self.layers.iter().flat_map(|layer| layer.band.as_flattened());
-        self.points().flat_map(ends).chain(bands.copied()).collect()
+        let mut ys = Vec::new();
+        for point in self.points() {
+            let half = if point.error.is_finite() { point.error } else { 0.0 };
+            ys.extend([point.y - half, point.y + half]);
+        }
+        ys.extend(self.layers.iter().flat_map(|layer| layer.band.as_flattened()));
+        ys
     }
 
-    /// What the legend has of the panel's layers.
+    /// Returns the lines and markers that represent the panel's layers in a legend.
     pub fn samples(&self) -> Vec<Layer> {
         self.layers.iter().filter_map(Layer::sample).collect()
     }
@@ -202,23 +220,24 @@ impl Figure {
         Self { stem: stem.to_owned(), title, caption, campaigns, layout, panels, ..Self::default() }
     }
 
-    /// What its files say beside the picture.
+    /// Returns the comment to store in the figure's files; `None` unless the figure shows synthetic trials.
     pub fn comment(&self) -> Option<&'static str> {
         self.is_synthetic.then_some(SYNTHETIC)
     }
 
-    /// Whether there is nothing to draw.
+    /// Returns whether the figure has nothing to draw.
     pub fn is_empty(&self) -> bool {
         self.panels.iter().all(Panel::is_empty)
     }
 
-    /// What the legend has of all panels, each look of a name once and with error bars if a panel
-    /// has them, measurements first.
+    /// Returns the lines and markers that represent the layers of all panels in a legend. Each combination of
+    /// name and look occurs once, with an error bar if it has one in any panel; those with error bars come
+    /// first.
     pub fn samples(&self) -> Vec<Layer> {
         let mut samples: Vec<Layer> = Vec::new();
         for sample in self.panels.iter().flat_map(Panel::samples) {
-            let is_same = |of: &&mut Layer| (&of.name, of.look) == (&sample.name, sample.look);
-            match samples.iter_mut().find(is_same) {
+            let mut known = samples.iter_mut();
+            match known.find(|one| (&one.name, one.look) == (&sample.name, sample.look)) {
                 Some(known) if known.points[0].error >= sample.points[0].error => {}
                 Some(known) => *known = sample,
                 None => samples.push(sample),
@@ -228,7 +247,7 @@ impl Figure {
         samples
     }
 
-    /// Panels with the letters that their titles and the CSV have.
+    /// Iterates over the panels with the letters that denote them in titles and in the CSV.
     pub(crate) fn lettered(&self) -> impl Iterator<Item = (char, &Panel)> {
         ('a'..).zip(&self.panels)
     }

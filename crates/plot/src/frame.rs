@@ -1,4 +1,4 @@
-//! What a layer shows, drawn between axes.
+//! Drawing of layers in axis coordinates.
 
 use std::collections::BTreeSet;
 
@@ -14,169 +14,178 @@ use super::style::{self, Dash, Look, Shape, stroke, units};
 use crate::polyline::{envelope, visible};
 use crate::svg::{Markup, Svg, escaped};
 
-/// A part of the drawing, with coordinates in the backend's units from its upper left corner.
+/// Area of the drawing, with coordinates in the backend's units from its upper left corner.
 pub(crate) type Area<'b> = DrawingArea<Svg<'b>, Shift>;
 pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::convert::Infallible>>;
 type AreaOfAxes<'b> = DrawingArea<Svg<'b>, Cartesian2d<Axis, Axis>>;
 
 const LINK_WIDTH: f64 = 4.0;
 const ARROW_HEAD: f64 = 9.0;
-/// Of a marker that is not filled.
+/// Outline width of a marker that is not filled, px.
 const MARKER_WALL: f64 = 1.5;
-/// Of a bar, in units of the panel.
+/// Height of a horizontal bar of [`Look::Spans`], in units of the vertical axis.
 const SPAN_HEIGHT: f64 = 0.28;
-/// Points of a line that are all drawn, dashed if the line is; more have no room beside each other.
-const MOST: usize = 4000;
-/// Markers of a layer that are all drawn.
-const MOST_POINTS: usize = 200;
-/// What very many points are kept apart, px.
-const APART_AMONG_MANY: f64 = 2.5;
-/// What a line's band covers of what is behind it.
+/// Maximum number of points for which every point of a line is drawn; a longer line is reduced to its
+/// envelope.
+const MAX_LINE_POINTS: usize = 4000;
+/// Maximum number of points for which every point of a layer other than a line is drawn.
+const MAX_POINTS: usize = 200;
+/// Minimum distance between drawn points in layers with more than [`MAX_POINTS`] points, px.
+const MIN_MARKER_DISTANCE: f64 = 2.5;
 const BAND_OPACITY: f64 = 0.2;
-/// Places along a line at which a page knows its band.
-const BAND_PLACES: usize = 60;
-/// Points of a curve nearer to each other than this cannot be told apart, px.
-const APART: f64 = 0.3;
+/// Maximum number of points of a band that are written for the report page's script.
+const MAX_BAND_POINTS: usize = 60;
+/// Minimum distance between the points of a curve, px; closer points are indistinguishable.
+const MIN_CURVE_DISTANCE: f64 = 0.3;
 
-/// A part of the drawing with axes; lengths and positions are in their coordinates.
+/// Area of the drawing in which lengths and positions are given in axis coordinates.
 pub(crate) struct Frame<'b> {
     area: AreaOfAxes<'b>,
     pub x: Range,
     pub y: Range,
-    /// Width and height of a pixel.
+    /// Width and height of a pixel in axis coordinates.
     pixel: (f64, f64),
 }
 
 impl<'b> Frame<'b> {
     pub(crate) fn new(area: AreaOfAxes<'b>, pixel: (f64, f64)) -> Self {
         let axes = area.as_coord_spec();
-        let (x, y) = (axes.x_spec().range, axes.y_spec().range);
+        let x = axes.x_spec().range;
+        let y = axes.y_spec().range;
         Self { area, x, y, pixel }
     }
 
-    /// With axes of pixels from the upper left corner.
-    pub(crate) fn of_pixels(area: &Area<'b>) -> Self {
+    /// Returns a frame whose coordinates are pixels from the upper left corner.
+    pub(crate) fn in_pixels(area: &Area<'b>) -> Self {
         let (across, down) = area.get_pixel_range();
-        let axis = |units: &std::ops::Range<i32>| {
+        let [x, y] = [&across, &down].map(|units| {
             Axis::linear(Range { low: 0.0, high: units.len() as f64 / style::UNITS_PER_PX })
-        };
-        let axes = Cartesian2d::new(axis(&across), axis(&down), (across, down));
+        });
+        let axes = Cartesian2d::new(x, y, (across, down));
         Self::new(area.apply_coord_spec(axes), (1.0, 1.0))
     }
 
-    /// A position in the axes' coordinates.
+    /// Converts a point of a layer to axis coordinates.
     fn at(&self, point: &Point) -> (f64, f64) {
         let axes = self.area.as_coord_spec();
         (axes.x_spec().scaled(point.x), axes.y_spec().scaled(point.y))
     }
 
-    /// Draws a line's band, as a group of its name.
+    /// Draws the band around a line, as a group with the line's name.
     pub(crate) fn draw_band(&self, layer: &Layer) -> Drawn {
         let Look::Line { colour, .. } = layer.look else { return Ok(()) };
         if layer.band.is_empty() {
             return Ok(());
         }
-        let limit = |point: &Point, y: f64| match self.at(&Point { y, ..*point }) {
-            (x, y) if y < self.y.low => (x, self.y.low),
-            (x, y) if y > self.y.high => (x, self.y.high),
-            at => at,
-        };
-        let both = layer.points.iter().zip(&layer.band);
-        let sides: Vec<[(f64, f64); 2]> =
-            both.map(|(point, band)| band.map(|y| limit(point, y))).collect();
+        // Lower and upper sides of the band at each point, limited to the panel.
+        let mut sides: Vec<[(f64, f64); 2]> = Vec::new();
+        for (point, band) in layer.points.iter().zip(&layer.band) {
+            sides.push(band.map(|y| match self.at(&Point { y, ..*point }) {
+                (x, y) if y < self.y.low => (x, self.y.low),
+                (x, y) if y > self.y.high => (x, self.y.high),
+                at => at,
+            }));
+        }
         self.area.draw(&Markup(format!("<g data-name=\"{}\">\n", escaped(&layer.name))))?;
-        let is_known = |sides: &[(f64, f64); 2]| sides.iter().all(|(x, y)| (x + y).is_finite());
-        for part in sides.split(|sides| !is_known(sides)).filter(|part| part.len() > 1) {
-            let (below, above) = (part.iter().map(|of| of[0]), part.iter().rev().map(|of| of[1]));
-            let around: Vec<(f64, f64)> = below.chain(above).collect();
-            self.area.draw(&Polygon::new(around, colour.mix(BAND_OPACITY).filled()))?;
+        let parts = sides.split(|sides| sides.iter().any(|(x, y)| !(x + y).is_finite()));
+        for part in parts.filter(|part| part.len() > 1) {
+            let lower = part.iter().map(|sides| sides[0]);
+            let upper = part.iter().rev().map(|sides| sides[1]);
+            let outline: Vec<(f64, f64)> = lower.chain(upper).collect();
+            self.area.draw(&Polygon::new(outline, colour.mix(BAND_OPACITY).filled()))?;
         }
         self.area.draw(&Markup("</g>\n".to_owned()))
     }
 
-    /// Draws a layer as a group of its name, with the numbers of its markers, of points that have
-    /// names or of its band.
+    /// Draws a layer as a group with the layer's name, and writes the data of its markers, trials or band for
+    /// the report page's script.
     pub(crate) fn draw_group(&self, layer: &Layer) -> Drawn {
-        let (name, mut numbers) = (escaped(&layer.name), String::new());
-        let short = |value: f64| format!("{value:.4e}").parse::<f64>().unwrap_or(value);
+        let name = escaped(&layer.name);
+        let mut numbers = String::new();
         if matches!(layer.look, Look::Marker { .. }) || !layer.trials.is_empty() {
-            let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
-            let line = |i: usize| {
-                let (Point { x, y, error }, trial) = (layer.points[i], layer.trials.get(i));
-                let [x, y, error] = [x, y, error].map(short);
-                format!("{x} {y} {error} {}\n", trial.map_or(String::new(), |trial| escaped(trial)))
-            };
-            let lines = self.shown(&points).into_iter().map(line);
-            numbers = format!(" data-points=\"{}\"", lines.collect::<String>());
+            numbers = format!(" data-points=\"{}\"", self.point_lines(layer));
         }
         if !layer.band.is_empty() {
-            let all = layer.points.iter().zip(&layer.band);
-            let all: Vec<_> = all.filter(|(point, _)| self.shows(self.at(point))).collect();
-            let places = all.iter().step_by(all.len().div_ceil(BAND_PLACES).max(1));
-            let line = |(point, [low, high]): &(&Point, &[f64; 2])| {
-                let [x, y, low, high] = [point.x, point.y, *low, *high].map(short);
-                format!("{x} {y} {low} {high}\n")
-            };
-            numbers = format!(" data-band=\"{}\"", places.map(line).collect::<String>());
+            numbers = format!(" data-band=\"{}\"", self.band_lines(layer));
         }
         self.area.draw(&Markup(format!("<g data-name=\"{name}\"{numbers}>\n")))?;
         self.draw(layer)?;
         self.area.draw(&Markup("</g>\n".to_owned()))
     }
 
-    /// Draws the shapes of a layer.
+    /// Formats the visible points of a layer as lines of x, y, error and trial.
+    fn point_lines(&self, layer: &Layer) -> String {
+        let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
+        let mut lines = String::new();
+        for i in self.shown(&points) {
+            let Point { x, y, error } = layer.points[i];
+            let [x, y, error] = [x, y, error].map(five_digits);
+            let trial = layer.trials.get(i).map_or(String::new(), |trial| escaped(trial));
+            lines.push_str(&format!("{x} {y} {error} {trial}\n"));
+        }
+        lines
+    }
+
+    /// Formats the band of a layer, at a limited number of points, as lines of x, y and both limits.
+    fn band_lines(&self, layer: &Layer) -> String {
+        let all = layer.points.iter().zip(&layer.band);
+        let all: Vec<_> = all.filter(|(point, _)| self.shows(self.at(point))).collect();
+        let mut lines = String::new();
+        for (point, [low, high]) in all.iter().step_by(all.len().div_ceil(MAX_BAND_POINTS).max(1)) {
+            let [x, y, low, high] = [point.x, point.y, *low, *high].map(five_digits);
+            lines.push_str(&format!("{x} {y} {low} {high}\n"));
+        }
+        lines
+    }
+
+    /// Draws the lines, markers and other shapes of a layer.
     pub(crate) fn draw(&self, layer: &Layer) -> Drawn {
         let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
         let line = |colour| stroke(colour, style::LINE_WIDTH);
-        // An open marker hides what is under it, so that lines do not strike it through.
-        let marker = |colour, filled| match filled {
-            true => vec![(style::MARKER_RADIUS, colour)],
-            false => {
-                let core = style::MARKER_RADIUS - MARKER_WALL;
-                vec![(style::MARKER_RADIUS, colour), (core, style::PAPER)]
-            }
-        };
         match layer.look {
             Look::Line { colour, dash } => self.curve(&points, dash, line(colour)),
             Look::Dots { colour, joined } => {
                 if joined {
                     self.curve(&points, style::SOLID, line(colour))?;
                 }
-                self.discs(&points, Shape::Circle, &[(style::DOT_RADIUS, colour)])
+                self.symbols(&points, Shape::Circle, &[(style::DOT_RADIUS, colour)])
             }
             Look::Marker { colour, shape, filled } => {
                 let stroke = stroke(colour, style::FRAME_WIDTH);
                 self.error_bars(&layer.points, stroke, style::ERROR_BAR_ENDS)?;
-                self.discs(&points, shape, &marker(colour, filled))
+                self.symbols(&points, shape, &marker_symbols(colour, filled))
             }
-            Look::Rings => self.discs(&points, Shape::Circle, &marker(style::INK, false)),
-            Look::Guides => points.into_iter().take(MOST).try_for_each(|(x, y)| {
-                let (upright, level) =
-                    ([(x, self.y.low), (x, self.y.high)], [(self.x.low, y), (self.x.high, y)]);
-                let guide = if y.is_nan() { upright } else { level };
+            Look::Rings => self.symbols(&points, Shape::Circle, &marker_symbols(style::INK, false)),
+            Look::Guides => points.into_iter().take(MAX_LINE_POINTS).try_for_each(|(x, y)| {
+                let guide = if y.is_nan() {
+                    [(x, self.y.low), (x, self.y.high)]
+                } else {
+                    [(self.x.low, y), (self.x.high, y)]
+                };
                 self.curve(&guide, style::DASHES, stroke(style::INK, style::FRAME_WIDTH))
             }),
             Look::Bars(colour) => {
                 self.error_bars(&layer.points, stroke(colour, style::BAR_WIDTH), 0.0)
             }
             Look::Band(colour) => {
-                let side = |nth: usize| points.get(nth).map_or(f64::NAN, |(x, _)| *x);
-                // What is not known is the panel's side.
-                let (from, to) = (self.x.low.max(side(0)), self.x.high.min(side(1)));
+                // A missing or NaN side is replaced by the side of the panel.
+                let [from, to] = [0, 1].map(|i| points.get(i).map_or(f64::NAN, |(x, _)| *x));
+                let from = self.x.low.max(from);
+                let to = self.x.high.min(to);
                 self.fill([(from, self.y.high), (to, self.y.low)], colour)
             }
             Look::Spans(colour) => points.chunks_exact(2).try_for_each(|ends| {
-                let [(from, middle), (to, _)] = [ends[0], ends[1]];
-                // What is short still has to be seen.
+                let [(from, centre), (to, _)] = [ends[0], ends[1]];
+                // A short span is drawn at least one pixel wide.
                 let to = to.max(from + self.pixel.0);
                 let half = 0.5 * SPAN_HEIGHT;
-                self.fill([(from, middle + half), (to, middle - half)], colour)
+                self.fill([(from, centre + half), (to, centre - half)], colour)
             }),
             Look::Links => {
                 let links = stroke(style::LINKS, LINK_WIDTH);
                 let shown = self.shown(&points).into_iter().map(|i| points[i]);
                 self.path(shown.collect(), style::SOLID, links)?;
-                self.discs(&points, Shape::Circle, &[(LINK_WIDTH, style::LINKS)])
+                self.symbols(&points, Shape::Circle, &[(LINK_WIDTH, style::LINKS)])
             }
             Look::Arrow => self.arrow(&points, line(style::INK)),
         }
@@ -190,37 +199,49 @@ impl<'b> Frame<'b> {
     }
 
     fn curve(&self, points: &[(f64, f64)], dash: Dash, stroke: ShapeStyle) -> Drawn {
-        let apart = (APART * self.pixel.0, APART * self.pixel.1);
-        visible(points, [self.y.low, self.y.high], apart).into_iter().try_for_each(
-            |part| match part.len() > MOST {
-                true => self.path(envelope(&part, MOST / 2).concat(), style::SOLID, stroke),
-                false => self.path(part, dash, stroke),
-            },
-        )
+        let min_distance = (MIN_CURVE_DISTANCE * self.pixel.0, MIN_CURVE_DISTANCE * self.pixel.1);
+        for part in visible(points, [self.y.low, self.y.high], min_distance) {
+            if part.len() > MAX_LINE_POINTS {
+                let reduced = envelope(&part, MAX_LINE_POINTS / 2).concat();
+                self.path(reduced, style::SOLID, stroke)?;
+            } else {
+                self.path(part, dash, stroke)?;
+            }
+        }
+        Ok(())
     }
 
-    /// The points within the panel; of many those that do not cover each other.
+    /// Returns the indices of the points within the panel; if there are many, only of those that do not
+    /// overlap others.
     fn shown(&self, points: &[(f64, f64)]) -> Vec<usize> {
         let mut taken = BTreeSet::new();
-        let cell = |at: f64, pixel: f64| (at / (APART_AMONG_MANY * pixel)).round() as i64;
-        let mut is_free = |(x, y)| {
-            points.len() <= MOST_POINTS
-                || taken.insert((cell(x, self.pixel.0), cell(y, self.pixel.1)))
-        };
-        let is_shown = |i: &usize| self.shows(points[*i]) && is_free(points[*i]);
-        (0..points.len()).filter(is_shown).collect()
+        let mut shown = Vec::new();
+        for (i, &(x, y)) in points.iter().enumerate() {
+            if !self.shows((x, y)) {
+                continue;
+            }
+            let cell = [(x, self.pixel.0), (y, self.pixel.1)]
+                .map(|(at, pixel)| (at / (MIN_MARKER_DISTANCE * pixel)).round() as i64);
+            if points.len() <= MAX_POINTS || taken.insert(cell) {
+                shown.push(i);
+            }
+        }
+        shown
     }
 
     fn shows(&self, (x, y): (f64, f64)) -> bool {
         x.is_finite() && self.y.contains(y)
     }
 
-    /// Discs of these radii, px, over each other at every point.
-    fn discs(&self, points: &[(f64, f64)], shape: Shape, discs: &[(f64, RGBColor)]) -> Drawn {
+    /// Draws concentric filled symbols of the given shape at every visible point; `symbols` lists their radii (px) and
+    /// colours, the outermost first.
+    fn symbols(&self, points: &[(f64, f64)], shape: Shape, symbols: &[(f64, RGBColor)]) -> Drawn {
         let shown = self.shown(points);
-        let mut each = discs.iter().flat_map(|disc| shown.iter().map(move |i| (points[*i], disc)));
+        let mut each =
+            symbols.iter().flat_map(|symbol| shown.iter().map(move |i| (points[*i], symbol)));
         each.try_for_each(|(at, (radius, colour))| {
-            let (half, fill) = (units(0.92 * radius), colour.filled());
+            let half = units(0.92 * radius);
+            let fill = colour.filled();
             let square = Rectangle::new([(-half, -half), (half, half)], fill);
             match shape {
                 Shape::Circle => self.area.draw(&Circle::new(at, units(*radius), fill)),
@@ -232,10 +253,12 @@ impl<'b> Frame<'b> {
     fn error_bars(&self, layer: &[Point], stroke: ShapeStyle, ends_px: f64) -> Drawn {
         let points: Vec<(f64, f64)> = layer.iter().map(|point| self.at(point)).collect();
         for i in self.shown(&points).into_iter().filter(|i| layer[*i].error > 0.0) {
-            let (point, (x, _)) = (layer[i], points[i]);
-            let end = |error| self.at(&Point { y: point.y + error, ..point }).1;
-            let (low, high) =
-                (end(-point.error).max(self.y.low), end(point.error).min(self.y.high));
+            let point = layer[i];
+            let (x, _) = points[i];
+            let [low, high] = [-point.error, point.error]
+                .map(|error| self.at(&Point { y: point.y + error, ..point }).1);
+            let low = low.max(self.y.low);
+            let high = high.min(self.y.high);
             self.path(vec![(x, low), (x, high)], style::SOLID, stroke)?;
             let half = units(0.5 * ends_px);
             for y in [low, high].into_iter().filter(|_| half > 0) {
@@ -247,24 +270,40 @@ impl<'b> Frame<'b> {
     }
 
     fn fill(&self, corners: [(f64, f64); 2], colour: RGBColor) -> Drawn {
-        match corners.iter().all(|(x, y)| x.is_finite() && y.is_finite()) {
-            true => self.area.draw(&Rectangle::new(corners, colour.filled())),
-            false => Ok(()),
+        if corners.iter().all(|(x, y)| x.is_finite() && y.is_finite()) {
+            self.area.draw(&Rectangle::new(corners, colour.filled()))?;
         }
+        Ok(())
     }
 
-    /// An arrow, which plotters does not have, between two points of axes with equal units.
+    /// Draws an arrow between two points; one unit must be equally long on both axes.
     fn arrow(&self, points: &[(f64, f64)], stroke: ShapeStyle) -> Drawn {
         let [from, to] = points else { return Ok(()) };
-        let (along, up) = (to.0 - from.0, to.1 - from.1);
-        let length = along.hypot(up);
+        let [across, up] = [to.0 - from.0, to.1 - from.1];
+        let length = across.hypot(up);
         if length.is_nan() || length <= self.pixel.0 {
             return Ok(());
         }
-        let part = ARROW_HEAD * self.pixel.0 / length;
-        let (along, up) = (along * part, up * part);
-        let head = |side: f64| (to.0 - along + side * 0.45 * up, to.1 - up - side * 0.45 * along);
+        let fraction = ARROW_HEAD * self.pixel.0 / length;
+        let [across, up] = [across * fraction, up * fraction];
+        let [left, right] = [1.0, -1.0]
+            .map(|side| (to.0 - across + side * 0.45 * up, to.1 - up - side * 0.45 * across));
         self.path(vec![*from, *to], style::SOLID, stroke)?;
-        self.path(vec![head(1.0), *to, head(-1.0)], style::SOLID, stroke)
+        self.path(vec![left, *to, right], style::SOLID, stroke)
     }
+}
+
+/// Returns the radii (px) and colours of the concentric filled symbols that form a marker. The inner symbol
+/// of an open marker has the background colour, so that lines do not show through.
+fn marker_symbols(colour: RGBColor, filled: bool) -> Vec<(f64, RGBColor)> {
+    let mut symbols = vec![(style::MARKER_RADIUS, colour)];
+    if !filled {
+        symbols.push((style::MARKER_RADIUS - MARKER_WALL, style::PAPER));
+    }
+    symbols
+}
+
+/// Rounds a number to five significant digits.
+fn five_digits(value: f64) -> f64 {
+    format!("{value:.4e}").parse().unwrap_or(value)
 }

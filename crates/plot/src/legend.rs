@@ -1,18 +1,19 @@
-//! Legends: rows of samples above panels. Plotters' own is a box that covers data.
+//! Legends: rows of samples above the panels. (The legend of plotters is a box that covers data.)
 
 use super::figure::Layer;
 use super::style::{self, SAMPLE};
 
 pub(crate) const SAMPLE_GAP: f64 = 5.0;
 const GAP: f64 = 14.0;
-/// Height of a row, px.
+/// Height of a row in a legend, px.
 pub(crate) const ROW: f64 = 19.0;
 
-/// A sample and its position: the left end, px, and the row.
+/// Legend key (sample of the line or marker) with its position in the legend.
 pub(crate) struct Entry {
     pub sample: Layer,
-    /// As the layers have it; the sample's may be shorter.
+    /// Full name of the layer; the name in `sample` may be shortened.
     pub name: String,
+    /// Left end of the legend key, px.
     pub x: f64,
     pub row: usize,
 }
@@ -21,41 +22,48 @@ fn width(sample: &Layer) -> f64 {
     SAMPLE + SAMPLE_GAP + style::text_width(&sample.name)
 }
 
-/// Width of all samples in a row, px.
+/// Returns the width (px) of the given legend keys, with their names, in a single row.
 pub(crate) fn row_width(samples: &[Layer]) -> f64 {
     samples.iter().map(|sample| width(sample) + GAP).sum::<f64>() - GAP
 }
 
-/// Layers in columns between `left` and `right`: as few rows as that allows.
+/// Arranges legend keys and their names in columns between `left` and `right` (px), in as few rows as
+/// possible.
 pub(crate) fn lay_out(mut samples: Vec<Layer>, left: f64, right: f64) -> Vec<Entry> {
     let room = right - left;
     let names: Vec<String> = samples.iter().map(|sample| sample.name.clone()).collect();
     for sample in &mut samples {
         sample.name = shorten(&sample.name, room - SAMPLE - SAMPLE_GAP);
     }
-    let widths = |rows: usize| -> Vec<f64> {
-        let width = |column: &[Layer]| column.iter().map(width).fold(0.0, f64::max) + GAP;
-        samples.chunks(rows).map(width).collect()
-    };
-    let fits = |rows: &usize| widths(*rows).iter().sum::<f64>() - GAP <= room + 1e-6;
-    let rows = (1..samples.len()).find(fits).unwrap_or(samples.len()).max(1);
-    let widths = widths(rows);
-    let entry = |(nth, (sample, name))| {
-        let x = left + widths[..nth / rows].iter().sum::<f64>();
-        Entry { sample, name, x, row: nth % rows }
-    };
-    samples.into_iter().zip(names).enumerate().map(entry).collect()
+    let rows = (1..samples.len())
+        .find(|rows| column_widths(&samples, *rows).iter().sum::<f64>() - GAP <= room + 1e-6)
+        .unwrap_or(samples.len())
+        .max(1);
+    let widths = column_widths(&samples, rows);
+    let mut entries = Vec::new();
+    for (i, (sample, name)) in samples.into_iter().zip(names).enumerate() {
+        let x = left + widths[..i / rows].iter().sum::<f64>();
+        entries.push(Entry { sample, name, x, row: i % rows });
+    }
+    entries
 }
 
-/// The text, or as much of it as fits.
+/// Returns the widths (px) of a legend's columns with `rows` rows each, including the gaps between the
+/// columns.
+fn column_widths(samples: &[Layer], rows: usize) -> Vec<f64> {
+    let columns = samples.chunks(rows);
+    columns.map(|column| column.iter().map(width).fold(0.0, f64::max) + GAP).collect()
+}
+
+/// Shortens text with an ellipsis so that it fits into `room` px.
 pub(crate) fn shorten(label: &str, room: f64) -> String {
     if style::text_width(label) <= room {
         return label.to_owned();
     }
-    let cut = |end: usize| format!("{}…", &label[..end]);
+    let cut_at = |end: usize| format!("{}…", &label[..end]);
     let ends: Vec<usize> = label.char_indices().map(|(end, _)| end).collect();
-    let fitting = ends.partition_point(|end| style::text_width(&cut(*end)) <= room);
-    cut(ends[..fitting].last().copied().unwrap_or(0))
+    let fitting = ends.partition_point(|end| style::text_width(&cut_at(*end)) <= room);
+    cut_at(ends[..fitting].last().copied().unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -63,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_take_as_few_rows_as_there_is_room_for() {
+    fn samples_take_as_few_rows_as_possible() {
         let look = style::Look::Line { colour: style::INK, dash: style::SOLID };
         let sample = |label: &str| Layer::new(label, [], look);
         let samples: Vec<Layer> = ["first", "second", "third"].map(sample).into();
@@ -79,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn as_much_of_a_name_is_shown_as_fits_however_long_it_is() {
+    fn a_long_name_is_shortened_to_what_fits() {
         let name = "a model's name ".repeat(10_000);
         let short = shorten(&name, 100.0);
         let kept = short.strip_suffix('…').expect("it is too long");

@@ -1,15 +1,14 @@
-//! Figures as data to SVG, PNG, PDF and CSV, with the same bytes on every machine.
+//! Rendering of figures as SVG, PNG, PDF and CSV, with identical bytes on every machine.
 //!
-//! A [`Figure`] is a grid of [`Panel`]s, a panel's [`Layer`]s are its lines, bands and markers, and a
-//! layer's [`Look`] says how it is drawn. Nothing here knows what the numbers mean; a figure may carry
+//! A [`Figure`] is a grid of [`Panel`]s. The [`Layer`]s of a panel are its lines, bands and markers, and the
+//! [`Look`] of a layer determines how it is drawn. The crate does not interpret the data; a figure may carry
 //! the names of the trials and campaigns that it shows, and a notice that they are synthetic.
 //!
-//! - The data: `figure` and `style`.
-//! - The layout: `axis` ([`Scale`], ticks), `grid`, `legend`.
-//! - The drawing: `draw`, `frame` and `polyline` onto plotters' backend, `svg`; `render` gives a
-//!   [`Drawing`].
-//! - The files: `encode` ([`Format`]), `raster` (PNG), `pdf`, and `plotted`, the numbers as CSV and as
-//!   a text alternative.
+//! - Data: `figure` and `style`.
+//! - Layout: `axis` ([`Scale`], ticks), `grid`, `legend`.
+//! - Drawing: `draw`, `frame` and `polyline`, with plotters and its backend `svg`; `render` returns a [`Drawing`].
+//! - Files: `encode` ([`Format`]), `raster` (PNG), `pdf`, and `plotted` (data as CSV, and a text
+//!   alternative).
 //!
 //! ```
 //! use trilink_plot::{Figure, Format, Layer, Layout, Look, Panel, RGBColor};

@@ -1,4 +1,4 @@
-//! The PDF of a figure: what its SVG has as paths and text, in the same font.
+//! Conversion of a figure's SVG to PDF, keeping paths as paths and text as text in the same font.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
@@ -17,29 +17,35 @@ use resvg::usvg::{Color, Group, LineCap, LineJoin, Node, Paint, Path, Text, Tran
 use super::figure::PT_PER_PX;
 use super::style::{EM, ROBOTO, text_width};
 
-/// Units of the font per em, and what a PDF has instead.
+/// Units per em in the font file.
 const FONT_UNITS: f32 = 2048.0;
+/// Units per em in a PDF.
 const PDF_UNITS: f64 = 1000.0;
-/// Of Roboto, in PDF units.
+/// Ascent of Roboto, in PDF units.
 const ASCENT: f32 = 928.0;
+/// Descent of Roboto, in PDF units.
 const DESCENT: f32 = -244.0;
+/// Height of Roboto's capital letters, in PDF units.
 const CAP_HEIGHT: f32 = 711.0;
+/// Bounding box of all glyphs of Roboto, in PDF units.
 const BOX: Rect = Rect { x1: -737.0, y1: -271.0, x2: 1148.0, y2: 1056.0 };
+/// Width of Roboto's vertical stems, in PDF units.
 const STEM: f32 = 88.0;
 
-/// Of an opaque area.
-const PERCENT: u8 = 100;
+/// Opacity of a fully opaque area, per cent.
+const OPAQUE: u8 = 100;
 
 const FONT: Name<'static> = Name(b"F");
 const FONT_NAME: Name<'static> = Name(b"TRLINK+Roboto-Regular");
 
-/// The PDF of a figure's SVG: a page of its size, without a date.
+/// Converts a figure's SVG to a PDF with a single page of the figure's size. The PDF contains no date, so
+/// that it is reproducible.
 ///
 /// # Errors
-/// It cannot be packed.
+/// Returns an error if the content cannot be compressed.
 pub(crate) fn pdf(svg: &Tree, title: &str, subject: Option<&str>) -> io::Result<Vec<u8>> {
     static FONT_FILE: LazyLock<io::Result<Vec<u8>>> =
-        LazyLock::new(|| packed(ROBOTO, Compression::default()));
+        LazyLock::new(|| compress(ROBOTO, Compression::default()));
     let font_file = FONT_FILE.as_ref().map_err(|error| io::Error::from(error.kind()))?;
     let [width, height] = [svg.size().width(), svg.size().height()].map(|px| PT_PER_PX * px);
     let mut drawn =
@@ -64,15 +70,15 @@ pub(crate) fn pdf(svg: &Tree, title: &str, subject: Option<&str>) -> io::Result<
     let mut resources = of_page.resources();
     resources.fonts().pair(FONT, font);
     let mut states = resources.ext_g_states();
-    for part in opacities {
-        let name = opacity_name(part);
+    for opacity in opacities {
+        let name = opacity_name(opacity);
         let mut state = states.insert(Name(name.as_bytes())).start::<ExtGraphicsState>();
-        state.non_stroking_alpha(f32::from(part) / f32::from(PERCENT));
+        state.non_stroking_alpha(f32::from(opacity) / f32::from(OPAQUE));
     }
     states.finish();
     resources.finish();
     of_page.finish();
-    pdf.stream(contents, &packed(content.finish().as_slice(), Compression::default())?)
+    pdf.stream(contents, &compress(content.finish().as_slice(), Compression::default())?)
         .filter(Filter::FlateDecode);
 
     pdf.type0_font(font)
@@ -109,33 +115,34 @@ pub(crate) fn pdf(svg: &Tree, title: &str, subject: Option<&str>) -> io::Result<
     pdf.stream(file, font_file)
         .filter(Filter::FlateDecode)
         .pair(Name(b"Length1"), ROBOTO.len() as i32);
-    pdf.stream(to_unicode, &packed(cmap.finish().as_slice(), Compression::default())?)
+    pdf.stream(to_unicode, &compress(cmap.finish().as_slice(), Compression::default())?)
         .filter(Filter::FlateDecode);
     Ok(pdf.finish())
 }
 
-/// Of a graphics state with an opacity.
+/// Returns the name of the PDF graphics state for an opacity in per cent.
 fn opacity_name(percent: u8) -> String {
     format!("O{percent}")
 }
 
-/// As the parts of a PDF and the pixels of a PNG are packed.
-pub(crate) fn packed(bytes: &[u8], effort: Compression) -> io::Result<Vec<u8>> {
-    let mut packed = ZlibEncoder::new(Vec::new(), effort);
-    packed.write_all(bytes)?;
-    packed.finish()
+/// Compresses bytes with zlib, for the streams of a PDF and the pixels of a PNG.
+pub(crate) fn compress(bytes: &[u8], effort: Compression) -> io::Result<Vec<u8>> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), effort);
+    encoder.write_all(bytes)?;
+    encoder.finish()
 }
 
-/// Thousandths of a pixel are more than can be seen.
+/// Rounds a length to thousandths of a pixel.
 fn rounded(px: f32) -> f32 {
     (1000.0 * px).round() / 1000.0
 }
 
-/// What is drawn on a page, in px, and the text that each glyph stands for.
+/// Content of a PDF page, with lengths in px.
 struct Page {
     content: Content,
+    /// Text that each used glyph represents, by glyph index.
     glyphs: BTreeMap<u16, String>,
-    /// Of areas that let shine through what is behind them, per cent.
+    /// Opacities that occur in translucent areas, per cent.
     opacities: BTreeSet<u8>,
 }
 
@@ -155,11 +162,11 @@ impl Page {
         let transform = path.abs_transform();
         let Some(data) = path.data().clone().transform(transform) else { return };
         let fill = path.fill().and_then(|fill| Some((fill.opacity(), colour(fill.paint())?)));
-        let part =
-            fill.map_or(PERCENT, |(opacity, _)| (opacity.get() * f32::from(PERCENT)).round() as u8);
-        if part < PERCENT {
-            self.opacities.insert(part);
-            self.content.save_state().set_parameters(Name(opacity_name(part).as_bytes()));
+        let opacity =
+            fill.map_or(OPAQUE, |(opacity, _)| (opacity.get() * f32::from(OPAQUE)).round() as u8);
+        if opacity < OPAQUE {
+            self.opacities.insert(opacity);
+            self.content.save_state().set_parameters(Name(opacity_name(opacity).as_bytes()));
         }
         if let Some((_, [red, green, blue])) = fill {
             self.content.set_fill_rgb(red, green, blue);
@@ -198,12 +205,12 @@ impl Page {
             (false, true) => self.content.stroke(),
             (false, false) => self.content.end_path(),
         };
-        if part < PERCENT {
+        if opacity < OPAQUE {
             self.content.restore_state();
         }
     }
 
-    /// Each glyph where the SVG has it.
+    /// Writes text, with each glyph at its position in the SVG.
     fn text(&mut self, text: &Text) {
         for span in text.layouted() {
             let colour = span.fill.as_ref().and_then(|fill| colour(fill.paint()));
@@ -223,10 +230,11 @@ impl Page {
     }
 }
 
-/// Red, green and blue; figures have no other paint.
+/// Returns the red, green and blue components of a plain colour; `None` for any other paint, which figures do
+/// not contain.
 fn colour(paint: &Paint) -> Option<[f32; 3]> {
     let Paint::Color(Color { red, green, blue }) = paint else { return None };
-    Some([*red, *green, *blue].map(|part| f32::from(part) / 255.0))
+    Some([*red, *green, *blue].map(|component| f32::from(component) / 255.0))
 }
 
 #[cfg(test)]
@@ -239,7 +247,7 @@ mod tests {
     use crate::raster;
 
     #[test]
-    fn what_shines_through_in_an_svg_does_in_its_pdf() {
+    fn translucent_areas_of_an_svg_are_translucent_in_its_pdf() {
         let svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"20\">\
                    <path d=\"M1 1H9V9z\" fill=\"#0072b2\" fill-opacity=\"0.2\"/>\
                    <path d=\"M1 1H9V9z\" fill=\"#0072b2\"/></svg>";
@@ -248,7 +256,7 @@ mod tests {
         assert!(plain.contains("/O20") && plain.contains("/ca 0.2"), "{plain}");
         let mut content = String::new();
         for (at, _) in pdf.windows(7).enumerate().filter(|(_, of)| of == b"stream\n") {
-            // The font's bytes are no text.
+            // The stream of the font is not text and is skipped.
             let _ = ZlibDecoder::new(&pdf[at + 7..]).read_to_string(&mut content);
         }
         assert_eq!(content.matches("/O20 gs\n").count(), 1, "{content}");

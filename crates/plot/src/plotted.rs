@@ -1,23 +1,21 @@
-//! What figures show without drawing it: the numbers as CSV, and a description.
+//! Plotted data as CSV, and text alternatives for figures.
 
 use trilink_base::csv::field;
 
 use super::{Figure, Panel, Point};
 
-/// The plotted numbers, one row per point, each quantity in a column of its name and unit;
-/// `*_error_95` is the half-width of the error bar. Where trials were computed a last column,
-/// `origin`, says so.
+/// Formats the plotted data as CSV, with a row for each point and a column for each quantity, named by
+/// quantity and unit. A column `*_error_95` has the half-widths of error bars. For synthetic trials, a last
+/// column `origin` marks every row as `synthetic`.
 pub(crate) fn csv(figure: &Figure) -> String {
-    let csv = figure.csv.clone().unwrap_or_else(|| of_panels(figure));
-    match figure.is_synthetic {
-        true => with_origin(&csv),
-        false => csv,
-    }
+    let csv = figure.csv.clone().unwrap_or_else(|| csv_of_panels(figure));
+    if figure.is_synthetic { add_origin(&csv) } else { csv }
 }
 
-/// A table of which every row says that its trials are synthetic.
-fn with_origin(csv: &str) -> String {
-    let (mut with_origin, mut is_quoted) = (String::with_capacity(2 * csv.len()), false);
+/// Adds the column `origin`, which marks every row as synthetic, to a CSV table.
+fn add_origin(csv: &str) -> String {
+    let mut with_origin = String::with_capacity(2 * csv.len());
+    let mut is_quoted = false;
     let mut origin = ",origin";
     for c in csv.chars() {
         is_quoted ^= c == '"';
@@ -29,10 +27,10 @@ fn with_origin(csv: &str) -> String {
     with_origin
 }
 
-fn of_panels(figure: &Figure) -> String {
-    let of_panels: Vec<Vec<String>> = figure.panels.iter().map(columns).collect();
+fn csv_of_panels(figure: &Figure) -> String {
+    let by_panel: Vec<Vec<String>> = figure.panels.iter().map(columns).collect();
     let mut all: Vec<&String> = Vec::new();
-    for name in of_panels.iter().flatten() {
+    for name in by_panel.iter().flatten() {
         if !all.contains(&name) {
             all.push(name);
         }
@@ -42,19 +40,19 @@ fn of_panels(figure: &Figure) -> String {
     let trial = if have_trials { "trial," } else { "" };
     let names: String = all.iter().map(|name| format!(",{name}")).collect();
     let mut csv = format!("panel,title,{trial}layer{names}\n");
-    for ((letter, panel), own) in figure.lettered().zip(&of_panels) {
+    for ((letter, panel), own) in figure.lettered().zip(&by_panel) {
         let title = field(&panel.title);
-        let place = |name| all.iter().position(|of| *of == name);
-        let places: Vec<Option<usize>> = own.iter().map(place).collect();
+        let indices: Vec<Option<usize>> =
+            own.iter().map(|name| all.iter().position(|other| *other == name)).collect();
         for layer in &panel.layers {
             let name = field(&layer.name);
-            for (nth, Point { x, y, error }) in layer.points.iter().enumerate() {
-                let trial = layer.trials.get(nth).map_or("", String::as_str);
+            for (i, Point { x, y, error }) in layer.points.iter().enumerate() {
+                let trial = layer.trials.get(i).map_or("", String::as_str);
                 let trial = if have_trials { field(trial) + "," } else { String::new() };
                 let mut values = vec![String::new(); all.len()];
-                for (place, value) in places.iter().zip([x, y, error]) {
-                    if let Some(place) = place {
-                        values[*place] = number(*value);
+                for (index, value) in indices.iter().zip([x, y, error]) {
+                    if let Some(index) = index {
+                        values[*index] = number(*value);
                     }
                 }
                 csv.push_str(&format!("{letter},{title},{trial}{name},{}\n", values.join(",")));
@@ -64,7 +62,7 @@ fn of_panels(figure: &Figure) -> String {
     csv
 }
 
-/// Columns of what a panel plots against what, and of its error bars if it has any.
+/// Returns the names of the CSV columns for a panel's axes and, if it has any, its error bars.
 fn columns(panel: &Panel) -> Vec<String> {
     let [x, y] = [&panel.x_label, &panel.y_label].map(|label| column(label));
     let mut errors = panel.layers.iter().flat_map(|layer| &layer.points).map(|point| point.error);
@@ -72,12 +70,11 @@ fn columns(panel: &Panel) -> Vec<String> {
     [x, y].into_iter().chain(error).collect()
 }
 
-/// The quantity and the unit of an axis as the name of a column: `omega_rad_s` for
-/// `Actuation frequency ω (rad/s)`.
+/// Converts an axis label to a CSV column name: `Actuation frequency ω (rad/s)` to `omega_rad_s`.
 fn column(label: &str) -> String {
     let with_unit = label.strip_suffix(')').and_then(|label| label.split_once(" ("));
     let (words, unit) = with_unit.unwrap_or((label, ""));
-    // A symbol at the end says what the words before it say.
+    // A symbol at the end makes the words before it redundant.
     let last = words.rsplit(' ').next().unwrap_or_default();
     let mut letters = last.chars().filter(|c| !('₀'..='₉').contains(c));
     let is_symbol = letters.next().is_some_and(|c| c.is_lowercase()) && letters.next().is_none();
@@ -93,7 +90,7 @@ fn column(label: &str) -> String {
             'ω' => name.push_str("omega"),
             '%' => name.push_str("percent"),
             '₀'..='₉' => name.extend(char::from_digit(c as u32 - '₀' as u32, 10)),
-            // As `skid0` everywhere.
+            // Digits follow directly, without `_`, as in `skid0`.
             '0'..='9' => name = name.trim_end_matches('_').to_owned() + &c.to_string(),
             c if c.is_alphanumeric() => name.extend(c.to_lowercase()),
             _ if name.ends_with('_') => {}
@@ -103,19 +100,19 @@ fn column(label: &str) -> String {
     name.trim_end_matches('_').to_owned()
 }
 
-/// What a figure shows for those who cannot see it.
+/// Returns the text alternative of a figure, for readers who cannot see it.
 pub fn text_alternative(figure: &Figure) -> String {
-    let of_panels = || {
-        let titles = figure.lettered().map(|(letter, panel)| {
-            format!(" ({letter}) {}: {} against {}.", panel.title, panel.y_label, panel.x_label)
-        });
-        format!("{}.{}", figure.title, titles.collect::<String>())
-    };
-    figure.alternative.clone().unwrap_or_else(of_panels)
+    if let Some(alternative) = &figure.alternative {
+        return alternative.clone();
+    }
+    let titles = figure.lettered().map(|(letter, panel)| {
+        format!(" ({letter}) {}: {} against {}.", panel.title, panel.y_label, panel.x_label)
+    });
+    format!("{}.{}", figure.title, titles.collect::<String>())
 }
 
-/// Ten digits: what the tables are good for, without the noise of a change of units. Nothing for
-/// what is not a number.
+/// Formats a number with ten significant digits, which removes rounding noise from unit conversions; empty if
+/// the number is not finite.
 pub fn number(value: f64) -> String {
     if !value.is_finite() {
         return String::new();
@@ -129,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_trials_are_in_quotes_where_they_have_to_be() {
+    fn names_of_trials_are_quoted_if_necessary() {
         use crate::{Layer, Layout};
         let layer = Layer::new("a", [(1.0, 2.0)], crate::Look::Guides);
         let layer = Layer { trials: vec!["one, \"two\"".to_owned()], ..layer };
@@ -139,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_named_by_the_quantity_and_its_unit() {
+    fn columns_are_named_by_quantity_and_unit() {
         for (label, name) in [
             ("Actuation frequency ω (rad/s)", "omega_rad_s"),
             ("Mean speed v (mm/s)", "v_mm_s"),

@@ -1,4 +1,4 @@
-//! The PNG of a figure, from its SVG.
+//! Conversion of a figure's SVG to PNG.
 
 use std::sync::{Arc, LazyLock};
 
@@ -8,52 +8,54 @@ use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
 use crate::figure::PX_PER_INCH;
-use crate::pdf::packed;
+use crate::pdf::compress;
 use crate::style;
 
-/// Figures of very many panels are coarser.
-const MOST_PIXELS: f32 = 2e7;
+/// Maximum number of pixels; figures with very many panels get a lower resolution.
+const MAX_PIXELS: f32 = 2e7;
 const INCHES_PER_METRE: f32 = 1.0 / 0.0254;
 
-/// An SVG of a figure as a tree.
+/// Parses the SVG of a figure.
 ///
 /// # Errors
-/// A sentence on why it cannot be parsed.
+/// Returns the reason if the SVG cannot be parsed.
 pub(crate) fn parsed(svg: &str) -> Result<Tree, String> {
-    /// The font of the figures and no other, so that the machine's do not matter.
+    /// Font database that contains only the font of the figures, so that the result does not depend on
+    /// installed fonts.
     static FONTS: LazyLock<Arc<fontdb::Database>> = LazyLock::new(|| {
         let mut fonts = fontdb::Database::new();
         fonts.load_font_source(fontdb::Source::Binary(Arc::new(style::ROBOTO)));
         Arc::new(fonts)
     });
     let options = Options { fontdb: Arc::clone(&FONTS), ..Options::default() };
-    // Nothing is drawn outside a panel, and to clip each takes longer than to draw it.
+    // Clipping is disabled, because nothing is drawn outside a panel and clipping takes longer than drawing.
     let svg = svg.replace("<svg class=", "<svg overflow=\"visible\" class=");
     Tree::from_str(&svg, &options).map_err(|error| error.to_string())
 }
 
-/// The PNG of a figure with so many dots per inch. It knows its size in print, and has the comment.
+/// Renders a figure as PNG at the given resolution, which is stored in the file together with the comment.
 ///
 /// # Errors
-/// A sentence on why it cannot be encoded.
+/// Returns the reason if the figure cannot be encoded.
 pub(crate) fn png(
     svg: &Tree,
     dots_per_inch: f32,
     comment: Option<&str>,
 ) -> Result<Vec<u8>, String> {
     let area = svg.size().width() * svg.size().height();
-    let scale = (dots_per_inch / PX_PER_INCH).min((MOST_PIXELS / area).sqrt());
+    let scale = (dots_per_inch / PX_PER_INCH).min((MAX_PIXELS / area).sqrt());
     let [width, height] =
         [svg.size().width(), svg.size().height()].map(|length| (length * scale).round() as u32);
-    let mut pixels = Pixmap::new(width, height).ok_or("it has no size")?;
+    let mut pixels =
+        Pixmap::new(width, height).ok_or("the width or height of the figure is zero")?;
     resvg::render(svg, Transform::from_scale(scale, scale), &mut pixels.as_mut());
-    encoded(&pixels, (scale * PX_PER_INCH * INCHES_PER_METRE).round() as u32, comment)
+    encode(&pixels, (scale * PX_PER_INCH * INCHES_PER_METRE).round() as u32, comment)
         .map_err(|error| error.to_string())
 }
 
-/// Opaque pixels as PNG: lines on white, each row as its difference to the one above, are packed well
-/// with little effort.
-fn encoded(
+/// Encodes opaque pixels as PNG. Each row is stored as its difference from the row above; lines on a white
+/// background then compress well with little effort.
+fn encode(
     pixels: &Pixmap,
     per_metre: u32,
     comment: Option<&str>,
@@ -71,8 +73,8 @@ fn encoded(
         encoder.add_text_chunk("Comment".to_owned(), comment.to_owned())?;
     }
     const UP: u8 = 2;
-    /// Pixels that are compared at once.
-    const PART: usize = 32;
+    /// Number of pixels of neighbouring rows that are compared at once.
+    const CHUNK: usize = 32;
     let width = pixels.width() as usize;
     let rows = pixels.data().as_chunks::<4>().0.chunks_exact(width);
     let first = vec![[0; 4]; width];
@@ -80,9 +82,10 @@ fn encoded(
     let mut filtered = vec![0; rows.len() * (1 + 3 * width)];
     for (into, (row, above)) in filtered.chunks_exact_mut(1 + 3 * width).zip(rows.zip(above)) {
         into[0] = UP;
-        let parts = into[1..].chunks_mut(3 * PART).zip(row.chunks(PART).zip(above.chunks(PART)));
-        for (into, (row, above)) in parts {
-            // Most are.
+        let chunks =
+            into[1..].chunks_mut(3 * CHUNK).zip(row.chunks(CHUNK).zip(above.chunks(CHUNK)));
+        for (into, (row, above)) in chunks {
+            // Most chunks equal the one above, and their differences are zero already.
             if row.as_flattened() == above.as_flattened() {
                 continue;
             }
@@ -93,7 +96,7 @@ fn encoded(
         }
     }
     let mut writer = encoder.write_header()?;
-    writer.write_chunk(chunk::IDAT, &packed(&filtered, Compression::fast())?)?;
+    writer.write_chunk(chunk::IDAT, &compress(&filtered, Compression::fast())?)?;
     writer.finish()?;
     Ok(png)
 }
@@ -104,7 +107,7 @@ mod tests {
 
     #[test]
     fn the_font_has_the_signs_of_the_figures() {
-        let drawn = |sign: char| {
+        let render = |sign: char| {
             let text = format!(
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"20\">\
                  <rect width=\"20\" height=\"20\" fill=\"#ffffff\"/>\
@@ -113,11 +116,12 @@ mod tests {
             );
             parsed(&text).and_then(|svg| png(&svg, PX_PER_INCH, None)).expect("draws")
         };
-        let (nothing, missing) = (drawn(' '), drawn('\u{6f22}'));
+        let blank = render(' ');
+        let missing = render('\u{6f22}');
         for sign in "0123456789.,;:()/-+±×–…·²³°₀₁₂σωφθλαΔéü\u{2212}".chars()
         {
-            let sign_png = drawn(sign);
-            assert!(sign_png != nothing && sign_png != missing, "{sign}");
+            let png = render(sign);
+            assert!(png != blank && png != missing, "{sign}");
         }
     }
 }

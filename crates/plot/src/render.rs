@@ -1,4 +1,4 @@
-//! A figure as SVG with its font inside.
+//! Rendering of a figure as SVG with an embedded font.
 
 use std::sync::LazyLock;
 
@@ -13,25 +13,26 @@ use super::style::{self, units};
 use crate::DrawError;
 use crate::svg::Svg;
 
-/// Around the legend and the panels.
+/// Start tag of the SVG group that contains the legend and the panels.
 const BODY: &str = "<g fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\">\n";
 const END: &str = "</g>\n</svg>\n";
-/// What a panel or a legend by itself has where nothing else is said.
+/// Presentation attributes for an SVG fragment of a panel or a legend that is used outside its figure.
 const PRESENTATION: &str =
     "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
 
-/// Height of the line with [`SYNTHETIC`], px.
+/// Height of the line with the notice [`SYNTHETIC`], px.
 const SYNTHETIC_ROW: f64 = 18.0;
 
-/// A figure that was drawn.
+/// Rendered figure: its legend and panels as SVG.
 pub struct Drawing {
     pub columns: usize,
-    /// Both px.
+    /// Width of the drawing, px.
     pub width: f64,
+    /// Height without the notice about synthetic trials, px.
     height: f64,
     scale: f64,
     is_synthetic: bool,
-    /// Its legend and its panels as SVG.
+    /// Legend and panels as SVG, in this order.
     parts: [String; 2],
 }
 
@@ -39,8 +40,8 @@ impl Drawing {
     /// Draws a figure.
     ///
     /// # Errors
-    /// The backend fails.
-    pub fn of(figure: &Figure) -> Result<Self, DrawError> {
+    /// Returns an error if plotters fails.
+    pub fn new(figure: &Figure) -> Result<Self, DrawError> {
         let grid = Grid::new(figure);
         let Grid { columns, width, height, .. } = grid;
         let mut parts = [String::new(), String::new()];
@@ -49,47 +50,61 @@ impl Drawing {
         });
         draw::draw(grid, [&legend, &panels]).map_err(|error| figure.error(error.to_string()))?;
         drop((legend, panels));
-        // Names can have characters that XML cannot.
-        let is_text = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
-        for part in parts.iter_mut().filter(|part| !part.chars().all(is_text)) {
-            *part = part.replace(|c| !is_text(c), "\u{fffd}");
+        // Names may contain characters that XML does not allow; drop these.
+        let is_allowed = |c| matches!(c, '\t' | '\n' | ' '..='\u{fffd}' | '\u{10000}'..);
+        for part in parts.iter_mut().filter(|part| !part.chars().all(is_allowed)) {
+            *part = part.replace(|c| !is_allowed(c), "\u{fffd}");
         }
-        let (scale, is_synthetic) = (figure.print.scale(), figure.is_synthetic);
-        Ok(Self { columns, width, height, scale, is_synthetic, parts })
+        Ok(Self {
+            columns,
+            width,
+            height,
+            scale: figure.print.scale(),
+            is_synthetic: figure.is_synthetic,
+            parts,
+        })
     }
 
-    /// What its file says of trials that were computed, below the panels.
-    fn mark(&self) -> String {
+    /// Returns the SVG of the notice about synthetic trials below the panels; empty for recorded trials.
+    fn notice(&self) -> String {
         if !self.is_synthetic {
             return String::new();
         }
-        let (below, colour) = (self.height + SYNTHETIC_ROW - 6.0, style::MARK);
+        let baseline = self.height + SYNTHETIC_ROW - 6.0;
+        let colour = style::MARK;
         format!(
-            "<text x=\"{MARGIN}\" y=\"{below}\" fill=\"{colour}\" font-size=\"12\">{SYNTHETIC}</text>\n"
+            "<text x=\"{MARGIN}\" y=\"{baseline}\" fill=\"{colour}\" font-size=\"12\">{SYNTHETIC}</text>\n"
         )
     }
 
-    /// The figure with its font inside.
+    /// Returns the content of the figure's SVG file, with an embedded font.
     pub fn svg(&self) -> String {
         static FONT: LazyLock<String> = LazyLock::new(|| BASE64.encode(style::ROBOTO));
         let Self { width, height, scale, is_synthetic, parts: [legend, panels], .. } = self;
-        let rounded = |px: f64| (1e3 * px).round() / 1e3;
         let height = if *is_synthetic { height + SYNTHETIC_ROW } else { *height };
         let [across, down] = [*width, height].map(|px| rounded(scale * px));
-        let (width, font, mark) = (rounded(*width), &*FONT, self.mark());
+        let width = rounded(*width);
+        let font = &*FONT;
+        let notice = self.notice();
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{across}\" height=\"{down}\" \
              viewBox=\"0 0 {width} {height}\">\n\
              <style>@font-face{{font-family:Roboto;src:url(data:font/ttf;base64,{font}) format(\"truetype\")}}</style>\n\
-             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{mark}{legend}{panels}{END}"
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{BODY}{notice}{legend}{panels}{END}"
         )
     }
 
-    /// The legend and the panels, for pages: drawn as it is where a page may have no styles, too.
+    /// Returns the legend and the panels as SVG for report pages; their look does not depend on the styles of
+    /// the page.
     pub fn parts(&self) -> [String; 2] {
         let presentation = format!(" {PRESENTATION} viewBox=\"");
         self.parts.each_ref().map(|part| part.replace(" viewBox=\"", &presentation))
     }
+}
+
+/// Rounds a length to thousandths of a pixel.
+fn rounded(px: f64) -> f64 {
+    (1e3 * px).round() / 1e3
 }
 
 #[cfg(test)]
@@ -118,11 +133,11 @@ mod tests {
         let layers = vec![layer];
         let panel = Panel { x_scale: scale, y_scale: scale, ..Panel::new("", "x", "y", layers) };
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
-        Drawing::of(&figure).expect("is drawn").svg()
+        Drawing::new(&figure).expect("is drawn").svg()
     }
 
     #[test]
-    fn any_numbers_are_drawn_in_little_time_and_space() {
+    fn extreme_numbers_are_drawn_in_little_time_and_space() {
         let hostile = [
             f64::NAN,
             f64::INFINITY,
@@ -156,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn very_many_points_are_drawn_as_far_as_they_have_room() {
+    fn very_many_points_are_thinned() {
         let point = |i: i32| (f64::from(i), (0.7 * f64::from(i).powi(2)).sin(), 0.1);
         let points: Vec<(f64, f64, f64)> = (0..200_000).map(point).collect();
         let empty = drawn(&[], Look::Rings, Scale::Linear).len();
@@ -168,8 +183,9 @@ mod tests {
     }
 
     #[test]
-    fn a_band_lies_behind_its_line_is_broken_with_it_and_ends_at_the_panel() {
-        let (nan, look) = (f64::NAN, LOOKS[1]);
+    fn a_band_is_behind_its_line_has_the_same_gaps_and_ends_at_the_panel() {
+        let nan = f64::NAN;
+        let look = LOOKS[1];
         let xs = [0.0, 1.0, 2.0, nan, 4.0, 5.0];
         let line = Layer::new("a", xs.map(|x| (x, 1.0)), look);
         let band = vec![[0.9, 1.1], [0.5, 9.0], [0.9, 1.1], [nan; 2], [0.8, 1.2], [0.8, 1.2]];
@@ -178,13 +194,14 @@ mod tests {
             let shown = Some(Range { low: 0.0, high: 2.0 });
             let panel = Panel { shown, ..Panel::new("", "x", "y", layers) };
             let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
-            Drawing::of(&figure).expect("is drawn").svg()
+            Drawing::new(&figure).expect("is drawn").svg()
         };
         let svg = drawn(band);
         let (areas, curve) = svg.split_once("<g data-name=\"a\" data-band=").expect("the curve");
         let (_, areas) = areas.rsplit_once("<g data-name=\"a\">").expect("the band");
         assert!(areas.contains("fill-opacity=\"0.2\""));
-        // Two areas in one path, of three places and of two: there and back.
+        // One path contains two areas, around three points and around two, each drawn forwards along one side
+        // and back along the other.
         let path = areas.split("d=\"").nth(1).and_then(|rest| rest.split('"').next());
         let numbers: Vec<Vec<i32>> = path
             .expect("a path")
@@ -196,7 +213,7 @@ mod tests {
             .collect();
         assert_eq!([numbers[0].len(), numbers[1].len()], [2 * 6, 2 * 4]);
         assert_eq!(numbers.len(), 2);
-        // The second begins where the first did, and is level with itself.
+        // The second area begins relative to the start of the first, and its lower side is horizontal.
         assert!(numbers[1][0] > 0 && numbers[1][3] == 0, "{numbers:?}");
         assert!(curve.starts_with("\"0 1 0.9 1.1\n1 1 0.5 9\n2 1 0.9 1.1\n4 1 0.8 1.2\n5 1 "));
         assert!(!drawn(Vec::new()).contains("data-band"));
@@ -208,7 +225,7 @@ mod tests {
         let panel = Panel::new("", "x", "y", layers.into());
         let panels = vec![panel.clone(), panel];
         let figure = Figure::new("any", Default::default(), &[], Layout::Stack, panels);
-        let drawing = Drawing::of(&figure).expect("is drawn");
+        let drawing = Drawing::new(&figure).expect("is drawn");
         assert!(drawing.parts.iter().all(|part| drawing.svg().contains(part)));
         for part in drawing.parts() {
             let count = |tag: &str| part.matches(tag).count();
@@ -218,24 +235,24 @@ mod tests {
     }
 
     #[test]
-    fn the_label_of_an_axis_gives_way_to_values_that_hardly_differ() {
+    fn the_label_of_an_axis_is_dropped_for_long_tick_labels() {
         for (apart, has_label) in [(1e-3, true), (1e-8, false)] {
             let layer = Layer::new("a", [(0.0, 0.00983), (1.0, 0.00983 + apart)], LOOKS[0]);
             let panel = Panel::new("", "x", "mean of J", vec![layer]);
             let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
-            let svg = Drawing::of(&figure).expect("is drawn").svg();
+            let svg = Drawing::new(&figure).expect("is drawn").svg();
             assert_eq!(svg.contains(">mean of J<"), has_label, "{apart}");
-            // The page's script still has it.
+            // The attribute for the report page's script still has the label.
             assert!(svg.contains("0 mean of J\""), "{apart}");
         }
     }
 
     #[test]
-    fn names_that_xml_cannot_have_are_still_drawn() {
+    fn names_with_characters_that_xml_forbids_are_drawn() {
         let layers = vec![Layer::new("\u{1b}[31m\u{0}", [(1.0, 2.0)], LOOKS[0])];
         let panel = Panel::new("a\u{1}\u{ffff}b<&", "\r\n\t", "", layers);
         let figure = Figure::new("any", Default::default(), &[], Layout::Grid, vec![panel]);
-        let svg = Drawing::of(&figure).expect("is drawn").svg();
+        let svg = Drawing::new(&figure).expect("is drawn").svg();
         assert!(svg.contains("a\\u{1}\u{fffd}b&lt;&amp;"));
         raster::parsed(&svg).expect("is well formed");
     }

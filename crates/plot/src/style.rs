@@ -1,5 +1,4 @@
-//! What drawings are made of: colours, sizes, text in the font that comes with the program, and the
-//! looks that a layer can have.
+//! Style of the figures: colours, sizes, the embedded font, and the looks of layers.
 
 use std::sync::LazyLock;
 
@@ -7,78 +6,79 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontStyle, IntoFont, RGBColor, ShapeStyle, TextStyle, register_font};
 use serde::Serialize;
 
-/// Text, frames and measurements.
+/// Colour of text, frames and measurements.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
-/// Of what a figure's file warns of.
+/// Colour of the notice about synthetic trials.
 pub(crate) const MARK: &str = "#a8201a";
 pub(crate) const GRID: RGBColor = RGBColor(226, 226, 226);
 pub(crate) const PAPER: RGBColor = RGBColor(255, 255, 255);
-/// The robot's links on a map.
+/// Colour of the robot's links on a map.
 pub(crate) const LINKS: RGBColor = RGBColor(110, 110, 110);
 
-/// Width of a figure that fits a column of a page, px.
+/// Width of a figure that fits into one column of a page, px.
 pub const WIDTH: f64 = 460.0;
-/// Width of a figure with more panels side by side, px.
+/// Width of a figure that has several panels side by side, px.
 pub(crate) const WIDE: f64 = 644.0;
 pub(crate) const LINE_WIDTH: f64 = 1.6;
 pub(crate) const FRAME_WIDTH: f64 = 1.0;
-/// Width of a part of an error bar, px.
+/// Line width of [`Look::Bars`], px.
 pub(crate) const BAR_WIDTH: f64 = 3.0;
 pub(crate) const MARKER_RADIUS: f64 = 3.6;
-/// Width of an error bar's ends, px.
+/// Width of the caps of an error bar, px.
 pub(crate) const ERROR_BAR_ENDS: f64 = 6.4;
-/// Length of a line's sample in a legend, px.
+/// Length of the line that represents a layer in a legend, px.
 pub(crate) const SAMPLE: f64 = 27.0;
-/// Radius of points that stand for one of many values, px.
+/// Radius of the points of [`Look::Dots`], px.
 pub(crate) const DOT_RADIUS: f64 = 1.7;
 
-/// The backend has whole coordinates: this many to a pixel, so that curves are smooth.
+/// Number of backend units per pixel; the coordinates of the backend are integers, so one per pixel would
+/// make curves jagged.
 pub(crate) const UNITS_PER_PX: f64 = 10.0;
 
-/// Pixels in the backend's units.
+/// Converts pixels to the backend's units.
 pub(crate) fn units(px: f64) -> i32 {
     (px * UNITS_PER_PX).round() as i32
 }
 
-/// A line of a colour, `width_px` wide; what is not a line is filled.
+/// Returns the style of a line with the given colour and width; shapes other than lines are filled.
 pub(crate) fn stroke(colour: RGBColor, width_px: f64) -> ShapeStyle {
     colour.filled().stroke_width(units(width_px) as u32)
 }
 
-/// The family as SVG names it: ours, and where that is not shown, any without serifs.
+/// Font family in SVG: the embedded font, with any sans-serif font as fallback.
 pub(crate) const FAMILY: &str = "Roboto, sans-serif";
 pub static ROBOTO: &[u8] = include_bytes!("../assets/Roboto-Regular-subset.ttf");
 
 /// Size of all text, px.
 pub(crate) const EM: f64 = 12.0;
-/// From the top of text, from which it hangs, to its baseline, as plotters' SVG has it.
+/// Distance from the top of a text to its baseline, px. The `plotters` crate positions a text by its top.
 pub(crate) const ASCENT: f64 = 0.76 * EM;
-/// Plotters writes text into SVG at its size over this,
+/// Ratio of the font size in plotters to the font size in SVG.
 const SIZE_PER_EM: f64 = 1.24;
-/// and measures it as if its size were the height of the font's lines.
+/// Ratio of the font's line height, which plotters takes for the font size when it measures text, to an em.
 const LINE_PER_EM: f64 = 2400.0 / 2048.0;
 
-/// Makes plotters know the font, for measuring.
-static IS_KNOWN: LazyLock<bool> =
+/// Whether the embedded font is registered with plotters, which measures text with it.
+static IS_REGISTERED: LazyLock<bool> =
     LazyLock::new(|| register_font(FAMILY, FontStyle::Normal, ROBOTO).is_ok());
 
-/// How text looks that hangs from its position.
+/// Returns the style of text that is anchored at its top edge.
 pub(crate) fn text_style(align: HPos) -> TextStyle<'static> {
-    LazyLock::force(&IS_KNOWN);
+    LazyLock::force(&IS_REGISTERED);
     let size = f64::from(units(EM)) * SIZE_PER_EM;
     let style = TextStyle::from((FAMILY, size).into_font()).color(&INK);
     style.pos(Pos::new(align, VPos::Top))
 }
 
-/// Width of a text, px.
+/// Returns the width of text, px.
 pub(crate) fn text_width(text: &str) -> f64 {
     const FINE: f64 = 1000.0;
-    LazyLock::force(&IS_KNOWN);
+    LazyLock::force(&IS_REGISTERED);
     let font = (FAMILY, FINE * LINE_PER_EM).into_font();
     font.box_size(text).map_or(0.0, |(width, _)| f64::from(width) * EM / FINE)
 }
 
-/// Lengths of dashes and of the gaps between them, px.
+/// Lengths of the dashes and gaps of a line, px; `None` for a solid line.
 pub type Dash = Option<(f64, f64)>;
 
 pub const SOLID: Dash = None;
@@ -90,47 +90,47 @@ pub enum Shape {
     Square,
 }
 
-/// What a colour is serialised as.
+/// Serialized form of a colour.
 #[derive(Serialize)]
 #[serde(remote = "RGBColor")]
 struct Rgb(u8, u8, u8);
 
-/// How the points of a layer are shown.
+/// Look of a layer: the way in which its points are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub enum Look {
-    /// A line that the legend names.
+    /// Line, which the legend lists.
     Line {
         #[serde(with = "Rgb")]
         colour: RGBColor,
         dash: Dash,
     },
-    /// Markers with error bars, which the legend names.
+    /// Markers with error bars, which the legend lists.
     Marker {
         #[serde(with = "Rgb")]
         colour: RGBColor,
         shape: Shape,
         filled: bool,
     },
-    /// Points, and the line through them where they are joined.
+    /// Small dots, with a line through them if `joined`.
     Dots {
         #[serde(with = "Rgb")]
         colour: RGBColor,
         joined: bool,
     },
-    /// Points that stand out.
+    /// Rings that highlight points.
     Rings,
-    /// Dashed lines across the panel: level where only y is known, upright where only x is.
+    /// Dashed lines across the panel: vertical at x if y is NaN, otherwise horizontal at y.
     Guides,
-    /// A shaded interval of the horizontal axis from the first point to the second; a side that
-    /// is not known is the panel's.
+    /// Shaded interval of the horizontal axis from the first point to the second; a point that is missing or
+    /// NaN stands for the side of the panel.
     Band(#[serde(with = "Rgb")] RGBColor),
-    /// Thick error bars alone.
+    /// Thick error bars without markers.
     Bars(#[serde(with = "Rgb")] RGBColor),
-    /// Bars from every other point to the next, which the legend names if they have a name.
+    /// Horizontal bars, each between two consecutive points, which the legend lists if the layer has a name.
     Spans(#[serde(with = "Rgb")] RGBColor),
-    /// The robot's links, joined.
+    /// Links of the robot, as a thick line through the points.
     Links,
-    /// From the first point to the second.
+    /// Arrow from the first point to the second.
     Arrow,
 }
 
@@ -139,8 +139,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_are_as_wide_as_the_font_says() {
-        assert!(*IS_KNOWN);
+    fn texts_have_the_widths_of_the_font() {
+        assert!(*IS_REGISTERED);
         assert!((text_width("0") / EM - 1150.0 / 2048.0).abs() < 0.01);
     }
 }

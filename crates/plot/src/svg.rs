@@ -1,4 +1,4 @@
-//! What plotters draws as SVG: small, and in groups that a page can tell apart.
+//! Plotters backend that writes compact SVG, with markup for groups.
 
 use std::convert::Infallible;
 use std::fmt::Write as _;
@@ -9,26 +9,27 @@ use plotters_backend::{
     BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind,
     FontTransform,
 };
-use trilink_base::text::harmless;
+use trilink_base::text::escape_controls;
 
 type Drawn = Result<(), DrawingErrorKind<Infallible>>;
 
-/// A drawing. What follows each other in one style is one path.
+/// SVG backend. Consecutive shapes with the same style become one path.
 pub struct Svg<'s> {
     text: &'s mut String,
     size: (u32, u32),
-    /// Attributes of the path that is open, and its last position.
+    /// Attributes of the path that is being written; empty if there is none.
     open: String,
+    /// Last position of the path that is being written.
     at: BackendCoord,
 }
 
-/// Markup among what plotters draws, such as the beginning of a group.
+/// Markup to insert between the shapes that plotters draws, such as the start tag of a group.
 pub struct Markup(pub String);
 
-/// Text as it may stand in markup, between quotes, too.
+/// Escapes text for use in markup, including attribute values.
 pub(crate) fn escaped(text: &str) -> String {
     let mut markup = String::with_capacity(text.len());
-    for c in harmless(text).chars() {
+    for c in escape_controls(text).chars() {
         match c {
             '<' => markup.push_str("&lt;"),
             '>' => markup.push_str("&gt;"),
@@ -59,7 +60,8 @@ impl<'s> Svg<'s> {
         self.text.push_str(markup);
     }
 
-    /// Adds a line to the path with these attributes.
+    /// Appends a polyline to the current path, or to a new path if the attributes differ; `end` is written
+    /// after its points.
     fn line(
         &mut self,
         points: impl IntoIterator<Item = BackendCoord>,
@@ -70,15 +72,18 @@ impl<'s> Svg<'s> {
             self.markup("<path ");
             self.text.push_str(&attributes);
             self.text.push_str(" d=\"");
-            (self.open, self.at) = (attributes, (0, 0));
+            self.open = attributes;
+            self.at = (0, 0);
         }
         let mut command = "m";
         for (x, y) in points {
-            let (across, down) = (x - self.at.0, y - self.at.1);
+            let across = x - self.at.0;
+            let down = y - self.at.1;
             let gap = if command.is_empty() && across >= 0 { " " } else { command };
-            let comma = if down >= 0 { " " } else { "" };
-            write!(self.text, "{gap}{across}{comma}{down}").ok();
-            (self.at, command) = ((x, y), "");
+            let separator = if down >= 0 { " " } else { "" };
+            write!(self.text, "{gap}{across}{separator}{down}").ok();
+            self.at = (x, y);
+            command = "";
         }
         self.text.push_str(end);
     }
@@ -118,7 +123,8 @@ impl DrawingBackend for Svg<'_> {
         style: &S,
     ) -> Drawn {
         if style.color().alpha > 0.0 {
-            let (stroke, width) = (colour(style.color()), style.stroke_width());
+            let stroke = colour(style.color());
+            let width = style.stroke_width();
             self.line(path, format!("stroke=\"{stroke}\" stroke-width=\"{width}\""), "");
         }
         Ok(())
@@ -131,7 +137,8 @@ impl DrawingBackend for Svg<'_> {
         style: &S,
         _fill: bool,
     ) -> Drawn {
-        let (width, height) = (right - left, bottom - top);
+        let width = right - left;
+        let height = bottom - top;
         let sides = format!("h{width}v{height}h{}z", -width);
         self.line([(left, top)], format!("fill=\"{}\"", colour(style.color())), &sides);
         Ok(())
@@ -144,14 +151,15 @@ impl DrawingBackend for Svg<'_> {
     ) -> Drawn {
         let corners: Vec<BackendCoord> = corners.into_iter().collect();
         let Some(first) = corners.first().copied() else { return Ok(()) };
-        let (fill, opacity) = (colour(style.color()), style.color().alpha);
+        let fill = colour(style.color());
+        let opacity = style.color().alpha;
         self.line(corners, format!("fill=\"{fill}\" fill-opacity=\"{opacity}\""), "z");
-        // Where a path goes on that was closed.
+        // Closing a path moves the position back to its first point.
         self.at = first;
         Ok(())
     }
 
-    /// As the round end of a line without length.
+    /// Draws a disc, as the round cap of a line of zero length.
     fn draw_circle<S: BackendStyle>(
         &mut self,
         centre: BackendCoord,
@@ -159,7 +167,8 @@ impl DrawingBackend for Svg<'_> {
         style: &S,
         _fill: bool,
     ) -> Drawn {
-        let (stroke, width) = (colour(style.color()), 2 * radius);
+        let stroke = colour(style.color());
+        let width = 2 * radius;
         let round = "stroke-linecap=\"round\"";
         self.line([centre], format!("stroke=\"{stroke}\" stroke-width=\"{width}\" {round}"), "h0");
         Ok(())
@@ -181,13 +190,14 @@ impl DrawingBackend for Svg<'_> {
             VPos::Center => ".5ex",
             VPos::Bottom => "-.5ex",
         };
-        let turned = match style.transform() {
+        let rotation = match style.transform() {
             FontTransform::Rotate270 => format!(" transform=\"rotate(270 {x} {y})\""),
             _ => String::new(),
         };
-        let (fill, text) = (colour(style.color()), escaped(text));
-        let place = format!("x=\"{x}\" y=\"{y}\" dy=\"{below}\"");
-        self.markup(&format!("<text {place}{anchor}{turned} fill=\"{fill}\">{text}</text>\n"));
+        let fill = colour(style.color());
+        let text = escaped(text);
+        let position = format!("x=\"{x}\" y=\"{y}\" dy=\"{below}\"");
+        self.markup(&format!("<text {position}{anchor}{rotation} fill=\"{fill}\">{text}</text>\n"));
         Ok(())
     }
 }

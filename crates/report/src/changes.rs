@@ -1,50 +1,54 @@
-//! What the page says of a run against the accepted baseline.
+//! Comparison of a run with the accepted baseline, as shown on the report page.
 
 use serde::Serialize;
 
-/// What changed since the baseline.
+/// Changes in the results since the baseline.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Changes {
-    /// The baseline cannot be used; why.
+    /// The baseline cannot be used, for the reason in `problem`.
     NotCompared { problem: String },
     Compared {
-        /// When and why the baseline was accepted, if it says so.
+        /// Time of and reason for accepting the baseline, if recorded.
         accepted: Option<AcceptedBaseline>,
-        /// Values out of tolerance, within it, different but not judged, and the same.
+        /// Number of values whose change exceeds the tolerance.
         out: usize,
+        /// Number of values that changed within tolerance.
         within: usize,
+        /// Number of values that changed but for which no tolerance is defined.
         not_judged: usize,
+        /// Number of unchanged values.
         same: usize,
-        /// The largest of those out of tolerance.
+        /// Values whose changes exceed their tolerances the most.
         largest: Vec<ChangedValue>,
-        /// Trials and fits that only the baseline has, and that only this run has.
+        /// Names of the trials and fits that only the baseline contains.
         vanished: Vec<String>,
+        /// Names of the trials and fits that only this run contains.
         appeared: Vec<String>,
     },
 }
 
-/// When and why a baseline was accepted.
+/// Record of the acceptance of a baseline: time and reason.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AcceptedBaseline {
-    /// UTC, as in `2026-01-31T12:00:00Z`.
+    /// Time of acceptance in UTC, such as `2026-01-31T12:00:00Z`.
     pub time: String,
     pub reason: String,
 }
 
-/// A value that differs, as text; what is not known is empty.
+/// Table value that changed, with all fields formatted as text; unknown fields are empty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChangedValue {
     pub table: String,
-    /// Row of the table.
+    /// Name of the table row.
     pub of: String,
     pub column: String,
     pub baseline: String,
     pub candidate: String,
-    /// Relative change, %.
+    /// Relative change, in per cent.
     pub change: String,
-    /// Change in standard errors.
+    /// Change as a multiple of the standard error.
     pub errors: String,
-    /// Tolerance that it was judged by.
+    /// Tolerance with which the change was compared.
     pub limit: String,
 }

@@ -1,6 +1,6 @@
-//! What a report is made of, and what each of its figures and pages.
+//! Content of a report, and the inputs of each of its figures and pages.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use trilink_plot::Figure;
@@ -15,25 +15,25 @@ use super::truth::Truth;
 use super::{ReportError, ReportInput, figures, hash_of};
 use crate::Changes;
 
-/// What a report is made of.
+/// Content of a report: input tables, figures to draw and pages to write.
 #[derive(Debug)]
 pub struct Content {
     pub(super) tables: Arc<Tables>,
     pub(super) figures: Vec<Figure>,
     pub(super) missing: Vec<String>,
     pub(super) truth: Option<Truth>,
-    /// Files of the trials' pages.
+    /// File names of the trial pages.
     pub(super) pages: TrialPages,
-    /// What [`Content::with_changes`] has.
+    /// Changes in the results since the baseline; `None` if there is no baseline.
     pub(super) changes: Option<Changes>,
     page_parts: PageParts,
     pub(super) reader: Reader,
 }
 
-/// Files that there are to read, and whether they are the program's own.
+/// Returns the existing input files of a report, each with a flag that is true if `trilink` itself wrote the file.
 ///
 /// # Errors
-/// A folder cannot be read.
+/// Returns an error if a folder cannot be listed.
 pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
     let tables = table_paths(&paths.derived).into_iter().map(|path| (path, true));
     let mut there = Vec::new();
@@ -52,10 +52,10 @@ pub fn input_paths(paths: &Paths) -> Result<Vec<(PathBuf, bool)>, StoreError> {
 }
 
 impl Content {
-    /// Reads the tables and the truth, and puts the figures together.
+    /// Reads the tables and the true parameters of synthetic trials, and prepares the figures.
     ///
     /// # Errors
-    /// `trials.parquet` is not there, or a file cannot be read.
+    /// Returns an error if `trials.parquet` does not exist or a file cannot be read.
     pub fn read(input: &ReportInput, reader: Reader) -> Result<Self, ReportError> {
         let tables = Arc::new(Tables::read(&input.paths.derived, &reader)?);
         let mut missing = tables.missing.clone();
@@ -63,26 +63,26 @@ impl Content {
         let found = figures::figures((&*tables, &reader), input, truth.as_ref())?;
         missing.extend(found.missing);
         let pages = trials::pages(input, &tables);
-        let blake3_of = |path: &Path| reader.0.get(path).map(|stamp| stamp.blake3.clone());
-        let page_parts = trials::parts(input, (&tables, truth.as_ref()), &pages, blake3_of);
+        let page_parts = trials::parts(input, (&tables, truth.as_ref()), &pages, |path| {
+            reader.0.get(path).map(|stamp| stamp.blake3.clone())
+        });
         let figures = found.figures;
         let changes = None;
         Ok(Self { tables, figures, missing, truth, pages, changes, page_parts, reader })
     }
 
-    /// With what changed since the baseline, as `changes.html` shows it; `None` without a baseline.
+    /// Sets the changes since the baseline, which the report page shows; `None` means that there is no baseline.
     pub fn with_changes(self, changes: Option<Changes>) -> Self {
         Self { changes, ..self }
     }
 
-    /// Stem, campaigns and hash of every figure.
+    /// Returns the file stem, the campaigns and the content hash of every figure.
     pub fn figures(&self) -> impl Iterator<Item = (&str, &[String], String)> {
         let figures = self.figures.iter();
         figures.map(|figure| (&*figure.stem, &*figure.campaigns, hash_of(figure)))
     }
 
-    /// The campaign of every trial's page and what the page is made of, by its path inside of
-    /// `reports/`.
+    /// Returns the campaign and the input hashes for every trial page, keyed by the page's path within `reports/`.
     pub fn page_parts(&self) -> &PageParts {
         &self.page_parts
     }

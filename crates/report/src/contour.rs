@@ -1,18 +1,21 @@
-//! Lines along which values on a grid are the same.
+//! Contour lines of a function sampled on a rectangular grid.
 
 use std::collections::BTreeMap;
 
-/// The lines at a level of `values[j * x.len() + i]` at `(x[i], y[j])`, in proportion between neighbours, one
-/// after the other with a NaN between them. Where a value is not known (NaN) there are none.
+/// Returns the contour lines at `level`, found by marching squares. The lines are concatenated, each followed by a NaN
+/// point.
 ///
-/// Reference: W. E. Lorensen and H. E. Cline, *Marching cubes*, Computer Graphics 21 (1987) 163-169, in two
-/// dimensions; of a saddle the middle decides.
+/// `values[j * x.len() + i]` is the function value at `(x[i], y[j])`; crossings are interpolated linearly along the
+/// edges of the grid. Cells with an unknown (NaN) corner contain no lines.
+///
+/// Reference: W. E. Lorensen and H. E. Cline, *Marching cubes*, Computer Graphics 21 (1987) 163-169, applied in two
+/// dimensions; saddle cells are resolved by the mean of their corners.
 pub(crate) fn contour(x: &[f64], y: &[f64], values: &[f64], level: f64) -> Vec<(f64, f64)> {
     let value = |i: usize, j: usize| values[j * x.len() + i];
-    // A side by its lower left corner: twice its number, and one more for an upright side.
-    let side =
-        |i: usize, j: usize, is_upright: bool| 2 * (j * x.len() + i) + usize::from(is_upright);
-    let mut beside: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    // Index of a grid edge: twice the index of its lower left corner, plus one for a vertical edge.
+    let edge =
+        |i: usize, j: usize, is_vertical: bool| 2 * (j * x.len() + i) + usize::from(is_vertical);
+    let mut neighbours: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for j in 0..y.len().saturating_sub(1) {
         for i in 0..x.len().saturating_sub(1) {
             let corners = [value(i, j), value(i + 1, j), value(i + 1, j + 1), value(i, j + 1)];
@@ -20,49 +23,54 @@ pub(crate) fn contour(x: &[f64], y: &[f64], values: &[f64], level: f64) -> Vec<(
                 continue;
             }
             let is_above = corners.map(|corner| corner >= level);
-            let sides =
-                [side(i, j, false), side(i + 1, j, true), side(i, j + 1, false), side(i, j, true)];
+            let edges =
+                [edge(i, j, false), edge(i + 1, j, true), edge(i, j + 1, false), edge(i, j, true)];
             let crossed: Vec<usize> =
                 (0..4).filter(|nth| is_above[*nth] != is_above[(nth + 1) % 4]).collect();
-            let middle = corners.iter().sum::<f64>() / 4.0 >= level;
+            let is_centre_above = corners.iter().sum::<f64>() / 4.0 >= level;
             let joined = match crossed[..] {
                 [a, b] => vec![[a, b]],
-                // What lies with the middle is not cut off.
-                [..] if !crossed.is_empty() && middle == is_above[0] => vec![[0, 1], [2, 3]],
+                // In a saddle cell, the lines cut off the two corners that lie on the opposite side of the level from
+                // the centre.
+                [..] if !crossed.is_empty() && is_centre_above == is_above[0] => {
+                    vec![[0, 1], [2, 3]]
+                }
                 [..] if !crossed.is_empty() => vec![[3, 0], [1, 2]],
                 [..] => Vec::new(),
             };
-            for [a, b] in joined.into_iter().map(|pair| pair.map(|nth| sides[nth])) {
-                beside.entry(a).or_default().push(b);
-                beside.entry(b).or_default().push(a);
+            for [a, b] in joined.into_iter().map(|pair| pair.map(|nth| edges[nth])) {
+                neighbours.entry(a).or_default().push(b);
+                neighbours.entry(b).or_default().push(a);
             }
         }
     }
-    let at = |side: usize| {
-        let (i, j) = (side / 2 % x.len(), side / 2 / x.len());
-        let (to_i, to_j) = if side.is_multiple_of(2) { (i + 1, j) } else { (i, j + 1) };
-        let (from, to) = (value(i, j), value(to_i, to_j));
-        let part = (level - from) / (to - from);
-        (x[i] + part * (x[to_i] - x[i]), y[j] + part * (y[to_j] - y[j]))
+    let crossing = |edge: usize| {
+        let i = edge / 2 % x.len();
+        let j = edge / 2 / x.len();
+        let (to_i, to_j) = if edge.is_multiple_of(2) { (i + 1, j) } else { (i, j + 1) };
+        let from = value(i, j);
+        let to = value(to_i, to_j);
+        let fraction = (level - from) / (to - from);
+        (x[i] + fraction * (x[to_i] - x[i]), y[j] + fraction * (y[to_j] - y[j]))
     };
-    // Lines that end first, then those that close.
-    let ends = beside.iter().filter(|(_, next)| next.len() == 1).map(|(side, _)| *side);
-    let starts: Vec<usize> = ends.chain(beside.keys().copied()).collect();
+    // Open lines are traced first, from their ends; closed lines can start anywhere.
+    let ends = neighbours.iter().filter(|(_, next)| next.len() == 1).map(|(edge, _)| *edge);
+    let starts: Vec<usize> = ends.chain(neighbours.keys().copied()).collect();
     let mut lines = Vec::new();
     for start in starts {
         let mut here = start;
         let mut line = Vec::new();
-        while let Some(next) = beside.get_mut(&here).and_then(Vec::pop) {
-            line.push(at(here));
-            if let Some(back) = beside.get_mut(&next)
-                && let Some(nth) = back.iter().position(|side| *side == here)
+        while let Some(next) = neighbours.get_mut(&here).and_then(Vec::pop) {
+            line.push(crossing(here));
+            if let Some(back) = neighbours.get_mut(&next)
+                && let Some(nth) = back.iter().position(|edge| *edge == here)
             {
                 back.swap_remove(nth);
             }
             here = next;
         }
         if !line.is_empty() {
-            line.extend([at(here), (f64::NAN, f64::NAN)]);
+            line.extend([crossing(here), (f64::NAN, f64::NAN)]);
             lines.extend(line);
         }
     }
@@ -73,22 +81,24 @@ pub(crate) fn contour(x: &[f64], y: &[f64], values: &[f64], level: f64) -> Vec<(
 mod tests {
     use super::*;
 
-    fn grid(of: impl Fn(f64, f64) -> f64) -> (Vec<f64>, Vec<f64>) {
+    fn grid(value: impl Fn(f64, f64) -> f64) -> (Vec<f64>, Vec<f64>) {
         let along: Vec<f64> = (0..=40).map(|i| -2.0 + 0.1 * f64::from(i)).collect();
-        let row = |y: &f64| along.iter().map(|x| of(*x, *y)).collect::<Vec<f64>>();
-        let values = along.iter().flat_map(row).collect();
+        let values = along
+            .iter()
+            .flat_map(|y| along.iter().map(|x| value(*x, *y)).collect::<Vec<f64>>())
+            .collect();
         (along, values)
     }
 
-    fn lines(of: impl Fn(f64, f64) -> f64, level: f64) -> Vec<Vec<(f64, f64)>> {
-        let (along, values) = grid(of);
+    fn lines(value: impl Fn(f64, f64) -> f64, level: f64) -> Vec<Vec<(f64, f64)>> {
+        let (along, values) = grid(value);
         let points = contour(&along, &along, &values, level);
         let lines = points.split(|(x, _)| x.is_nan()).filter(|line| !line.is_empty());
         lines.map(<[(f64, f64)]>::to_vec).collect()
     }
 
     #[test]
-    fn the_line_of_a_hill_is_one_circle_that_closes() {
+    fn contour_of_a_hill_is_a_single_closed_circle() {
         let found = lines(|x, y| -(x * x + y * y), -1.0);
         let [circle] = &found[..] else { panic!("{found:?}") };
         assert_eq!(circle.first(), circle.last());
@@ -99,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_end_at_the_grid_s_sides_and_where_nothing_is_known() {
+    fn contour_lines_end_at_grid_sides_and_at_unknown_values() {
         let found = lines(|x, y| x + 0.01 * y, 0.512);
         let [upright] = &found[..] else { panic!("{found:?}") };
         assert_eq!(upright.len(), 42);
@@ -110,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_at_a_saddle_do_not_cross_and_an_even_field_has_none() {
+    fn contour_lines_do_not_cross_at_saddles_and_a_constant_field_has_none() {
         for level in [-0.01, 0.01] {
             let found = lines(|x, y| (x - 0.03) * (y - 0.04), level);
             assert_eq!(found.len(), 2, "{found:?}");

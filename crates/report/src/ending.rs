@@ -1,28 +1,28 @@
-//! Figures that a command writes, in the format that the file's ending names.
+//! Figures written by single commands, in the format given by the file extension.
 
 use trilink_base::Named as _;
 use trilink_plot::{DrawError, Figure, Format};
 
 use super::ReportError;
 
-/// File that a command writes a figure to.
+/// Format and labelling of the file to which a command writes a figure.
 #[derive(Debug, Clone, Copy)]
 pub struct FigureFile<'f> {
-    /// Of its name: `svg`, `png` or `pdf`.
+    /// File extension: `svg`, `png` or `pdf`.
     pub ending: &'f str,
-    /// What it shows was fitted to synthetic trials.
+    /// Whether the figure shows results of synthetic trials.
     pub is_synthetic: bool,
 }
 
-/// The drawing of a figure in the format that such a file has.
+/// Draws a figure in the format that `file` specifies.
 ///
 /// # Errors
-/// There is no such format, or nothing can be drawn.
+/// Returns an error if the file's extension is not `svg`, `png` or `pdf`, or if the figure cannot be drawn.
 pub(super) fn drawn(figure: &Figure, file: FigureFile<'_>) -> Result<Vec<u8>, ReportError> {
     let FigureFile { ending, is_synthetic } = file;
     let format =
         Format::of_name(ending).filter(|format| *format != Format::Csv).ok_or_else(|| {
-            let message = format!("found the ending `{ending}`, needed svg, png or pdf");
+            let message = format!("found the file extension `{ending}`, needed svg, png or pdf");
             DrawError { figure: figure.stem.clone(), message }
         })?;
     Ok(Figure { is_synthetic, ..figure.clone() }.encode(format)?)

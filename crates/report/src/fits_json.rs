@@ -1,27 +1,31 @@
-//! `fits.json`: the fitted models for scripts that do not read Parquet. NaN becomes null.
+//! `fits.json`: the fitted models, for scripts that do not read Parquet. NaN becomes null.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use trilink_robot::{Model, Parameter};
+use trilink_robot::Model;
 use trilink_tables::{ComparisonRow, FitRow, SharedFitRow};
 
 use super::tables::Tables;
 
+/// Entry in `fits.json`: a fit with its confidence intervals and the related rows of other tables.
 #[derive(Serialize)]
 pub(crate) struct Fit<'f> {
     #[serde(flatten)]
     fit: &'f FitRow,
-    /// 95 % confidence limits of the fitted parameters by column; null where the interval is open.
+    /// 95 % confidence limits of the free parameters, keyed by column name; NaN (null in JSON) where the interval is
+    /// open.
     intervals: BTreeMap<&'static str, [f64; 2]>,
-    /// How the model compares with its campaign's others.
+    /// Comparison with the other models fitted to the campaign; `None` if the models were not compared.
     comparison: Option<Compared<'f>>,
-    /// The same model driven by the other gait than the configured one.
+    /// Fit of the same model with the alternative gait input (measured instead of commanded gait, or vice versa);
+    /// `None` if there is none.
     other_gait: Option<Box<Fit<'f>>>,
-    /// The same model fitted to all campaigns of the robot together.
+    /// Fit of the model to all campaigns of the robot together; `None` if there is none.
     shared: Option<&'f SharedFitRow>,
 }
 
+/// Row for a model in the model comparison, with the sentence that summarises the comparison for its campaign.
 #[derive(Serialize)]
 pub(crate) struct Compared<'f> {
     #[serde(flatten)]
@@ -31,13 +35,13 @@ pub(crate) struct Compared<'f> {
 
 impl<'f> Fit<'f> {
     fn new(fit: &'f FitRow) -> Self {
-        let interval = |of: &Parameter| (of.name(), [fit.lower[*of], fit.upper[*of]]);
-        let intervals = fit.free.iter().map(interval).collect();
+        let intervals =
+            fit.free.iter().map(|of| (of.name(), [fit.lower[*of], fit.upper[*of]])).collect();
         Self { fit, intervals, comparison: None, other_gait: None, shared: None }
     }
 }
 
-/// The fits, in order.
+/// Returns the entries of `fits.json`, in the order of the `fits` table.
 pub(crate) fn fits(tables: &Tables) -> Vec<Fit<'_>> {
     let with_others = tables.fits.iter().map(|fit| {
         let is_same = |campaign: &str, model: Model| campaign == fit.campaign && model == fit.model;

@@ -1,4 +1,4 @@
-//! What the report reads of the configuration.
+//! Configuration of the report.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,17 +12,17 @@ use trilink_tables::config::{
 
 use super::looks::ModelLook;
 
-/// What a report is made with. Serialised it is the configuration that the page prints, which
-/// decides all else.
+/// Configuration of a report. Its serialised form contains the requested trial pages and the configuration printed on
+/// the report page, which together determine the other fields.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReportInput {
     #[serde(skip)]
     pub paths: Paths,
     #[serde(skip)]
     pub sigma: SigmaKind,
-    /// Trials of which a page was asked for.
+    /// Names of the trials whose pages were explicitly requested, in this run or an earlier one.
     pub asked_pages: BTreeSet<String>,
-    /// With paths as seen from the page.
+    /// Configuration with paths relative to the report page.
     #[serde(flatten)]
     shown: Config,
 }
@@ -45,48 +45,48 @@ impl ReportInput {
         &self.shown.model
     }
 
-    /// How a model is shown.
+    /// Returns the colour and dashes with which a model is plotted.
     pub fn look(&self, model: Model) -> ModelLook {
         ModelLook::new(model, self.models())
     }
 
-    /// Which differences from the baseline are to be expected.
+    /// Returns the tolerances for changes since the baseline.
     pub fn tolerances(&self) -> &Compare {
         &self.shown.compare
     }
 
-    /// Most trials of which all get a page.
+    /// Returns the maximum number of trial pages, not counting those that were explicitly requested.
     pub fn trial_pages(&self) -> usize {
         self.shown.report.trial_pages
     }
 
-    /// The size of figures.
+    /// Returns the width and font size of printed figures.
     pub fn print(&self) -> Print {
         let Report { width_mm, font_pt, .. } = self.shown.report;
         Print { width_mm: width_mm.mm(), font_pt }
     }
 
-    /// The robot and gait of a campaign, in SI units; `None` where an entry is missing.
+    /// Returns the robot and gait of a campaign in SI units, or `None` if either is not configured.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
         self.shown.campaign_setup(campaign)
     }
 
-    /// A robot in SI units.
+    /// Returns a robot in SI units, or `None` if it is not configured.
     pub fn robot(&self, name: &str) -> Option<Robot> {
         self.shown.robot.get(name).map(RobotConfig::to_robot)
     }
 
-    /// The robot of a campaign as configured.
+    /// Returns the configuration of a campaign's robot, or `None` if the campaign or its robot is not configured.
     pub(crate) fn configured_robot(&self, campaign: &str) -> Option<&RobotConfig> {
         self.shown.robot.get(&self.shown.campaign.get(campaign)?.robot)
     }
 
-    /// The layout of the markers.
+    /// Returns the marker layout of the links.
     pub fn markers(&self) -> &Markers {
         &self.shown.markers
     }
 
-    /// The configuration as TOML, defaults too.
+    /// Returns the configuration as TOML, including default values.
     pub fn configuration(&self) -> String {
         toml::to_string(&self.shown).unwrap_or_default()
     }

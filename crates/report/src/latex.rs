@@ -1,8 +1,7 @@
-//! For a paper: the coefficients of every campaign's models as LaTeX tables, and what to cite.
+//! LaTeX tables of the fitted coefficients, and the BibTeX file with the references.
 
-use trilink_base::Named as _;
 use trilink_base::numbers::{as_configured, decimals, fixed, significant};
-use trilink_base::text::harmless;
+use trilink_base::text::escape_controls;
 use trilink_robot::Parameter;
 use trilink_tables::FitRow;
 
@@ -12,30 +11,33 @@ use super::parameters::FittedParameter;
 use super::tables::Tables;
 use super::truth::Truth;
 
+/// Text of a table cell that has no value.
 const NONE: &str = "---";
-const MISFIT: &str = "The model does not fit: what the value would be if it were right.";
+const MISFIT: &str = "The model does not fit, so the value is conditional on a wrong model.";
+/// Marks that [`FittedParameter::marks`] can contain, each with the note that explains it below a table.
 const MARKS: [(&str, &str); 5] = [
-    ("held", "Not fitted: as configured."),
-    ("measured", "Not fitted: from joint-release or coast-down trials."),
-    ("at bound", "The search stopped at the edge of what is allowed."),
-    ("practically not identifiable", "J hardly rises on the way to a bound."),
-    ("not identifiable", "J does not depend on it."),
+    ("held", "Not fitted, but fixed at the configured value."),
+    ("measured", "Not fitted, but fixed at the value from joint-release or coast-down trials."),
+    ("at bound", "The search stopped at a bound of the parameter."),
+    ("practically not identifiable", "The objective J hardly rises towards a bound."),
+    ("not identifiable", "The objective J does not depend on the parameter."),
 ];
-const ABSENT: &str = "Not a parameter of the model.";
+const ABSENT: &str = "The quantity is not a parameter of the model.";
 const OPEN: &str = "The interval is open on both sides.";
 
-/// `cite.bib`: the program, the paper and the sources of the methods as BibTeX.
+/// Returns the contents of `cite.bib`: BibTeX entries for the program, the paper and the sources of the methods.
 pub(crate) fn citations() -> String {
     include_str!("cite.bib").replace("VERSION", env!("CARGO_PKG_VERSION"))
 }
 
-/// `coefficients.tex`: a table of every campaign that has fits, in the order of the page.
+/// Returns the contents of `coefficients.tex`: a table for every campaign with fits, in the order of the report page.
 pub(crate) fn coefficients(input: &ReportInput, tables: &Tables, truth: Option<&Truth>) -> String {
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
     let mut text = format!(
-        "% Fitted coefficients with 95 % confidence intervals, by trilink {}, from fits.parquet.\n\
-         % \\input{{coefficients}} in a document that is in UTF-8; no package is needed.\n",
+        "% Fitted coefficients with 95 % confidence intervals, written from fits.parquet by \
+         trilink {}.\n\
+         % Include with \\input{{coefficients}} in a UTF-8 document; no package is needed.\n",
         env!("CARGO_PKG_VERSION")
     );
     for (nth, name) in names.into_iter().enumerate() {
@@ -49,21 +51,24 @@ pub(crate) fn coefficients(input: &ReportInput, tables: &Tables, truth: Option<&
     text
 }
 
-/// What is said below a table of its cells, each note once, by letters.
+/// Distinct notes below a table, to which the cells refer by letters.
 #[derive(Default)]
 struct Notes(Vec<String>);
 
 impl Notes {
+    /// Returns the letter that refers to a note; adds the note if it is new.
     fn letter(&mut self, note: &str) -> char {
-        let known = self.0.iter().position(|of| of == note);
-        let at = known.unwrap_or_else(|| {
+        let known = self.0.iter().position(|known| known == note);
+        let index = known.unwrap_or_else(|| {
             self.0.push(note.to_owned());
             self.0.len() - 1
         });
-        ('a'..='z').nth(at).unwrap_or('*')
+        ('a'..='z').nth(index).unwrap_or('*')
     }
 }
 
+/// Returns the LaTeX table of the models fitted to a campaign, with one column per fit; `nth` is the number in its
+/// label.
 fn table(
     nth: usize,
     campaign: &str,
@@ -71,31 +76,33 @@ fn table(
     fits: &[&FitRow],
 ) -> String {
     let mut notes = Notes::default();
-    let is_row = |of: &Parameter| {
-        let in_a_model = fits.iter().any(|fit| fit.parameters[*of].is_finite());
-        in_a_model && (!of.is_sum() || fits.iter().any(|fit| fit.free.contains(of)))
-    };
     let mut rows = Vec::new();
-    for parameter in Parameter::ALL.into_iter().filter(is_row) {
+    for parameter in Parameter::ALL {
+        let is_known = fits.iter().any(|fit| fit.parameters[parameter].is_finite());
+        let is_free = fits.iter().any(|fit| fit.free.contains(&parameter));
+        if !is_known || (parameter.is_sum() && !is_free) {
+            continue;
+        }
         let cells = fits.iter().map(|fit| cell(fit, parameter, &mut notes));
         let cells: String = cells.map(|cell| format!(" & {cell}")).collect();
-        let (symbol, unit) = (parameter.latex(), escaped(parameter.unit()).replace(' ', "\\,"));
+        let symbol = parameter.latex();
+        let unit = escaped(parameter.unit()).replace(' ', "\\,");
         rows.push(format!("${symbol}$ ({unit}){cells} \\\\\n"));
     }
-    let mut of_fits =
-        |name: &str, value: &dyn Fn(&FitRow) -> f64, note: &dyn Fn(&FitRow) -> String| {
-            let cells = fits.iter().map(|fit| match value(fit) {
-                value if value.is_finite() => format!(" & ${}$", math(&significant(value, 4))),
-                _ => format!(" & {}", marked(NONE, [notes.letter(&note(fit))])),
-            });
-            format!("{name}{} \\\\\n", cells.collect::<String>())
-        };
-    let no_noise = |_: &FitRow| "Nothing tells the noise of the measurements.".to_owned();
-    let j = of_fits("$J$", &|fit| fit.j, &|fit| match fit.status.is_ok() {
-        true => "Not known.".to_owned(),
-        false => sentence(fit.status.as_name()),
+    let j = row_of_fits("$J$", fits, &mut notes, |fit| {
+        let failed = !fit.status.is_ok();
+        (
+            fit.j,
+            if failed {
+                sentence(&fit.failure)
+            } else {
+                "The misfit ratio is not known.".to_owned()
+            },
+        )
     });
-    let lack = of_fits("Lack of fit", &|fit| fit.lack_of_fit, &no_noise);
+    let misfit = row_of_fits("Misfit ratio", fits, &mut notes, |fit| {
+        (fit.lack_of_fit, "The noise of the measurements is not known.".to_owned())
+    });
     let setup = input.campaigns().get(campaign).map_or(String::new(), |setup| {
         format!(" (robot {}, gait {})", escaped(&setup.robot), escaped(&setup.gait))
     });
@@ -108,27 +115,47 @@ fn table(
     format!(
         "\n\\begin{{table}}\n\\centering\n\
          \\caption{{Coefficients of the models of campaign {}{setup}, with 95\\,\\% confidence \
-         intervals of those that are fitted{}}}\n\
+         intervals of the free parameters{}}}\n\
          \\label{{tab:coefficients-{nth}}}\n\
-         \\begin{{tabular}}{{l{}}}\n\\hline\n{models} \\\\\n\\hline\n{}\\hline\n{j}{lack}\\hline\n\
+         \\begin{{tabular}}{{l{}}}\n\\hline\n{models} \\\\\n\\hline\n{}\\hline\n{j}{misfit}\\hline\n\
          \\end{{tabular}}\n\\par\\smallskip\n{{\\footnotesize\n{}}}\n\\end{{table}}\n",
         escaped(campaign),
-        if is_synthetic { ". Synthetic trials, not recorded" } else { "" },
+        if is_synthetic { ". The trials are synthetic, not recorded" } else { "" },
         "c".repeat(fits.len()),
         rows.concat(),
         notes.collect::<String>(),
     )
 }
 
+/// Returns a table row with one value per fit, or a note where the value is missing.
+fn row_of_fits(
+    name: &str,
+    fits: &[&FitRow],
+    notes: &mut Notes,
+    value_and_note: impl Fn(&FitRow) -> (f64, String),
+) -> String {
+    let mut row = name.to_owned();
+    for fit in fits {
+        let (value, note) = value_and_note(fit);
+        if value.is_finite() {
+            row += &format!(" & ${}$", math(&significant(value, 4)));
+        } else {
+            row += &format!(" & {}", marked(NONE, [notes.letter(&note)]));
+        }
+    }
+    row + " \\\\\n"
+}
+
+/// Returns the table cell for a fitted parameter: its value, its confidence limits and the letters of its notes.
 fn cell(fit: &FitRow, parameter: Parameter, notes: &mut Notes) -> String {
-    let FittedParameter { value, free, limits, marks, .. } = FittedParameter::of(fit, parameter);
+    let FittedParameter { value, free, limits, marks, .. } = FittedParameter::new(fit, parameter);
     if !value.is_finite() {
         let failed = !fit.status.is_ok();
-        let why = if failed { sentence(fit.status.as_name()) } else { ABSENT.to_owned() };
+        let why = if failed { sentence(&fit.failure) } else { ABSENT.to_owned() };
         return marked(NONE, [notes.letter(&why)]);
     }
     let has_limits = limits.iter().any(|limit| limit.is_finite());
-    let said = marks.iter().flatten().filter_map(|mark| {
+    let mark_notes = marks.iter().flatten().filter_map(|mark| {
         MARKS.iter().find(|(name, _)| name == mark).map(|(_, note)| (*note).to_owned())
     });
     let misfit = (free && fit.adequate == Some(false)).then(|| MISFIT.to_owned());
@@ -137,64 +164,70 @@ fn cell(fit: &FitRow, parameter: Parameter, notes: &mut Notes) -> String {
         Some(why) => format!("No interval: {}", sentence(&why.to_string())),
     });
     let mut letters: Vec<char> =
-        said.chain(misfit).chain(no_interval).map(|note| notes.letter(&note)).collect();
+        mark_notes.chain(misfit).chain(no_interval).map(|note| notes.letter(&note)).collect();
     letters.sort_unstable();
     letters.dedup();
-    let text = match free {
-        true => with_limits(value, limits),
-        false => format!("${}$", math(&as_configured(value))),
+    let text = if free {
+        with_limits(value, limits)
+    } else {
+        format!("${}$", math(&as_configured(value)))
     };
     marked(&text, letters)
 }
 
-/// A value and how far its limits are above and below it, to the second digit of the nearer; an
-/// interval where the value is not within, or a side is open.
+/// Formats a value and its confidence limits for LaTeX.
+///
+/// The distances from the value to its limits are rounded to the second significant digit of the smaller distance. If
+/// the value lies outside its limits, or if the interval is open on a side, the interval is given instead.
 fn with_limits(value: f64, [low, high]: [f64; 2]) -> String {
-    let number = |value, digits| math(&significant(value, digits));
+    let [number, lower, upper] = [value, low, high].map(|of| math(&significant(of, 4)));
     match (low.is_finite(), high.is_finite()) {
         (true, true) if low < value && value < high => {
-            let nearer = (value - low).min(high - value);
-            let decimals = decimals(nearer, 2).max(decimals(value, 2).min(1));
+            let smaller = (value - low).min(high - value);
+            let decimals = decimals(smaller, 2).max(decimals(value, 2).min(1));
             let [value, down, up] =
                 [value, value - low, high - value].map(|of| math(&fixed(of, decimals)));
-            match up == down {
-                true => format!("${value} \\pm {up}$"),
-                false => format!("${value}^{{+{up}}}_{{-{down}}}$"),
+            if up == down {
+                format!("${value} \\pm {up}$")
+            } else {
+                format!("${value}^{{+{up}}}_{{-{down}}}$")
             }
         }
         (true, true) => {
-            format!("${}$ $[{}, {}]$", number(value, 4), number(low, 4), number(high, 4))
+            format!("${number}$ $[{lower}, {upper}]$")
         }
-        (true, false) => format!("${}$ $[{}, \\infty)$", number(value, 4), number(low, 4)),
-        (false, true) => format!("${}$ $[0, {}]$", number(value, 4), number(high, 4)),
-        (false, false) => format!("${}$ {NONE}", number(value, 4)),
+        (true, false) => format!("${number}$ $[{lower}, \\infty)$"),
+        (false, true) => format!("${number}$ $[0, {upper}]$"),
+        (false, false) => format!("${number}$ {NONE}"),
     }
 }
 
+/// Appends the letters that refer to notes to the text of a table cell.
 fn marked(text: &str, letters: impl IntoIterator<Item = char>) -> String {
     let letters: Vec<String> = letters.into_iter().map(String::from).collect();
-    match letters.is_empty() {
-        true => text.to_owned(),
-        false => format!("{text}\\textsuperscript{{{}}}", letters.join(",")),
+    if letters.is_empty() {
+        text.to_owned()
+    } else {
+        format!("{text}\\textsuperscript{{{}}}", letters.join(","))
     }
 }
 
-/// A number for math mode.
+/// Formats a number for LaTeX math mode.
 fn math(number: &str) -> String {
     number.replace('\u{2212}', "-")
 }
 
-/// A reason with a capital letter and a full stop.
+/// Turns a reason into a sentence by adding a capital letter and a full stop.
 fn sentence(why: &str) -> String {
     let mut letters = why.chars();
     let first = letters.next().map(|c| c.to_uppercase().to_string()).unwrap_or_default();
     format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
-/// Text as it may stand in a document.
+/// Escapes the special characters of LaTeX in text.
 fn escaped(text: &str) -> String {
     let mut latex = String::new();
-    for c in harmless(text).chars() {
+    for c in escape_controls(text).chars() {
         match c {
             '\\' => latex.push_str("\\textbackslash{}"),
             '~' => latex.push_str("\\textasciitilde{}"),
@@ -225,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_have_their_limits_to_the_second_digit_of_the_nearer() {
+    fn limits_are_rounded_to_the_second_digit_of_the_smaller_distance() {
         for (value, limits, text) in [
             (104.3128, [102.1, 106.5256], "$104.3 \\pm 2.2$"),
             (104.3128, [101.2, 109.9], "$104.3^{+5.6}_{-3.1}$"),
@@ -240,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn names_act_on_no_document() {
+    fn names_cannot_contain_latex_commands() {
         let name = "a_b & 100% of $x^2 \\input{/etc/passwd} #1 ~ <σ₀>";
         let latex = "a\\_b \\& 100\\% of \\$x\\textasciicircum{}2 \
                      \\textbackslash{}input\\{/etc/passwd\\} \\#1 \\textasciitilde{} \
@@ -249,8 +282,9 @@ mod tests {
     }
 
     #[test]
-    fn what_to_cite_is_what_the_program_s_citation_file_names() {
-        let (bib, cff) = (citations(), include_str!("../../../CITATION.cff"));
+    fn the_bibliography_and_the_citation_file_name_the_same_work() {
+        let bib = citations();
+        let cff = include_str!("../../../CITATION.cff");
         assert!(bib.contains(concat!("Version ", env!("CARGO_PKG_VERSION"))));
         let values =
             cff.lines().filter_map(|line| line.trim_start_matches([' ', '-']).split_once(": "));
@@ -259,7 +293,7 @@ mod tests {
         let named: Vec<&str> = named.map(|(_, value)| value.trim_matches('"')).collect();
         assert_eq!(named.len(), 7, "{named:?}");
         assert!(named.iter().all(|name| bib.contains(name)), "{named:?}");
-        // Every entry is closed and has a title.
+        // Every entry has a closing brace and a title.
         let entries = bib.split("\n@").skip(1);
         for entry in entries {
             let count = |of: char| entry.matches(of).count();

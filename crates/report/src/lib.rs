@@ -1,14 +1,15 @@
-//! The report: tables of `derived/` to figures, `fits.json`, `scorecard.json` and a page.
+//! The report stage: turns the tables of `derived/` into figures, HTML pages, `fits.json` and `scorecard.json`.
 //!
-//! [`Content::read`] reads and prepares everything, [`Content::write`] draws and writes what changed.
+//! [`Content::read`] reads the tables and prepares the figures; [`Content::write`] draws and writes all files that
+//! have changed.
 //!
-//! - What it is made of: `input`, `tables`, `truth` (what was planted), `recording` and `simulated`
-//!   (motions over time), put together in `content`.
-//! - Figures: `figures`, which there are; `series`, `looks` and `contour`, how numbers become layers;
-//!   `branches`, `optimum` and `sensitivities`, those of single commands, with `ending` for their
-//!   format.
-//! - Pages: `page` (`index.html`), `trials` (one a trial), `replay` (the robot in motion), `changes`
-//!   (the run against its baseline).
+//! - Inputs: `input` (configuration), `tables`, `truth` (true parameters of synthetic trials), `recording` (measured
+//!   motions) and `simulated` (simulated motions), combined in `content`.
+//! - Figures: `figures` lists and builds the figures of the report; `series`, `looks` and `contour` turn values into
+//!   the layers of a panel; `branches`, `optimum` and `sensitivities` build the figures of the commands with these
+//!   names, and `ending` selects their file format.
+//! - Pages: `page` (`index.html`), `trials` (one page per trial), `replay` (animations of the robot), `changes`
+//!   (comparison with the baseline).
 //! - For scripts and papers: `fits_json`, `parameters`, `scorecard` (the paper's claims), `latex`.
 //!
 //! ```no_run
@@ -20,7 +21,7 @@
 //! let config = Config::load("pipeline.toml".as_ref())?;
 //! let input = ReportInput::new(&config, BTreeSet::new());
 //! let content = Content::read(&input, Reader::default())?;
-//! // Nothing is kept from an earlier report: every figure and page is made anew.
+//! // The empty sets mean that no existing figure or page is up to date, so all of them are written.
 //! let cancel = CancelToken::default();
 //! let none = BTreeSet::new();
 //! let written = content.write(&input, &none, &none, &cancel)?;
@@ -54,7 +55,7 @@ mod trials;
 mod truth;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use minijinja::value::Value;
 use rayon::prelude::*;
@@ -78,7 +79,7 @@ use trials::PagesWritten;
 pub use trials::page_of;
 pub use truth::notice_of_folders;
 
-/// Why there is no report.
+/// Error returned by the report stage.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     #[error(transparent)]
@@ -87,30 +88,29 @@ pub enum ReportError {
     Draw(#[from] DrawError),
     #[error("JSON: {0}")]
     Json(serde_json::Error),
-    #[error("the claims that come with the program cannot be read: {0}")]
+    #[error("the built-in claims of the paper cannot be read: {0}")]
     Claims(toml::de::Error),
     #[error("index.html: {0:#}")]
     Page(minijinja::Error),
 }
 
-/// What a report came to.
+/// Summary of a report that has been written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reported {
-    /// `index.html`.
+    /// Path of `index.html`.
     pub page: PathBuf,
-    /// `scorecard.json`.
+    /// Path of `scorecard.json`.
     pub scorecard: PathBuf,
-    /// Names of the figures that were drawn, without extension.
+    /// File names of the figures, without extension.
     pub figures: Vec<String>,
-    /// Sentences on what is not in the report and why.
+    /// Sentences that explain what is missing from the report, and why.
     pub missing: Vec<String>,
-    /// Sentences on tables of trials that are damaged or do not belong together: they need a
-    /// person.
+    /// Sentences about damaged or inconsistent trial tables that require a person's attention.
     pub damaged: Vec<String>,
 }
 
 impl Reported {
-    /// A report with these figures.
+    /// Creates the summary of a report that contains the named figures.
     pub fn new(
         input: &ReportInput,
         figures: Vec<String>,
@@ -122,24 +122,27 @@ impl Reported {
     }
 }
 
-/// A report with the files that were written, each by its path inside of `reports/`.
+/// Summary of a report, with the stamps (size, time and hash) of its files, each keyed by the file's path within
+/// `reports/`.
 #[derive(Debug)]
 pub struct Written {
     pub reported: Reported,
-    /// Of the figures and pages that were not kept, by stem or path.
+    /// For each figure (by stem) and each trial page (by path) that was out of date, the stamps of its files, keyed by
+    /// path.
     pub targets: BTreeMap<String, BTreeMap<String, Stamp>>,
-    /// Of the report as a whole.
+    /// Stamps of the files that belong to the report as a whole.
     pub outputs: BTreeMap<String, Stamp>,
 }
 
 impl Content {
-    /// Draws the figures and writes the pages, from the tables in `paths.derived` into
-    /// `paths.reports`. The same tables give the same bytes. Files of figures that are `kept` and
-    /// `kept_pages` are not written again; files that would get the bytes that they have are left
-    /// alone.
+    /// Draws the figures and writes the pages of the report into `paths.reports`.
+    ///
+    /// The output is reproducible: identical tables produce identical bytes. The figures in `kept` (by stem) and the
+    /// pages in `kept_pages` (by path) are up to date and are not written again; files whose contents would not change
+    /// are left alone.
     ///
     /// # Errors
-    /// A table of a trial cannot be read, a file not be written, or the work was cancelled.
+    /// Returns an error if a trial's table cannot be read, if a file cannot be written, or if the work is cancelled.
     pub fn write(
         &self,
         input: &ReportInput,
@@ -147,28 +150,25 @@ impl Content {
         kept_pages: &BTreeSet<String>,
         cancel: &CancelToken,
     ) -> Result<Written, ReportError> {
-        let stems = self.figures.iter().map(|figure| figure.stem.clone());
-        let drawn_now: Vec<String> = stems.clone().filter(|stem| !kept.contains(stem)).collect();
-        let (of_trials, stamps) =
+        let stems: Vec<String> = self.figures.iter().map(|figure| figure.stem.clone()).collect();
+        let (written, stamps) =
             ToDisk::during(|to_disk| self.write_all(input, kept, kept_pages, (to_disk, cancel)));
-        let (mut stamps, PagesWritten { pages, damaged }) = (stamps?, of_trials?);
-        let mut stamps_of = |names: Vec<String>| -> BTreeMap<String, Stamp> {
-            let of = |name: String| {
-                let stamp = stamps.remove(&input.paths.reports.join(&name))?;
-                Some((name, stamp))
-            };
-            names.into_iter().filter_map(of).collect()
-        };
-        let figures = drawn_now.into_iter().map(|stem| (file_names(&stem).into(), stem));
-        let pages = pages.into_iter().map(|name| (vec![name.clone()], name));
-        let targets = figures.chain(pages).map(|(names, target)| (target, stamps_of(names)));
-        let targets = targets.collect();
-        let outputs = stamps_of(FILES.map(str::to_owned).into());
-        let reported = Reported::new(input, stems.collect(), self.missing.clone(), damaged);
+        let mut stamps = stamps?;
+        let PagesWritten { pages, damaged } = written?;
+        let reports = &input.paths.reports;
+        let mut targets = BTreeMap::new();
+        for stem in stems.iter().filter(|stem| !kept.contains(*stem)) {
+            targets.insert(stem.clone(), take_stamps(&mut stamps, reports, file_names(stem)));
+        }
+        for page in pages {
+            targets.insert(page.clone(), take_stamps(&mut stamps, reports, [page]));
+        }
+        let outputs = take_stamps(&mut stamps, reports, FILES.map(str::to_owned));
+        let reported = Reported::new(input, stems, self.missing.clone(), damaged);
         Ok(Written { reported, targets, outputs })
     }
 
-    /// As [`Content::write`]. Gives what became of the trials' pages.
+    /// Writes all files of the report that have changed, and returns the trial pages that were written.
     fn write_all(
         &self,
         input: &ReportInput,
@@ -180,30 +180,33 @@ impl Content {
         let write = |name: &str, bytes: &[u8]| {
             to_disk.write_if_changed(&input.paths.reports.join(name), bytes)
         };
-        let draw = |figure| {
-            cancel.check().map_err(StoreError::from)?;
-            draw(figure, kept, &write).map(|image| (figure, image))
-        };
-        let draw_all =
-            || figures.par_iter().with_max_len(1).map(draw).collect::<Result<Vec<_>, _>>();
-        let is_synthetic = truth.as_ref().is_some_and(|truth| truth.synthetic);
-        let judge = || scorecard::scorecard(tables.clone(), input.sigma, is_synthetic);
-        let known = (&**tables, truth.as_ref());
-        let of_trials = || trials::write(input, (known, reader), pages, kept_pages, to_disk);
-        let (drawn, (scores, of_trials)) = rayon::join(draw_all, || rayon::join(judge, of_trials));
-        let (drawn, scores, of_trials) = (drawn?, scores?, of_trials?);
+        let truth = truth.as_ref();
+        let (drawn, (scores, trials)) = rayon::join(
+            || draw_all(figures, kept, cancel, &write),
+            || {
+                rayon::join(
+                    || {
+                        let is_synthetic = truth.is_some_and(|truth| truth.synthetic);
+                        scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)
+                    },
+                    || trials::write(input, ((tables, truth), reader), pages, kept_pages, to_disk),
+                )
+            },
+        );
+        let drawn = drawn?;
+        let scores = scores?;
+        let trials = trials?;
         write(FITS, &json(&fits_json::fits(tables))?)?;
-        write(COEFFICIENTS, latex::coefficients(input, tables, truth.as_ref()).as_bytes())?;
+        write(COEFFICIENTS, latex::coefficients(input, tables, truth).as_bytes())?;
         write(CITATIONS, latex::citations().as_bytes())?;
         write(SCORECARD, &json(&scores)?)?;
-        let notice = truth.as_ref().map_or(String::new(), |truth| truth.notice(tables));
+        let notice = truth.map_or(String::new(), |truth| truth.notice(tables));
         write(SCORECARD_PAGE, page::scorecard_html(&scores, &notice)?.as_bytes())?;
-        let said = [missing.as_slice(), &of_trials.damaged].concat();
-        let (truth, changes) = (truth.as_ref(), changes.as_ref());
-        let remarks = page::Remarks { missing: &said, truth, changes };
+        let missing = [missing.as_slice(), &trials.damaged].concat();
+        let remarks = page::Remarks { missing: &missing, truth, changes: changes.as_ref() };
         let html = page::html(input, tables, &drawn, pages, &scores, remarks)?;
         write(PAGE, html.as_bytes())?;
-        Ok(of_trials)
+        Ok(trials)
     }
 }
 
@@ -214,10 +217,10 @@ const CITATIONS: &str = "cite.bib";
 const SCORECARD: &str = "scorecard.json";
 const SCORECARD_PAGE: &str = "scorecard.html";
 
-/// Files that a report writes, but for the figures and the trials' pages.
+/// Names of the files in a report, except the figures and the trial pages.
 pub const FILES: [&str; 6] = [PAGE, FITS, COEFFICIENTS, CITATIONS, SCORECARD, SCORECARD_PAGE];
 
-/// Of a figure, inside of `reports/`.
+/// Returns the paths of a figure's files within `reports/`, one for each file format.
 fn file_names(stem: &str) -> [String; 4] {
     Format::ALL.map(|format| format!("figures/{stem}.{format}"))
 }
@@ -228,12 +231,38 @@ fn json(value: &impl Serialize) -> Result<Vec<u8>, ReportError> {
     Ok(json)
 }
 
-/// The blake3 of a value as JSON.
+/// Returns the BLAKE3 hash of a value's JSON representation.
 fn hash_of(value: &impl Serialize) -> String {
-    hash(&serde_json::to_vec(value).expect("plain data with text keys"))
+    hash(&serde_json::to_vec(value).expect("a value with text keys can be serialised"))
 }
 
-/// Draws a figure as a page shows it, and writes its files unless they are `kept`.
+/// Removes the stamps of the named files from `stamps` and returns them, keyed by name. Names are paths within
+/// `reports`; those without a stamp are skipped.
+fn take_stamps(
+    stamps: &mut BTreeMap<PathBuf, Stamp>,
+    reports: &Path,
+    names: impl IntoIterator<Item = String>,
+) -> BTreeMap<String, Stamp> {
+    let names = names.into_iter();
+    names.filter_map(|name| Some((name.clone(), stamps.remove(&reports.join(name))?))).collect()
+}
+
+/// Draws all figures in parallel, and returns each figure with its embedded image for the page.
+fn draw_all<'f>(
+    figures: &'f [Figure],
+    kept: &BTreeSet<String>,
+    cancel: &CancelToken,
+    write: &(impl Fn(&str, &[u8]) -> Result<(), StoreError> + Sync),
+) -> Result<Vec<page::Drawn<'f>>, ReportError> {
+    let figures = figures.par_iter().with_max_len(1);
+    let images = figures.map(|figure| {
+        cancel.check().map_err(StoreError::from)?;
+        Ok((figure, draw(figure, kept, write)?))
+    });
+    images.collect()
+}
+
+/// Draws a figure as an embedded image for the page, and writes its files unless `kept` contains its stem.
 fn draw(
     figure: &Figure,
     kept: &BTreeSet<String>,

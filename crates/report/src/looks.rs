@@ -1,4 +1,4 @@
-//! What figures show things by: one palette, one look for each model.
+//! Colours, dashes and marker shapes in figures: one palette, and one plot style per model.
 
 use trilink_plot::RGBColor;
 use trilink_plot::{DASHES, Dash, INK, Look, SOLID, Shape};
@@ -6,7 +6,7 @@ use trilink_robot::Model;
 use trilink_robot::metrics::{Bifurcation, BranchKind};
 use trilink_tables::config::{ModelConfig, Models};
 
-/// Okabe and Ito's palette, which colour-blind readers can tell apart.
+/// Colour palette of Okabe and Ito, whose colours can be distinguished by colour-blind readers:
 /// <https://jfly.uni-koeln.de/color/>
 mod okabe_ito {
     use trilink_plot::RGBColor;
@@ -18,7 +18,7 @@ mod okabe_ito {
     pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
 }
 
-/// Of two runs over each other, and of a run after the other.
+/// Colours for the figures that compare runs of the program: baseline, candidate run and trend.
 pub mod colours {
     use trilink_plot::RGBColor;
     pub const BASELINE: RGBColor = RGBColor(150, 150, 150);
@@ -26,7 +26,7 @@ pub mod colours {
     pub const TREND: RGBColor = super::okabe_ito::BLUE;
 }
 
-/// The baseline of a trend, the trend of very many runs, and a run.
+/// Plot styles for the figures of results over many runs of the program: the baseline, the trend, and a single run.
 pub mod trends {
     use super::{DASHES, Look, SOLID, Shape, colours, line};
     pub const BASELINE: Look = line(colours::BASELINE, DASHES);
@@ -35,15 +35,16 @@ pub mod trends {
         Look::Marker { colour: colours::TREND, shape: Shape::Circle, filled: true };
 }
 
-/// An interval behind a line, and a part of it.
+/// Fill colour for the confidence band behind a line.
 pub(crate) const BAND: RGBColor = RGBColor(232, 240, 246);
+/// Fill colour for the part of a confidence interval that is due to scatter alone.
 pub(crate) const INNER_BAND: RGBColor = RGBColor(206, 223, 236);
 
 const LONG_DASHES: Dash = Some((11.0, 4.0));
 const SHORT_DASHES: Dash = Some((3.5, 2.5));
 const DOTS: Dash = Some((1.8, 3.0));
 
-/// Commands and transients.
+/// Grey for what is secondary in a figure, such as commanded motions, transients and cycles that are not in use.
 const OTHER: RGBColor = RGBColor(120, 120, 120);
 
 const fn line(colour: RGBColor, dash: Dash) -> Look {
@@ -53,17 +54,17 @@ const fn line(colour: RGBColor, dash: Dash) -> Look {
 const MARKERS: [(Shape, bool); 4] =
     [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false), (Shape::Square, true)];
 
-/// Measurements of the `nth` campaign in a panel.
+/// Returns the plot style for the measurements of the `nth` campaign in a panel.
 pub(crate) fn measured(nth: usize) -> Look {
     marker(INK, nth)
 }
 
-/// Those of them that were flagged.
+/// Returns the plot style for the measurements from flagged trials of the `nth` campaign in a panel.
 pub(crate) fn flagged(nth: usize) -> Look {
     marker(okabe_ito::ORANGE, nth)
 }
 
-/// Cycles that do not count.
+/// Marker for cycles that are not included in the trial means.
 pub(crate) const UNUSED: Look = Look::Marker { colour: OTHER, shape: Shape::Circle, filled: false };
 
 fn marker(colour: RGBColor, nth: usize) -> Look {
@@ -71,21 +72,22 @@ fn marker(colour: RGBColor, nth: usize) -> Look {
     Look::Marker { colour, shape, filled }
 }
 
-/// What was recorded or is shown alone, as a line.
+/// Line style for a recording, or for the only series in a panel.
 pub(crate) const RECORDED: Look = line(INK, SOLID);
-/// What was commanded.
+/// Line style for a commanded quantity.
 pub(crate) const COMMANDED: Look = line(OTHER, DASHES);
-/// A robot that hardly can skid.
+/// Line style for a simulated robot with very large skid coefficients.
 pub(crate) const STIFF: Look = line(okabe_ito::PURPLE, SHORT_DASHES);
-/// The transient into a steady motion.
+/// Line style for the transient before a steady-state motion.
 pub(crate) const TRANSIENT: Look = line(OTHER, SOLID);
-/// What was fitted to a recording.
+/// Line style for a curve fitted to a recording.
 pub(crate) const FITTED: Look = line(okabe_ito::VERMILLION, DASHES);
 
 const COMPONENTS: [(RGBColor, Dash); 3] =
     [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
 
-/// The stable motions of a branch, or those that are not.
+/// Returns the line style for the stable or unstable motions on a solution branch: the colour shows the kind of branch,
+/// and dashes show that the motions are unstable.
 pub(crate) const fn branch(kind: BranchKind, is_stable: bool) -> Look {
     let colour = match kind {
         BranchKind::Symmetric | BranchKind::Periodic => INK,
@@ -95,7 +97,7 @@ pub(crate) const fn branch(kind: BranchKind, is_stable: bool) -> Look {
     line(colour, if is_stable { SOLID } else { SHORT_DASHES })
 }
 
-/// What happens on a branch.
+/// Returns the marker for a kind of bifurcation.
 pub(crate) const fn bifurcation(bifurcation: Bifurcation) -> Look {
     let (colour, shape, filled) = match bifurcation {
         Bifurcation::Fold => (INK, Shape::Circle, false),
@@ -106,20 +108,23 @@ pub(crate) const fn bifurcation(bifurcation: Bifurcation) -> Look {
     Look::Marker { colour, shape, filled }
 }
 
-/// Where an optimum, the present gait and the optima of replicates are, and around the gaits that count.
+/// Marker for an optimal gait.
 pub(crate) const OPTIMUM: Look =
     Look::Marker { colour: okabe_ito::VERMILLION, shape: Shape::Circle, filled: true };
+/// Marker for the configured gait of a campaign, for comparison with optimal gaits.
 pub(crate) const PRESENT: Look = Look::Marker { colour: INK, shape: Shape::Square, filled: false };
+/// Markers for the optimal gaits of bootstrap replicates.
 pub(crate) const REPLICATES: Look =
     Look::Marker { colour: okabe_ito::ORANGE, shape: Shape::Circle, filled: false };
+/// Line style for the boundary of the feasible gaits.
 pub(crate) const EDGE: Look = line(OTHER, SHORT_DASHES);
-/// Where the trials end that the coefficients were fitted to, and gaits beyond.
+/// Line style for the boundary of the range covered by the trials to which the coefficients were fitted.
 pub(crate) const TRIALS_EDGE: Look = line(okabe_ito::ORANGE, LONG_DASHES);
+/// Marker for a gait outside the range covered by the trials to which the coefficients were fitted.
 pub(crate) const EXTRAPOLATED: Look =
     Look::Marker { colour: okabe_ito::VERMILLION, shape: Shape::Circle, filled: false };
 
-/// ColorBrewer's blues.
-/// <https://colorbrewer2.org/#type=sequential&scheme=Blues>
+/// Sequential blues of ColorBrewer: <https://colorbrewer2.org/#type=sequential&scheme=Blues>
 const BLUES: [RGBColor; 5] = [
     RGBColor(8, 48, 107),
     RGBColor(8, 81, 156),
@@ -128,32 +133,34 @@ const BLUES: [RGBColor; 5] = [
     RGBColor(158, 202, 225),
 ];
 
-/// The line of a value that is the `nth` nearest to the best.
+/// Returns the line style for the `nth` contour line around the best value, counted outwards.
 pub(crate) fn within(nth: usize) -> Look {
     line(BLUES[nth % BLUES.len()], SOLID)
 }
 
-/// The `nth` of the same quantity of several links, wheels, joints or directions.
+/// Returns the plot style for the `nth` component of a quantity, such as one link, wheel, joint or direction.
 pub(crate) fn component(nth: usize) -> Look {
     let (colour, dash) = COMPONENTS[nth % COMPONENTS.len()];
     line(colour, dash)
 }
 
+/// Returns the colour for the `nth` component of a quantity.
 pub(crate) fn component_colour(nth: usize) -> RGBColor {
     COMPONENTS[nth % COMPONENTS.len()].0
 }
 
-/// Markers of the `nth` campaign where each has a colour.
+/// Returns the markers for the `nth` campaign in a figure that distinguishes campaigns by colour.
 pub(crate) fn campaign(nth: usize) -> Look {
     marker(component_colour(nth), nth)
 }
 
-/// Frames that are not measured: the `nth` of the reasons.
+/// Returns the plot style for frames in which the pose of a link is not measured: found from other markers (`nth` = 0),
+/// interpolated (1) or missing (2).
 pub(crate) fn gap(nth: usize) -> Look {
     Look::Spans([okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3])
 }
 
-/// The paper's models: colours and dashes, the same in every figure.
+/// Colours and dashes for the paper's models in all figures.
 const PAPER: [(Model, RGBColor, Dash); 6] = [
     (Model::NO_SKID, okabe_ito::BLUE, DASHES),
     (Model::NO_SKID_MEASURED, okabe_ito::SKY, DOTS),
@@ -163,7 +170,8 @@ const PAPER: [(Model, RGBColor, Dash); 6] = [
     (Model::SKID_ROLL, okabe_ito::VERMILLION, SOLID),
 ];
 
-/// Of other models, by their order in the configuration, from Tol's muted colours.
+/// Colours and dashes for models that are not in the paper, assigned in the order of their names, from Paul Tol's muted
+/// palette:
 /// <https://sronpersonalpages.nl/~pault/>
 const OTHERS: [(RGBColor, Dash); 6] = [
     (RGBColor(51, 34, 136), SOLID),
@@ -174,7 +182,7 @@ const OTHERS: [(RGBColor, Dash); 6] = [
     (RGBColor(153, 153, 51), SOLID),
 ];
 
-/// What a model is shown by.
+/// Colour and dashes with which a model is plotted in all figures.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelLook {
     pub colour: RGBColor,
@@ -183,7 +191,7 @@ pub struct ModelLook {
 }
 
 impl ModelLook {
-    /// Of a model among those that are configured.
+    /// Returns the colour and dashes for a model; `models` are the configured models.
     pub fn new(model: Model, models: &Models) -> Self {
         let of_paper = |model: Model| PAPER.into_iter().find(|(name, ..)| *name == model);
         let (colour, dash) = of_paper(model).map_or_else(
@@ -197,23 +205,26 @@ impl ModelLook {
         Self { colour, dash, is_of_trials }
     }
 
-    /// As points.
+    /// Returns the plot style with dots in the model's colour, optionally joined by a line.
     pub fn dots(self, joined: bool) -> Look {
         Look::Dots { colour: self.colour, joined }
     }
 
-    /// As a line, also where it is driven by a measured gait.
+    /// Returns the line style for the model, even if [`Self::of_campaign`] shows the model by markers.
     pub fn line(self) -> Look {
         line(self.colour, self.dash)
     }
 
-    /// As fitted, over what was recorded, which it may cover.
+    /// Returns a dashed line style for the fitted model, so that the recording beneath the line remains visible.
     pub(crate) fn over_recorded(self) -> Look {
         line(self.colour, LONG_DASHES)
     }
 
-    /// For the `nth` campaign in a panel: its colour, another dash. One that is driven by each
-    /// trial's own gait has no curve and is shown as open markers, as in the paper.
+    /// Returns the plot style of the model for the `nth` campaign in a panel: the model's colour with the dashes that
+    /// mark the campaign.
+    ///
+    /// A model that is driven by the measured gait of each trial has no curve and is shown by open markers, as in the
+    /// paper.
     pub fn of_campaign(self, nth: usize) -> Look {
         let Self { colour, dash, is_of_trials } = self;
         match nth {
@@ -231,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn models_of_one_s_own_have_the_next_colours_and_take_none_of_another() {
+    fn user_defined_models_have_distinct_plot_styles() {
         let mut models = Config::default().model;
         let looks = |models: &Models| -> Vec<Look> {
             models.keys().map(|name| ModelLook::new(*name, models).line()).collect()
@@ -245,14 +256,13 @@ mod tests {
             assert!(!all[..nth].contains(look), "{look:?}");
         }
         assert_eq!(Model::PAPER.map(|of| ModelLook::new(of, &models).line()).to_vec(), before);
-        // Another one after it does not change it.
+        // Removing a model does not change the plot styles of the models configured before it.
         let ours = ModelLook::new(Model::new("ours"), &models).line();
         models.remove(&Model::new("theirs"));
         assert_eq!(ModelLook::new(Model::new("ours"), &models).line(), ours);
     }
 
-    /// Relative luminance.
-    /// <https://www.w3.org/TR/WCAG21/#dfn-relative-luminance>
+    /// Returns the relative luminance of a colour: <https://www.w3.org/TR/WCAG21/#dfn-relative-luminance>
     fn luminance(colour: &str) -> f64 {
         let part = |nth: usize| {
             let part = u8::from_str_radix(&colour[1 + 2 * nth..][..2], 16).unwrap();
@@ -263,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn every_model_s_line_can_be_seen_on_dark_pages() {
+    fn the_line_of_every_model_is_visible_on_dark_pages() {
         let style = include_str!("page/style.css");
         let pages: Vec<&str> = style.split("--page: ").skip(1).map(|rest| &rest[..7]).collect();
         let dark = luminance(pages[1]);

@@ -1,35 +1,43 @@
-//! The parameters of a fitted model and how each came about.
+//! Parameters of a fitted model, with their confidence limits and remarks.
 
 use serde::Serialize;
 use trilink_robot::Parameter;
 use trilink_tables::FitRow;
 
-/// The mark of a parameter that is neither fitted nor measured.
+/// Mark for a parameter that is neither fitted nor measured.
 pub(crate) const HELD: &str = "held";
 
-/// One parameter of one fit.
+/// Parameter value from a fit, with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(crate) struct FittedParameter {
     pub parameter: Parameter,
-    /// NaN if the model does not have it.
+    pub label: &'static str,
+    pub unit: &'static str,
+    /// Value of the parameter; NaN if the model does not have the parameter.
     pub value: f64,
-    /// Fitted; otherwise held at the robot's value.
+    /// Whether the parameter is fitted; otherwise, it is fixed at the robot's value.
     pub free: bool,
     /// 95 % confidence limits; NaN where the interval is open or unknown.
     pub limits: [f64; 2],
-    /// Half the widths that they have by scatter and by what all trials share.
-    pub scatter: f64,
-    pub systematic: f64,
-    /// What a reader has to know before trusting the value: `held` or `measured` (by trials of
-    /// other kinds) instead of fitted, not identifiable by its profile, at a bound.
+    /// Standard uncertainties from the scatter of cycles and trials (Type A) and from errors that all trials share
+    /// (Type B), and the combined standard uncertainty.
+    pub type_a: f64,
+    pub type_b: f64,
+    pub combined: f64,
+    /// Effective degrees of freedom of the combined standard uncertainty.
+    pub degrees_of_freedom: f64,
+    /// Coverage factor of the confidence interval.
+    pub coverage_factor: f64,
+    /// Remarks on the value: whether it is `held` (fixed) or `measured` (in trials of other kinds) rather than fitted,
+    /// whether it is not identifiable according to its profile, and whether it lies at a bound.
     pub marks: [Option<&'static str>; 3],
 }
 
 impl FittedParameter {
-    /// What a fit says of a parameter.
-    pub(crate) fn of(fit: &FitRow, parameter: Parameter) -> Self {
-        // The coefficients of three wheels are as free as their sum.
-        let sum = parameter.sum().filter(|sum| fit.free.contains(sum));
+    /// Returns the value, the uncertainty and the remarks for a parameter of a fit.
+    pub(crate) fn new(fit: &FitRow, parameter: Parameter) -> Self {
+        // The coefficients of the individual wheels are free if their sum is free.
+        let sum = parameter.whole().filter(|sum| fit.free.contains(sum));
         let fitted = sum.filter(|_| !fit.free.contains(&parameter)).unwrap_or(parameter);
         let value = fit.parameters[parameter];
         let share = if fitted == parameter { 1.0 } else { value / fit.parameters[fitted] };
@@ -45,11 +53,16 @@ impl FittedParameter {
         let marks = [(!free).then_some(held), unidentifiable, at_bound];
         Self {
             parameter,
+            label: parameter.label(),
+            unit: parameter.unit(),
             value,
             free,
             limits: [fit.lower, fit.upper].map(|limits| limits[fitted] * share),
-            scatter: fit.scatter[fitted] * share,
-            systematic: fit.systematic[fitted] * share,
+            type_a: fit.type_a[fitted] * share,
+            type_b: fit.type_b[fitted] * share,
+            combined: fit.type_a[fitted].hypot(fit.type_b[fitted]) * share,
+            degrees_of_freedom: fit.degrees_of_freedom[fitted],
+            coverage_factor: fit.coverage_factor[fitted],
             marks: if value.is_finite() { marks } else { [None; 3] },
         }
     }

@@ -1,4 +1,4 @@
-//! The figure of sensitivities: elasticities of each metric as bars.
+//! Figure of sensitivities: bar chart of the elasticities of each metric with respect to the parameters.
 
 use trilink_plot::Look;
 use trilink_plot::{Figure, Layer, Layout, Panel, Scale};
@@ -8,14 +8,13 @@ use super::ReportError;
 use super::ending::{FigureFile, drawn};
 use super::looks::colours;
 
-/// Parameters that are shown, those with the largest elasticities.
+/// Maximum number of parameters shown; those with the largest elasticities are chosen.
 const SHOWN: usize = 7;
 
-/// The drawing of the elasticities of one motion of a campaign, in the format that a file with this
-/// ending has: `svg`, `png` or `pdf`.
+/// Draws the elasticities of a simulated motion of a campaign, in the format that `file` specifies.
 ///
 /// # Errors
-/// There is no such format, or nothing can be drawn.
+/// Returns an error if the file's extension is not `svg`, `png` or `pdf`, or if the figure cannot be drawn.
 pub fn sensitivities_drawing(
     campaign: &str,
     rows: &[SensitivityRow],
@@ -37,27 +36,31 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
     let places =
         || parameters.iter().zip(0_u8..).map(|((name, _), place)| (f64::from(place), *name));
     let names: Vec<(f64, String)> = places().map(|(place, name)| (place, in_short(name))).collect();
-    let panel = |metric: &&str| {
-        let bars = places().map(|(place, name)| {
-            let is_own = |row: &&SensitivityRow| row.metric == **metric && row.parameter == name;
-            let elasticity = rows.iter().find(is_own).map_or(f64::NAN, |row| row.elasticity);
-            (place, 0.5 * elasticity, 0.5 * elasticity.abs())
-        });
-        // Room for half a bar's name to either side.
-        let room = [-0.6, parameters.len() as f64 - 0.4].map(|x| (x, 0.0, f64::NAN));
-        let bars = Layer::with_errors("", bars.chain(room), Look::Bars(colours::TREND));
-        let zero = Layer::new("", [(f64::NAN, 0.0)], Look::Guides);
-        let label = format!("Elasticity of {}", in_short(metric));
-        Panel {
-            x_scale: Scale::Whole,
-            x_names: names.clone(),
-            ..Panel::new("", "", &label, vec![zero, bars])
-        }
-    };
-    let answers = |metric: &&&str| {
-        rows.iter().any(|row| row.metric == ***metric && row.elasticity.is_finite())
-    };
-    let panels = SENSITIVE_METRICS.iter().filter(answers).map(panel).collect();
+    let panels = SENSITIVE_METRICS
+        .iter()
+        .filter(|metric| {
+            rows.iter().any(|row| row.metric == ***metric && row.elasticity.is_finite())
+        })
+        .map(|metric| {
+            let bars = places().map(|(place, name)| {
+                let elasticity = rows
+                    .iter()
+                    .find(|row| row.metric == **metric && row.parameter == name)
+                    .map_or(f64::NAN, |row| row.elasticity);
+                (place, 0.5 * elasticity, 0.5 * elasticity.abs())
+            });
+            // Leaves room on either side for half the label of a bar.
+            let room = [-0.6, parameters.len() as f64 - 0.4].map(|x| (x, 0.0, f64::NAN));
+            let bars = Layer::with_errors("", bars.chain(room), Look::Bars(colours::TREND));
+            let zero = Layer::new("", [(f64::NAN, 0.0)], Look::Guides);
+            let label = format!("Elasticity of {}", in_short(metric));
+            Panel {
+                x_scale: Scale::Whole,
+                x_names: names.clone(),
+                ..Panel::new("", "", &label, vec![zero, bars])
+            }
+        })
+        .collect();
     let motion = rows.first().map_or(String::new(), |row| {
         format!("{campaign}, {} at {} rad/s", row.model, row.omega_rad_s)
     });
@@ -71,7 +74,7 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
     Figure::new("sensitivities", [title, caption], &[campaign], Layout::Stack, panels)
 }
 
-/// A column's name without its unit, in short where it is long.
+/// Returns the name of a column without its unit, abbreviated if it is long.
 fn in_short(name: &str) -> String {
     const UNITS: [&str; 12] = [
         "_nm_s_rad",

@@ -1,4 +1,4 @@
-//! What figures show: quantities of trials and predictions as series of points.
+//! Series of points for figures: measured and predicted quantities against frequency.
 
 use std::collections::BTreeSet;
 
@@ -15,16 +15,16 @@ use trilink_tables::{
 
 use crate::looks::{self, ModelLook};
 
-/// Of a frequency: what is nearer to each other is of one trial.
+/// Maximum relative difference between the frequencies of a prediction and a trial that are treated as equal.
 pub(crate) const SAME_FREQUENCY: f64 = 2e-3;
 
-/// A metric that is plotted against the frequency, and what figures call it.
+/// Metric that is plotted against frequency, with its labels in figures.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Quantity {
     pub metric: Metric,
     pub symbol: &'static str,
     pub title: &'static str,
-    /// Name in the figures' CSV, with the unit.
+    /// Name in the CSV files of figures, including the unit.
     pub csv_name: &'static str,
 }
 
@@ -32,13 +32,13 @@ pub(crate) const DISPLACEMENT: Quantity = Quantity::new(Metric::D);
 pub(crate) const SPEED: Quantity = Quantity::new(Metric::V);
 pub(crate) const TURNING: Quantity = Quantity::new(Metric::Dtheta);
 pub(crate) const AMPLITUDE: Quantity = Quantity::new(Metric::Alpha1);
-/// Of joint 2 as if it were the first.
+/// Amplitude of joint 2. Callers must store it in `alpha1_rad` of [`GaitMetrics`], which has no field for joint 2.
 pub(crate) const AMPLITUDE2: Quantity =
     Quantity {
         symbol: "α₂", title: "Amplitude of joint 2", csv_name: "alpha2_deg", ..AMPLITUDE
     };
 
-/// Every quantity that a model is judged by.
+/// Returns every quantity to which models are fitted.
 pub(crate) fn fitted() -> [Quantity; Metric::FITTED.len()] {
     Metric::FITTED.map(Quantity::new)
 }
@@ -53,7 +53,7 @@ impl Quantity {
         Metric::SIGMA.contains(&self.metric)
     }
 
-    /// In plotted units (mm, mm/s, deg).
+    /// Returns the value of the quantity in the plotted unit (mm, mm/s or deg; none for skid ratios).
     pub(crate) fn of(&self, metrics: &GaitMetrics) -> f64 {
         self.metric.shown(metrics)
     }
@@ -63,51 +63,50 @@ impl Quantity {
         if self.unit().is_empty() { named } else { format!("{named} ({})", self.unit()) }
     }
 
-    /// The plotted unit; skid ratios have none.
+    /// Returns the plotted unit; empty for skid ratios.
     pub(crate) fn unit(&self) -> &'static str {
         self.metric.definition().dimension.units()[1]
     }
 
-    /// The unit as text puts it after a number.
+    /// Returns the unit with a leading space, to be appended to a number; empty if there is no unit.
     pub(crate) fn after_number(&self) -> String {
         if self.unit().is_empty() { String::new() } else { format!(" {}", self.unit()) }
     }
 
-    /// What a trial measured, and its standard error.
+    /// Returns the measured value of the quantity in a trial, with the standard error; `sigma` selects the raw or the
+    /// debiased skid ratios.
     pub(crate) fn of_trial(&self, trial: &TrialRow, sigma: SigmaKind) -> Estimate {
         let skid = trial.sigma(sigma);
-        let of = |metrics, skid| self.of(&GaitMetrics { sigma: skid, ..metrics });
-        Estimate {
-            value: of(trial.metrics, skid.map(|sigma| sigma.value)),
-            se: of(trial.metrics_se, skid.map(|sigma| sigma.se)),
-        }
+        let metrics = GaitMetrics { sigma: skid.map(|sigma| sigma.value), ..trial.metrics };
+        let errors = GaitMetrics { sigma: skid.map(|sigma| sigma.se), ..trial.metrics_se };
+        Estimate { value: self.of(&metrics), se: self.of(&errors) }
     }
 }
 
-/// Measurements or a model of a campaign against the frequency, rad/s.
+/// Measured or predicted quantity of a campaign against frequency (rad/s).
 #[derive(Debug, Clone)]
 pub(crate) struct Series {
     pub campaign: String,
-    /// None for measurements.
+    /// Model that predicts the quantity; `None` for measurements.
     pub model: Option<Model>,
     pub flagged: bool,
-    /// By rising frequency; gaps are points that are not numbers.
+    /// Points in order of increasing frequency; NaN points are gaps.
     pub layer: Layer,
 }
 
 impl Series {
-    /// What it is of, whatever the layer's name.
+    /// Returns the name of the model, or `flagged` or `measured` for measurements. The layer's name can differ from it.
     pub(crate) fn name(&self) -> &'static str {
         self.model.map_or(if self.flagged { "flagged" } else { "measured" }, Model::name)
     }
 
-    /// The points without the gaps.
+    /// Returns the points of the series, without gaps.
     pub(crate) fn points(&self) -> impl Iterator<Item = &Point> {
         self.points_with_limits().map(|(point, ..)| point)
     }
 
-    /// The same with the trials that they are of, if any, and the limits of their intervals; NaN
-    /// where there is none.
+    /// Returns the points of the series, without gaps, each with the name of its trial (empty if none) and the limits
+    /// of its confidence interval (NaN if none).
     pub(crate) fn points_with_limits(&self) -> impl Iterator<Item = (&Point, &str, [f64; 2])> {
         let limits = |i: usize| self.layer.band.get(i).copied().unwrap_or([f64::NAN; 2]);
         let trial = |i: usize| self.layer.trials.get(i).map_or("", String::as_str);
@@ -117,35 +116,36 @@ impl Series {
     }
 }
 
-/// The tables that figures are drawn from.
+/// Tables from which quantities are plotted against frequency.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'t> {
     pub trials: &'t [TrialRow],
     pub predictions: &'t [PredictionRow],
     pub fits: &'t [FitRow],
     pub comparison: &'t [ComparisonRow],
-    /// The measured skid ratios that the fits compare with.
+    /// Kind of measured skid ratios that the fits use.
     pub sigma: SigmaKind,
     pub models: &'t Models,
 }
 
 impl<'t> Source<'t> {
-    /// How a model is shown.
+    /// Returns the colour and dashes for a model.
     pub(crate) fn look(self, model: Model) -> ModelLook {
         ModelLook::new(model, self.models)
     }
 
-    /// Whether a model says something of skid ratios.
+    /// Returns whether a model predicts skid ratios; true for models that are not configured.
     pub(crate) fn skids(self, model: Model) -> bool {
         self.models.get(&model).is_none_or(|model| model.laws().skids())
     }
 
-    /// Whether a model is driven by each trial's own gait and no other.
+    /// Returns whether the configuration (`self.models`) drives a model by the gait measured in each trial, whichever
+    /// gait input other models use; false for unknown models.
     pub(crate) fn is_of_trials(self, model: Model) -> bool {
         self.models.get(&model).is_some_and(ModelConfig::is_of_trials)
     }
 
-    /// Trials of a campaign that have metrics.
+    /// Returns the gait trials of a campaign, except failed ones.
     pub(crate) fn measured_trials(self, campaign: &str) -> impl Iterator<Item = &'t TrialRow> {
         self.trials
             .iter()
@@ -153,20 +153,19 @@ impl<'t> Source<'t> {
             .filter(|trial| trial.status != TrialStatus::Failed)
     }
 
-    /// Whether there is something to draw of a campaign.
+    /// Returns whether a campaign has measurements that can be plotted.
     pub(crate) fn has_measurements(self, campaign: &str) -> bool {
         self.measured_trials(campaign).any(|trial| trial.metrics.d_m.is_finite())
     }
 
-    /// Models that predict something of a campaign, in the order of legends.
+    /// Returns the models that have predictions for a campaign, in the order used in legends.
     pub(crate) fn models(self, campaign: &str) -> BTreeSet<Model> {
         let rows = self.predictions.iter().filter(|row| row.campaign == campaign);
         rows.map(|row| row.model).collect()
     }
 
-    /// Of a campaign's models that skid the preferred one; where the preferred model of all cannot
-    /// skid the first of the others in the order of the comparison: adequate ones first, then by
-    /// criterion.
+    /// Returns a campaign's preferred model among those with skid: the preferred model of the comparison if it has
+    /// skid, otherwise the best-ranked model with skid (adequate models first, then by the selection criterion).
     pub(crate) fn preferred_with_skid(self, campaign: &str) -> Option<Model> {
         let fit_of = |model: Model| self.fits_of(campaign).find(|fit| fit.model == model);
         let adequacy = |model: Model| match fit_of(model).and_then(|fit| fit.adequate) {
@@ -183,7 +182,8 @@ impl<'t> Source<'t> {
         first.map(|row| row.model)
     }
 
-    /// What a model predicts of a campaign, at the trials' frequencies or along its curve.
+    /// Returns the predictions of a model for a campaign; `source` selects those at the trials' frequencies or those
+    /// along the prediction curve.
     pub(crate) fn predicted(
         self,
         campaign: &str,
@@ -194,12 +194,14 @@ impl<'t> Source<'t> {
         rows.filter(move |row| row.model == model && row.source == source)
     }
 
-    /// Measurements with error bars, by rising frequency, and apart from them those of flagged
-    /// trials. Without any there is no series.
+    /// Returns the measurements with error bars in order of increasing frequency: one series for the trials with status
+    /// `ok`, and one for the flagged trials if there are any. `nth` is the index of the campaign in the panel.
     pub(crate) fn measured(self, campaign: &str, quantity: &Quantity, nth: usize) -> Vec<Series> {
         let looks = [(false, looks::measured(nth)), (true, looks::flagged(nth))];
-        let series = |(flagged, look)| self.measured_as(campaign, quantity, flagged, look);
-        looks.into_iter().filter_map(series).collect()
+        looks
+            .into_iter()
+            .filter_map(|(flagged, look)| self.measured_as(campaign, quantity, flagged, look))
+            .collect()
     }
 
     fn measured_as(
@@ -228,8 +230,9 @@ impl<'t> Source<'t> {
         Some(series)
     }
 
-    /// What a model predicts: its curve with its band, broken where no stable motion was found, or
-    /// where the model is shown by markers, its values at the trials' frequencies.
+    /// Returns the predictions of a model for the `nth` campaign in a panel; `None` if there are none. They are the
+    /// prediction curve with its confidence band, interrupted where no stable motion exists; for a model that is
+    /// plotted with markers, they are the predictions at the trials' frequencies.
     pub(crate) fn model(
         self,
         campaign: &str,
@@ -248,8 +251,8 @@ impl<'t> Source<'t> {
             let is_stable = row.status.is_stable();
             if is_stable { quantity.of(metrics) } else { f64::NAN }
         };
-        let limits = |row: &&PredictionRow| [&row.lower, &row.upper].map(|of| shown(row, of));
-        let mut band: Vec<[f64; 2]> = rows.iter().map(limits).collect();
+        let mut band: Vec<[f64; 2]> =
+            rows.iter().map(|row| [&row.lower, &row.upper].map(|of| shown(row, of))).collect();
         if band.as_flattened().iter().all(|limit| limit.is_nan()) {
             band.clear();
         }
@@ -263,7 +266,7 @@ impl<'t> Source<'t> {
         Some(series)
     }
 
-    /// What a model predicts of a trial: at its frequency.
+    /// Returns the prediction of a model at the frequency of a trial; `None` if there is no such prediction.
     pub(crate) fn of_trial(self, trial: &TrialRow, model: Model) -> Option<&'t PredictionRow> {
         let rows = self.predicted(&trial.campaign, model, PredictionSource::Trial);
         let distance = |row: &&PredictionRow| (row.omega_rad_s - trial.omega_rad_s).abs();
@@ -275,8 +278,9 @@ impl<'t> Source<'t> {
         self.fits.iter().filter(move |fit| fit.campaign == campaign)
     }
 
-    /// The gait that drives the fits of models to campaigns, in words; empty where there is none.
-    /// Models that are driven by each trial's measured gait whatever `[fit]` says are not counted.
+    /// Describes in words which gait input (the commanded or the measured gait) was used to fit models to campaigns,
+    /// given pairs of campaign and model; empty if none of them has a fit. Models that are always driven by the
+    /// measured gait of each trial are ignored.
     pub(crate) fn gait_input<'m>(
         self,
         shown: impl IntoIterator<Item = (&'m str, Model)>,
@@ -298,17 +302,18 @@ impl<'t> Source<'t> {
             (false, true) => "commanded gait".to_owned(),
             (true, false) => "measured gait".to_owned(),
             _ if !commanded.is_disjoint(measured) => {
-                "commanded gait of some campaigns and the measured one of others".to_owned()
+                "commanded gait of some campaigns and the measured gait of others".to_owned()
             }
             _ if commanded.len() <= measured.len() => {
-                format!("measured gait, {} under the commanded one", names(commanded))
+                format!("measured gait (commanded gait for {})", names(commanded))
             }
-            _ => format!("commanded gait, {} under the measured one", names(measured)),
+            _ => format!("commanded gait (measured gait for {})", names(measured)),
         }
     }
 }
 
-/// A series of points by rising frequency, if it has one.
+/// Creates a series from points (frequency, value, half-width of the error bar) in order of increasing frequency;
+/// returns `None` if all values are gaps (NaN).
 fn series(
     campaign: &str,
     model: Option<Model>,
@@ -316,7 +321,7 @@ fn series(
     look: Look,
 ) -> Option<Series> {
     let mut layer = Layer::with_errors("", points, look);
-    // Axes do not go to where there is a gap.
+    // A gap must not extend the range of the axes.
     for gap in layer.points.iter_mut().filter(|point| !point.y.is_finite()) {
         gap.x = f64::NAN;
     }

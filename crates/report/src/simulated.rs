@@ -1,4 +1,4 @@
-//! Motions that no table holds, for the figures that show them.
+//! Simulated motions that figures show but no table contains.
 
 use rayon::prelude::*;
 use trilink_mechanics::{
@@ -13,12 +13,13 @@ use trilink_tables::{FitRow, PredictionSource, TrialRow};
 use crate::ReportInput;
 use crate::tables::Tables;
 
-/// Frequencies at which figures show simulated motions.
+/// Range of frequencies (rad/s) for which figures show simulated motions.
 pub(crate) const OMEGAS_RAD_S: std::ops::RangeInclusive<f64> = 0.01..=100.0;
-/// Samples of a cycle that a figure shows.
+/// Number of samples per simulated cycle.
 pub(crate) const SAMPLES: usize = 240;
 
-/// The motion of a model of a campaign's robot as configured; `None` if one of them is not.
+/// Returns the motion problem for a model with the configured robot and gait of a campaign; `None` if the campaign or
+/// the model is not configured.
 pub(crate) fn configured(
     input: &ReportInput,
     campaign: &str,
@@ -30,12 +31,12 @@ pub(crate) fn configured(
     Some(Problem { robot, gait, laws, omega_rad_s })
 }
 
-/// The motion of a fitted model under the commanded gait; `None` where there is no fit, or its
-/// campaign is not known.
+/// Returns the motion problem for a fitted model under the commanded gait; `None` if the fit failed or its campaign is
+/// not configured.
 pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
     let mut problem = configured(input, &fit.campaign, fit.model, omega_rad_s)?;
     for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
-        // The single coefficients are known wherever their sum is.
+        // The coefficients of the individual wheels are known whenever their sum is known.
         if !parameter.is_sum() {
             parameter.set(&mut problem.robot, *value);
         }
@@ -43,14 +44,15 @@ pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Opt
     fit.status.is_ok().then_some(problem)
 }
 
-/// The motion of a fitted model at a trial's frequency, under the gait that drove the fit.
+/// Returns the motion problem for a fitted model at a trial's frequency, under the gait input of the fit.
 pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<Problem> {
     let problem = fitted(input, fit, trial.omega_rad_s)?;
     let is_measured = fit.gait_input == GaitInput::Measured;
     Some(if is_measured { under_gait_of(trial, problem) } else { problem })
 }
 
-/// The same under the ellipse that is nearest to a trial's gait; a passive joint stays so.
+/// Replaces the mean and the first harmonic of each joint command in a motion problem with those measured in a trial;
+/// passive joints stay passive.
 pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
     for (command, measured) in problem.gait.joints.iter_mut().zip(&trial.gait) {
         *command = command.map(|command| command.measured(measured.command()));
@@ -58,48 +60,52 @@ pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
     problem
 }
 
-/// A quantity of a fitted model over the frequencies of its curve, of which every so many are enough;
-/// broken where there is no stable motion that has it.
+/// Returns the frequencies (rad/s) and values of a quantity of a fitted model, at a subset of the frequencies of the
+/// model's prediction curve; the value is NaN where no stable motion exists.
 pub(crate) fn curve(
     tables: &Tables,
     input: &ReportInput,
     fit: &FitRow,
-    of: impl Fn(&mut Solver, &Problem) -> Option<f64> + Sync,
+    quantity: impl Fn(&mut Solver, &Problem) -> Option<f64> + Sync,
 ) -> Vec<(f64, f64)> {
-    /// Every so many of the curves' frequencies, and of very many so many.
+    /// Minimum stride with which the frequencies of the prediction curve are subsampled.
     const STRIDE: usize = 2;
-    const MOST: usize = 100;
+    /// Maximum number of frequencies at which the quantity is computed.
+    const MAX_FREQUENCIES: usize = 100;
     let curve = tables.source(input).predicted(&fit.campaign, fit.model, PredictionSource::Curve);
     let omegas = curve.map(|row| row.omega_rad_s);
     let mut omegas: Vec<f64> = omegas.filter(|omega| OMEGAS_RAD_S.contains(omega)).collect();
     omegas.sort_by(f64::total_cmp);
-    let point = |omega_rad_s: f64| {
-        let problem = fitted(input, fit, omega_rad_s);
-        let value = problem.and_then(|problem| of(&mut Solver::default(), &problem));
-        (omega_rad_s, value.unwrap_or(f64::NAN))
-    };
-    let stride = STRIDE.max(omegas.len().div_ceil(MOST));
-    omegas.into_par_iter().step_by(stride).map(point).collect()
+    let stride = STRIDE.max(omegas.len().div_ceil(MAX_FREQUENCIES));
+    omegas
+        .into_par_iter()
+        .step_by(stride)
+        .map(|omega_rad_s| {
+            let problem = fitted(input, fit, omega_rad_s);
+            let value = problem.and_then(|problem| quantity(&mut Solver::default(), &problem));
+            (omega_rad_s, value.unwrap_or(f64::NAN))
+        })
+        .collect()
 }
 
-/// A steady motion.
+/// Steady-state motion of a robot with a given model and gait.
 pub(crate) struct Steady {
     pub metrics: GaitMetrics,
     pub cycle: Vec<Sample>,
-    /// Cycles after which the robot from rest is within 1 % of it, if it gets there.
+    /// Number of cycles after which the motion from rest is within 1 % of the steady-state motion; `None` if the motion
+    /// from rest does not reach it.
     pub cycles_to_settle: Option<usize>,
 }
 
-/// The steady motion that the robot reaches from rest, or where it reaches none the one that
-/// there is.
+/// Returns the attractor reached from rest or, if none is reached, the steady-state motion found by the solver.
 ///
 /// # Errors
-/// There is no steady motion.
+/// Returns an error if there is no steady-state motion.
 pub(crate) fn steady(problem: &Problem) -> Result<Steady, MotionError> {
     let mut solver = Solver::default();
     let (metrics, cycles_to_settle) = match solver.settle(problem, FORCES_ACCURACY) {
         Ok(settled) => (settled.motion.metrics, Some(settled.cycles)),
-        // The roughest motions cannot be had to the accuracy that their forces would need.
+        // The least smooth motions cannot be solved to the accuracy required for their forces.
         Err(_) => {
             solver.forget();
             (solver.solve(problem, REFERENCE_ACCURACY)?, None)
@@ -108,25 +114,25 @@ pub(crate) fn steady(problem: &Problem) -> Result<Steady, MotionError> {
     Ok(Steady { metrics, cycle: solver.cycle(SAMPLES)?, cycles_to_settle })
 }
 
-/// A cycle of a stable steady motion, of the one reached from rest where another is not stable.
+/// Returns one cycle of the steady-state motion or, if that motion is unstable, of the attractor reached from rest.
 ///
 /// # Errors
-/// There is no steady motion.
+/// Returns an error if there is no steady-state motion.
 pub(crate) fn stable_cycle(problem: &Problem) -> Result<Vec<Sample>, MotionError> {
     let mut solver = Solver::default();
     let cycle = stable(&mut solver, problem).and_then(|_| solver.cycle(SAMPLES).ok());
     cycle.map_or_else(|| steady(problem).map(|steady| steady.cycle), Ok)
 }
 
-/// Work of the actuators per metre of d, J/m; `None` where there is no stable motion that goes
-/// anywhere.
+/// Returns the work of the actuators per metre of displacement (J/m); `None` if there is no stable motion or its
+/// displacement is not positive.
 pub(crate) fn work_j_m(solver: &mut Solver, problem: &Problem) -> Option<f64> {
     let metrics = stable(solver, problem)?;
     let [work_j, _] = solver.work_and_loss_j().ok()?;
     (metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
 }
 
-/// Half of what a joint moves from peak to peak, rad; `None` where there is no stable motion.
+/// Returns half the peak-to-peak range of a joint angle (rad); `None` if there is no stable motion.
 pub(crate) fn amplitude_rad(solver: &mut Solver, problem: &Problem, joint: usize) -> Option<f64> {
     stable(solver, problem)?;
     let cycle = solver.cycle(SAMPLES).ok()?;
@@ -134,18 +140,20 @@ pub(crate) fn amplitude_rad(solver: &mut Solver, problem: &Problem, joint: usize
     Some(0.5 * (high - low))
 }
 
+/// Returns the metrics of the steady-state motion, or `None` if it does not exist or is not stable.
 fn stable(solver: &mut Solver, problem: &Problem) -> Option<GaitMetrics> {
     let metrics = solver.solve(problem, FIT_ACCURACY).ok()?;
     let is_stable = solver.floquet().ok()?.is_none_or(|modulus| modulus < 1.0);
     is_stable.then_some(metrics)
 }
 
-/// Time (s) and pose of a motion that repeats a cycle, which starts at the origin, so often from
-/// `start` on.
+/// Returns the times (s) and poses of a motion that starts at the pose `start` and repeats a cycle. The poses in
+/// `cycle` are relative to the start of the cycle.
 pub(crate) fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
     let [first, .., last] = cycle else { return Vec::new() };
     let mut poses = vec![(0.0, start)];
-    let (mut from, mut time_s) = (start, 0.0);
+    let mut from = start;
+    let mut time_s = 0.0;
     for _ in 0..cycles {
         poses.extend(
             cycle[1..]
@@ -165,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_motion_goes_on_where_its_last_cycle_ended() {
+    fn each_cycle_of_a_repeated_motion_starts_where_the_previous_one_ends() {
         let config = ReportInput::new(&Config::default(), Default::default());
         let problem = configured(&config, "kinematic-skewed", Model::SKID_ROLL, 3.9);
         let problem = problem.expect("a campaign of the paper");

@@ -1,33 +1,34 @@
-//! What the report is made of: the tables that the stages before it left.
+//! Tables written by the earlier stages, from which the report is made.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use trilink_tables::{
     BootstrapRow, CheckRow, Columns, Comparison, ComparisonRow, FitRow, OptimumMapRow, OptimumRow,
-    PredictionRow, ProfileRow, Reader, RobotParameterRow, SharedFitRow, StartRow, StoreError,
-    Table, TrialRow,
+    PrecisionRow, PredictionRow, ProfileRow, Reader, RobotParameterRow, SharedFitRow, StartRow,
+    StoreError, Table, TrialRow,
 };
 
 use super::ReportError;
 use super::series::Source;
 use crate::ReportInput;
 
-/// Defines the rows of `derived/` by their tables: what the report lacks without each, empty of what is only
-/// there if it was asked for.
+/// Defines the optional tables that are read from `derived/`: field, type of the rows, name, and a string that says
+/// what the report lacks if the table is missing (empty for tables that exist only on request).
 macro_rules! tables {
     ($($(#[$meta:meta])* $field:ident: $row:ty = $name:literal, $without:literal;)*) => {
-        /// Tables that are read beside the first, which must be there.
+        /// Names of the optional tables, which are read in addition to `trials`.
         const TABLES: &[&str] = &[$($name),*];
 
-        /// Rows of `derived/`.
+        /// Rows of all tables in `derived/`.
         #[derive(Debug, Default)]
         pub(crate) struct Tables {
-            /// Fingerprint of the marker files and of all else that the trials were computed from.
+            /// Fingerprint of all inputs of the trials: marker files, trial lists and configuration. `None` if the
+            /// table of trials does not state it.
             pub input: Option<String>,
             pub trials: Vec<TrialRow>,
             $($(#[$meta])* pub $field: Vec<$row>,)*
-            /// Sentences on tables that are not there.
+            /// Sentences that name missing tables and say what the report therefore lacks.
             pub missing: Vec<String>,
         }
 
@@ -50,25 +51,26 @@ macro_rules! tables {
 }
 
 tables! {
-    checks: CheckRow = "checks", "no check is listed";
+    checks: CheckRow = "checks", "the checks are not listed in this report";
     fits: FitRow = "fits", "no model is fitted";
-    /// Driven by the other gait than the configured one.
-    alternative_fits: FitRow = "alternative_fits", "what the other gait input gives is not listed";
-    /// Of all campaigns of a robot together.
-    shared_fits: SharedFitRow = "shared_fits", "what campaigns share is not listed";
+    /// Fits with the alternative gait input (measured instead of commanded gait, or vice versa).
+    alternative_fits: FitRow = "alternative_fits", "the fits with the other gait input are not listed";
+    /// Fits of a model to all campaigns of a robot together.
+    shared_fits: SharedFitRow = "shared_fits", "the joint fits of campaigns are not listed";
     predictions: PredictionRow = "predictions", "no model is drawn";
     comparison: ComparisonRow = "comparison", "no model is compared";
+    precision: PrecisionRow = "precision", "the repeatability of the metrics is not listed";
     starts: StartRow = "starts", "no search is drawn";
     profiles: ProfileRow = "profiles", "no profile is drawn";
     bootstrap: BootstrapRow = "bootstrap", "no replicate is drawn";
-    /// Of releases and coast-downs.
-    robots: RobotParameterRow = "robot_parameters", "no measured parameter of a robot is listed";
-    /// What `trilink optimise --keep` left.
+    /// Robot parameters measured in joint-release and coast-down trials.
+    robots: RobotParameterRow = "robot_parameters", "the measured robot parameters are not listed in this report";
+    /// Optimal gaits stored by `trilink optimise --keep`.
     optima: OptimumRow = "optima", "";
     optimum_maps: OptimumMapRow = "optimum_maps", "";
 }
 
-/// The tables that are read, where they are there.
+/// Returns the paths of all tables that the report reads, whether or not the files exist.
 pub(crate) fn table_paths(derived: &Path) -> Vec<PathBuf> {
     [TRIALS].iter().chain(TABLES).map(|name| table_path(derived, name)).collect()
 }
@@ -76,11 +78,12 @@ pub(crate) fn table_paths(derived: &Path) -> Vec<PathBuf> {
 const TRIALS: &str = "trials";
 
 impl Tables {
-    /// Reads the tables of a folder. Only `trials.parquet` must be there; rows come in the
-    /// order of campaign, model and frequency, whatever their order in the files.
+    /// Reads the tables in the folder `derived` and sorts the rows by campaign, model and frequency. Only
+    /// `trials.parquet` must exist.
     ///
     /// # Errors
-    /// There is no `trials.parquet`, or a table cannot be read, has too many rows or lacks a column.
+    /// Returns an error if `trials.parquet` does not exist, or if a table cannot be read, has too many rows or lacks a
+    /// column.
     pub(crate) fn read(derived: &Path, reader: &Reader) -> Result<Self, ReportError> {
         let path = table_path(derived, TRIALS);
         let Some(trials) = read(derived, reader, TRIALS)? else {
@@ -101,24 +104,28 @@ impl Tables {
         Ok(tables)
     }
 
+    /// Returns the tables from which quantities are plotted against frequency.
     pub(crate) fn source<'t>(&'t self, config: &'t ReportInput) -> Source<'t> {
-        let (sigma, models) = (config.sigma, config.models());
+        let sigma = config.sigma;
+        let models = config.models();
         let Self { trials, predictions, fits, comparison, .. } = self;
         Source { trials, predictions, fits, comparison, sigma, models }
     }
 
-    /// Whether an optimum is of coefficients that are fitted no more.
+    /// Returns whether an optimum is outdated, that is, computed with coefficients other than those of the current fit.
     pub(crate) fn is_outdated(&self, optimum: &OptimumRow) -> bool {
-        /// Relative difference of numbers that have been written in another unit.
+        /// Maximum relative difference that is attributed to rounding in a conversion to another unit and back.
         const SAME: f64 = 1e-9;
-        let is_its = |fit: &&FitRow| fit.campaign == optimum.campaign && fit.model == optimum.model;
-        self.fits.iter().find(is_its).is_none_or(|fit| {
-            let mut both = fit.parameters.iter().zip(optimum.parameters.iter());
-            both.any(|((_, of_fit), (_, had))| (of_fit - had).abs() > SAME * of_fit.abs())
-        })
+        self.fits
+            .iter()
+            .find(|fit| fit.campaign == optimum.campaign && fit.model == optimum.model)
+            .is_none_or(|fit| {
+                let mut both = fit.parameters.iter().zip(optimum.parameters.iter());
+                both.any(|((_, of_fit), (_, had))| (of_fit - had).abs() > SAME * of_fit.abs())
+            })
     }
 
-    /// The maps of a campaign's optima, without those of coefficients that are fitted no more.
+    /// Returns the rows of `optimum_maps` that belong to a campaign's optima, except those of outdated optima.
     pub(crate) fn maps_of(&self, campaign: &str) -> impl Iterator<Item = &OptimumMapRow> {
         let best = self.optima.iter().filter(|of| of.rank == 1 && !self.is_outdated(of));
         let known: Vec<_> = best.map(|of| (of.campaign.as_str(), of.model, of.objective)).collect();
@@ -127,20 +134,20 @@ impl Tables {
             .filter(move |row| known.contains(&(row.campaign.as_str(), row.model, row.objective)))
     }
 
-    /// The fit of the campaign's preferred model.
+    /// Returns the fit of a campaign's preferred model; `None` if no model is preferred.
     pub(crate) fn preferred(&self, campaign: &str) -> Option<&FitRow> {
         let mut compared = self.comparison.iter();
         let row = compared.find(|row| row.campaign == campaign && row.preferred)?;
         self.fits.iter().find(|fit| fit.campaign == campaign && fit.model == row.model)
     }
 
-    /// What came out of the comparison of a campaign's models.
+    /// Returns the result of comparing the models fitted to a campaign; `None` if they were not compared.
     pub(crate) fn compared(&self, campaign: &str) -> Option<Comparison<'_>> {
         let rows = self.comparison.iter().filter(|row| row.campaign == campaign);
         Comparison::new(rows, &self.fits)
     }
 
-    /// Campaigns of the configuration and of the tables.
+    /// Returns the names of all campaigns that occur in the configuration or the tables.
     pub(crate) fn campaigns<'a>(&'a self, config: &'a ReportInput) -> BTreeSet<&'a str> {
         let configured = config.campaigns().keys().map(String::as_str);
         let measured = self.trials.iter().map(|row| row.campaign.as_str());
@@ -153,32 +160,33 @@ fn table_path(derived: &Path, name: &str) -> PathBuf {
     derived.join(format!("{name}.parquet"))
 }
 
-/// A table, if it is there.
+/// Reads a table by name; returns `None` if the file does not exist.
 fn read(derived: &Path, reader: &Reader, name: &str) -> Result<Option<Table>, ReportError> {
-    match reader.bearable_table(&table_path(derived, name)) {
+    match reader.bounded_table(&table_path(derived, name)) {
         Err(error) if error.is_not_there() => Ok(None),
         table => Ok(Some(table?)),
     }
 }
 
-/// The rows of a table with what the report lacks `without` it. One that no run makes is left out where it is of
-/// another version.
+/// Reads the rows of a table. If the table does not exist, a sentence that says what the report lacks (`without`) is
+/// appended to `missing`.
+///
+/// A table that exists only on request (its `without` is empty) is skipped if another version of `trilink` wrote it.
 fn rows<R: Columns>(
     derived: &Path,
     reader: &Reader,
     (name, without): (&str, &str),
     missing: &mut Vec<String>,
 ) -> Result<Vec<R>, ReportError> {
-    let is_made_by_a_run = !without.is_empty();
+    let is_regular = !without.is_empty();
     let Some(table) = read(derived, reader, name)? else {
-        missing.extend(
-            is_made_by_a_run.then(|| format!("Table {name}.parquet is not there: {without}.")),
-        );
+        missing
+            .extend(is_regular.then(|| format!("Table {name}.parquet does not exist: {without}.")));
         return Ok(Vec::new());
     };
     match R::from_table(&table) {
-        Err(error) if !is_made_by_a_run && error.is_schema_mismatch() => {
-            missing.push(format!("{error}: `trilink optimise --keep` makes it anew."));
+        Err(error) if !is_regular && error.is_schema_mismatch() => {
+            missing.push(format!("{error}: run `trilink optimise --keep` again."));
             Ok(Vec::new())
         }
         rows => Ok(rows?),

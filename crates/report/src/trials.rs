@@ -1,4 +1,4 @@
-//! A page for each trial, in `trials/`.
+//! Pages on individual trials, in the folder `trials/`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,23 +13,27 @@ use super::tables::Tables;
 use super::truth::Truth;
 use super::{ReportError, ReportInput, figures, hash_of, replay};
 
-/// Campaigns of pages and what these are made of, by path inside of `reports/`.
+/// For each trial page, keyed by its path within `reports/`: the campaign, and hashes of the page's inputs, keyed by
+/// descriptions of these inputs.
 pub(crate) type PageParts = BTreeMap<String, (String, BTreeMap<String, String>)>;
 
-/// Folder of the pages inside of `reports/`.
+/// Folder within `reports/` that contains the trial pages.
 const FOLDER: &str = "trials";
 
-/// The page that a trial has, by its path inside of `reports/`, unless another trial's name looks
-/// the same.
+/// Returns the path of a trial's page within `reports/`, on the assumption that no other trial's name gives the same
+/// file name.
 pub fn page_of(trial: &str) -> String {
     format!("{FOLDER}/{}.html", figures::file_name(trial, &mut BTreeSet::new()))
 }
 
-/// Files of the trials' pages: of all trials, or where these are more than the configuration
-/// allows of so many that failed, are flagged, or are the first of their campaign and frequency,
-/// and of those that were asked for.
+/// Returns the file names of the trial pages, keyed by trial.
+///
+/// Every trial has a page if there are at most `trial_pages` trials. Otherwise, the trials with a page are those whose
+/// pages were requested, and up to `trial_pages` trials that failed, are flagged or are the first for their campaign
+/// and frequency.
 pub(crate) fn pages(input: &ReportInput, tables: &Tables) -> TrialPages {
-    let (mut taken, mut conditions) = (BTreeSet::new(), BTreeSet::new());
+    let mut taken = BTreeSet::new();
+    let mut conditions = BTreeSet::new();
     let mut trials: Vec<_> = first_of_each(tables)
         .map(|trial| {
             let omega = trial.omega_commanded_rad_s.to_bits();
@@ -42,33 +46,38 @@ pub(crate) fn pages(input: &ReportInput, tables: &Tables) -> TrialPages {
             (rank, trial, figures::file_name(&trial.trial, &mut taken))
         })
         .collect();
-    let most = input.trial_pages();
-    if trials.len() > most {
+    let max_pages = input.trial_pages();
+    if trials.len() > max_pages {
         trials.sort_by_key(|(rank, ..)| *rank);
-        let shown = trials.iter().take(most).filter(|(rank, ..)| *rank < 3).count();
-        let is_asked = |trial: &TrialRow| input.asked_pages.contains(&trial.trial);
-        let asked = trials.split_off(shown).into_iter().filter(|(_, trial, _)| is_asked(trial));
-        trials.extend(asked.collect::<Vec<_>>());
+        let shown = trials.iter().take(max_pages).filter(|(rank, ..)| *rank < 3).count();
+        let mut others = trials.split_off(shown);
+        others.retain(|(_, trial, _)| input.asked_pages.contains(&trial.trial));
+        trials.extend(others);
     }
-    let file = |(_, trial, name): (_, &TrialRow, _)| (trial.trial.clone(), format!("{name}.html"));
-    trials.into_iter().map(file).collect()
+    trials
+        .into_iter()
+        .map(|(_, trial, name)| (trial.trial.clone(), format!("{name}.html")))
+        .collect()
 }
 
-/// The robot of a trial: its campaign's, or the one that it was to tell about.
+/// Returns the robot used in a trial: the robot of the trial's campaign, or the robot whose parameters the trial
+/// measures; `None` if neither is known.
 fn robot_of(trial: &TrialRow, input: &ReportInput, tables: &Tables) -> Option<Robot> {
     let of_campaign = input.campaign_setup(&trial.campaign).map(|(robot, _)| robot);
-    let named = || tables.robots.iter().find(|row| row.trial == trial.trial);
-    of_campaign.or_else(|| input.robot(&named()?.robot))
+    of_campaign.or_else(|| {
+        let row = tables.robots.iter().find(|row| row.trial == trial.trial)?;
+        input.robot(&row.robot)
+    })
 }
 
-/// The first row of every name.
+/// Returns the first row for each trial name.
 fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
     let mut seen = BTreeSet::new();
     tables.trials.iter().filter(move |trial| seen.insert(trial.trial.as_str()))
 }
 
-/// The campaign of each trial's page and what the page is made of, by its path inside of `reports/`.
-/// `stamp` gives the hash of a file.
+/// Returns the campaign and the input hashes of each trial page, keyed by the page's path within `reports/`. `stamp`
+/// returns the hash of a file.
 pub(crate) fn parts(
     input: &ReportInput,
     (tables, truth): (&Tables, Option<&Truth>),
@@ -76,54 +85,60 @@ pub(crate) fn parts(
     stamp: impl Fn(&Path) -> Option<String>,
 ) -> PageParts {
     let derived = &input.paths.derived;
-    let (mut checks, mut robots) =
-        (BTreeMap::<&str, Vec<_>>::new(), BTreeMap::<&str, Vec<_>>::new());
+    let mut checks = BTreeMap::<&str, Vec<_>>::new();
+    let mut robots = BTreeMap::<&str, Vec<_>>::new();
     tables.checks.iter().for_each(|row| checks.entry(&row.trial).or_default().push(row));
     tables.robots.iter().for_each(|row| robots.entry(&row.trial).or_default().push(row));
-    // A page shows motions of models that its campaign does not fit, too.
+    // Trial pages also show motions of models that are not fitted to the campaign.
     let laws = hash_of(input.models());
-    let fit = |campaign| (campaign, tables.preferred(campaign));
-    let fits: BTreeMap<&str, _> = tables.campaigns(input).into_iter().map(fit).collect();
-    let of_trial = |(trial, page): (&TrialRow, &String)| {
-        let name = trial.trial.as_str();
-        let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
-        let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
-        let setup = input.campaign_setup(&trial.campaign);
-        let robot = robots.first().and_then(|row| input.robot(&row.robot));
-        let beside = page::neighbours(trial, tables, pages);
-        let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
-        let rows = (trial, checks, robots, setup, robot, input.markers(), beside, is_synthetic);
-        let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
-        let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
-        let source = tables.source(input);
-        let models = source.models(&trial.campaign).into_iter();
-        let predicted: Vec<_> = models.filter_map(|model| source.of_trial(trial, model)).collect();
-        let models = (predicted, fits.get(&*trial.campaign), &laws);
-        let parts = BTreeMap::from([
-            ("its row or checks".to_owned(), hash_of(&rows)),
-            ("its campaign's models".to_owned(), hash_of(&models)),
-            ("its tables".to_owned(), recorded),
-        ]);
-        (format!("{FOLDER}/{page}"), (trial.campaign.clone(), parts))
-    };
+    let fits: BTreeMap<&str, _> = tables
+        .campaigns(input)
+        .into_iter()
+        .map(|campaign| (campaign, tables.preferred(campaign)))
+        .collect();
     let with_page =
         first_of_each(tables).filter_map(|trial| Some((trial, pages.get(&trial.trial)?)));
-    with_page.map(of_trial).collect()
+    with_page
+        .map(|(trial, page)| {
+            let name = trial.trial.as_str();
+            let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
+            let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
+            let setup = input.campaign_setup(&trial.campaign);
+            let robot = robots.first().and_then(|row| input.robot(&row.robot));
+            let neighbours = page::neighbours(trial, tables, pages);
+            let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
+            let rows =
+                (trial, checks, robots, setup, robot, input.markers(), neighbours, is_synthetic);
+            let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
+            let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
+            let source = tables.source(input);
+            let models = source.models(&trial.campaign).into_iter();
+            let predicted: Vec<_> =
+                models.filter_map(|model| source.of_trial(trial, model)).collect();
+            let models = (predicted, fits.get(&*trial.campaign), &laws);
+            let parts = BTreeMap::from([
+                ("its row or checks".to_owned(), hash_of(&rows)),
+                ("its campaign's models".to_owned(), hash_of(&models)),
+                ("its tables".to_owned(), recorded),
+            ]);
+            (format!("{FOLDER}/{page}"), (trial.campaign.clone(), parts))
+        })
+        .collect()
 }
 
-/// What [`write`] found and did.
+/// Trial pages that were written, and problems that were found.
 #[derive(Debug, Default)]
 pub(crate) struct PagesWritten {
-    /// Paths inside of `reports/`.
+    /// Paths of the written pages within `reports/`.
     pub pages: Vec<String>,
-    /// Sentences on tables of single trials that do not belong together.
+    /// Sentences that describe inconsistent tables of individual trials.
     pub damaged: Vec<String>,
 }
 
-/// Looks at the tables of every trial and writes the pages but for those in `kept`.
+/// Reads the tables of every trial and writes all trial pages except those in `kept`, which are up to date.
 ///
 /// # Errors
-/// A table of a trial is there and cannot be read, or a page not be filled in or written.
+/// Returns an error if an existing table of a trial cannot be read, or if a page cannot be rendered or written.
 pub(crate) fn write(
     input: &ReportInput,
     ((tables, truth), reader): ((&Tables, Option<&Truth>), &Reader),
@@ -145,9 +160,10 @@ pub(crate) fn write(
         let page = pages.get(&trial.trial).map(|file| format!("{FOLDER}/{file}"));
         let page = page.filter(|page| !kept.contains(page));
         if let Some(page) = &page {
-            let of_trial = |recording| figures::trial::figures(trial, recording, inputs);
             let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
-            let mut figures = recording.as_ref().map_or(Vec::new(), of_trial);
+            let mut figures = recording
+                .as_ref()
+                .map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, inputs));
             figures.iter_mut().for_each(|figure| figure.is_synthetic = is_synthetic);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
             let replay = recording.as_ref().zip(robot_of(trial, input, tables));
@@ -155,7 +171,8 @@ pub(crate) fn write(
                 let fit = tables.preferred(&trial.campaign);
                 replay::of_trial(trial, recording, robot, input, fit)
             });
-            let (recording, replay) = (recording.as_ref(), replay.as_ref());
+            let recording = recording.as_ref();
+            let replay = replay.as_ref();
             let html =
                 page::trial_html(trial, inputs, pages, is_synthetic, recording, replay, &images)?;
             to_disk.write_if_changed(&input.paths.reports.join(page), html.as_bytes())?;

@@ -1,7 +1,7 @@
-//! Planted truth against what was recovered, where a `truth.json` lies in a trial folder.
+//! True parameters of synthetic trials, from `truth.json` in the trial folders, and their comparison with the fitted
+//! values.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
@@ -17,28 +17,30 @@ use trilink_tables::{Reader, StoreError, TrialRow};
 use super::parameters::FittedParameter;
 use super::tables::Tables;
 
-/// What the trials were made from. Unknown entries are passed over, missing ones are unknown.
+/// True parameters with which synthetic trials were generated, from `truth.json`. Unknown entries in the file are
+/// ignored.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct Truth {
-    /// The trials were computed, not recorded.
+    /// Whether the trials are synthetic, that is, computed instead of recorded.
     pub synthetic: bool,
-    /// Folders of such trials.
+    /// Folders that contain synthetic trials.
     #[serde(skip)]
     pub synthetic_folders: BTreeSet<String>,
     pub seed: Option<u64>,
-    /// Relative standard deviation of friction from cycle to cycle.
+    /// Relative standard deviation of the friction between cycles.
     pub friction_variation: f64,
-    /// Friction of each day's floor as a part of the planted one.
+    /// Friction on each day relative to the nominal friction of the synthetic trials, keyed by day.
     pub days: BTreeMap<String, f64>,
     pub servo: Option<PlantedServo>,
-    /// Campaigns that know none of these.
+    /// Campaigns that were generated without servo errors and with constant friction, that is, the same friction in all
+    /// cycles and on all days.
     pub tidy: Vec<String>,
     pub campaigns: BTreeMap<String, PlantedCampaign>,
     pub trials: BTreeMap<String, PlantedTrial>,
 }
 
-/// How servos followed their commands.
+/// Lag and compliance of the servos with which synthetic trials were generated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlantedServo {
@@ -46,30 +48,31 @@ pub(crate) struct PlantedServo {
     pub compliance_rad_nm: f64,
 }
 
-/// The model that trials were made with.
+/// Model with which synthetic trials were generated.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub(crate) struct PlantedLaw {
     pub model: Model,
 }
 
-/// Parameters of a campaign's robot.
+/// True parameters of the robot in the synthetic trials of a campaign.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlantedCampaign {
-    /// `skid-roll` if it is not said.
+    /// Model with which the trials were generated; `None` stands for `skid-roll`.
     pub law: Option<PlantedLaw>,
-    /// By the keys of quantities: a number, or one a wheel.
+    /// True values, keyed by quantity: a number, or an array with one number for each wheel, link or joint.
     #[serde(flatten)]
     pub planted: BTreeMap<String, serde_json::Value>,
 }
 
 impl PlantedCampaign {
-    /// The model whose laws made the trials.
+    /// Returns the model that generated the trials.
     fn model(&self) -> Model {
         self.law.map_or(Model::SKID_ROLL, |law| law.model)
     }
 
-    fn of(&self, parameter: Parameter) -> Option<f64> {
+    /// Returns the true value of a parameter; `None` if it is unknown.
+    fn planted_value(&self, parameter: Parameter) -> Option<f64> {
         let planted = self.planted.get(parameter.quantity().name())?;
         let each = planted.as_array().map_or(std::slice::from_ref(planted), Vec::as_slice);
         let mut robot = Robot::kinematic();
@@ -80,11 +83,11 @@ impl PlantedCampaign {
         for (number, planted) in numbers.iter_mut().zip(each) {
             *number = planted.as_f64()?;
         }
-        Some(parameter.of(&robot))
+        Some(parameter.value_in(&robot))
     }
 }
 
-/// Motion of a trial.
+/// True motion of a synthetic trial.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlantedTrial {
@@ -95,26 +98,27 @@ pub(crate) struct PlantedTrial {
 }
 
 impl PlantedTrial {
-    /// What is not known is missing.
+    /// Returns the true metrics of the trial; NaN if unknown.
     pub(crate) fn metrics(&self) -> GaitMetrics {
-        let known = |value: Option<f64>| value.unwrap_or(f64::NAN);
         GaitMetrics {
-            d_m: known(self.d_m),
-            v_m_s: known(self.v_m_s),
+            d_m: self.d_m.unwrap_or(f64::NAN),
+            v_m_s: self.v_m_s.unwrap_or(f64::NAN),
             sigma: self.sigma.unwrap_or([f64::NAN; 3]),
-            alpha1_rad: known(self.alpha1_rad),
+            alpha1_rad: self.alpha1_rad.unwrap_or(f64::NAN),
             ..GaitMetrics::MISSING
         }
     }
 }
 
 impl Truth {
-    /// Reads what was planted in the trials of all folders; `None` if nothing is known. What is
-    /// wrong with a file, and what folders disagree on, is added to what is `missing`: the report
-    /// goes on without it.
+    /// Reads the true parameters of the synthetic trials in all trial folders; returns `None` if no folder contains
+    /// any.
+    ///
+    /// Invalid files and contradictions between folders are skipped, and sentences that describe them are added to
+    /// `missing`.
     ///
     /// # Errors
-    /// A file is there and cannot be read.
+    /// Returns an error if an existing file cannot be read.
     pub(crate) fn read(
         paths: &Paths,
         rows: &[TrialRow],
@@ -127,24 +131,27 @@ impl Truth {
                 Err(error) if error.is_not_there() => continue,
                 bytes => bytes?,
             };
-            let (name, several) = (paths.name_of(folder), paths.raw.len() > 1);
+            let name = paths.name_of(folder);
+            let several = paths.raw.len() > 1;
             match serde_json::from_slice::<Self>(&bytes) {
                 Ok(truth) => drop(truths.insert(name, truth)),
                 Err(problem) => {
                     let of = if several { format!(" of {name}") } else { String::new() };
-                    missing.push(format!("{TRUTH_FILE}{of} is passed over: {problem}."));
+                    missing.push(format!("{TRUTH_FILE}{of} is ignored: {problem}."));
                 }
             }
         }
         let mut all: Option<Self> = None;
         for (folder, mut truth) in truths {
             let mut planted = std::mem::take(&mut truth.trials);
-            // Tables that were made elsewhere may not say where their trials are.
-            let is_here = |row: &&TrialRow| row.folder.is_empty() || row.folder == folder;
-            let here = rows.iter().filter(is_here).filter_map(|row| {
-                let id = if row.id.is_empty() { &row.trial } else { &row.id };
-                Some((row.trial.clone(), planted.remove(id)?))
-            });
+            // Tables from another source may not name the folder of each trial.
+            let here = rows
+                .iter()
+                .filter(|row| row.folder.is_empty() || row.folder == folder)
+                .filter_map(|row| {
+                    let id = if row.id.is_empty() { &row.trial } else { &row.id };
+                    Some((row.trial.clone(), planted.remove(id)?))
+                });
             truth.trials = here.collect();
             truth.synthetic_folders.extend(truth.synthetic.then(|| folder.clone()));
             match &mut all {
@@ -155,7 +162,7 @@ impl Truth {
         Ok(all)
     }
 
-    /// Adds what was planted in another folder.
+    /// Adds the true parameters from another trial folder.
     fn extend(&mut self, other: Self, folder: &str, missing: &mut Vec<String>) {
         self.synthetic |= other.synthetic;
         self.synthetic_folders.extend(other.synthetic_folders);
@@ -170,81 +177,86 @@ impl Truth {
             let known = self.campaigns.entry(campaign.clone());
             let known = known.or_insert_with(|| planted.clone());
             if *known != planted {
-                // Nothing is known of a campaign in which not all is alike.
+                // True values that contradict each other are discarded for the whole campaign.
                 *known = PlantedCampaign::default();
                 missing.push(format!(
-                    "{TRUTH_FILE} of {folder} plants other coefficients of {campaign} than \
-                     another folder's: they are not compared."
+                    "The coefficients of {campaign} are not compared, because {TRUTH_FILE} in \
+                     {folder} and {TRUTH_FILE} in another folder contradict each other."
                 ));
             }
         }
     }
 }
 
-/// What pages say where all trials were computed, and where some were.
+/// Notice for pages on which all trials are synthetic.
 const ALL: &str = "These trials are synthetic.";
+/// Beginning of the notice for pages on which only some trials are synthetic.
 const SOME: &str = "Some of these trials are synthetic";
 
 impl Truth {
-    /// Whether a trial was computed.
+    /// Returns whether a trial is synthetic.
     pub(crate) fn is_synthetic(&self, trial: &TrialRow) -> bool {
-        // Tables that were made elsewhere may not say where their trials are.
+        // Tables from another source may not name the folder of each trial.
         self.synthetic
             && (trial.folder.is_empty() || self.synthetic_folders.contains(&trial.folder))
     }
 
-    /// Whether any trial of these campaigns was computed; of all campaigns where none is named.
+    /// Returns whether any trial of the given campaigns is synthetic; an empty slice stands for all campaigns.
     pub(crate) fn is_synthetic_in(&self, campaigns: &[String], tables: &Tables) -> bool {
-        let is_of = |trial: &&TrialRow| campaigns.is_empty() || campaigns.contains(&trial.campaign);
-        tables.trials.iter().filter(is_of).any(|trial| self.is_synthetic(trial))
+        tables
+            .trials
+            .iter()
+            .filter(|trial| campaigns.is_empty() || campaigns.contains(&trial.campaign))
+            .any(|trial| self.is_synthetic(trial))
     }
 
-    /// What the pages say of trials that were computed; empty where all were recorded.
+    /// Returns the notice that trials are synthetic; empty if all trials were recorded.
     pub(crate) fn notice(&self, tables: &Tables) -> String {
         let synthetic = tables.trials.iter().filter(|trial| self.is_synthetic(trial)).count();
         if synthetic == 0 {
             return String::new();
         }
-        match synthetic == tables.trials.len() {
-            true => ALL.to_owned(),
-            false => {
-                let folders: Vec<&str> =
-                    self.synthetic_folders.iter().map(String::as_str).collect();
-                format!("{SOME}: those of {}.", folders.join(", "))
-            }
+        if synthetic == tables.trials.len() {
+            ALL.to_owned()
+        } else {
+            let folders: Vec<&str> = self.synthetic_folders.iter().map(String::as_str).collect();
+            format!("{SOME}: the trials of {}.", folders.join(", "))
         }
     }
 }
 
-/// What pages without the trials' table say of trials that were computed; empty where all were
-/// recorded. What is wrong with a file is said by the report.
+/// Returns the notice that trials are synthetic, for pages that are made without the table of trials; empty if all
+/// trials were recorded. Invalid `truth.json` files are ignored; the report names them.
 pub fn notice_of_folders(paths: &Paths) -> String {
     let folders = find_folders(paths).unwrap_or_default();
-    let is_synthetic = |folder: &&PathBuf| {
-        let truth = files::read(&folder.join(TRUTH_FILE), files::TEXT_BYTES).ok();
-        truth
-            .and_then(|(json, _)| serde_json::from_slice::<Truth>(&json).ok())
-            .is_some_and(|truth| truth.synthetic)
-    };
-    match folders.iter().filter(is_synthetic).count() {
+    match folders
+        .iter()
+        .filter(|folder| {
+            let truth = files::read(&folder.join(TRUTH_FILE), files::TEXT_BYTES).ok();
+            truth
+                .and_then(|(json, _)| serde_json::from_slice::<Truth>(&json).ok())
+                .is_some_and(|truth| truth.synthetic)
+        })
+        .count()
+    {
         0 => String::new(),
         synthetic if synthetic == folders.len() => ALL.to_owned(),
         _ => format!("{SOME}."),
     }
 }
 
-/// What the page shows of truth and tables.
+/// Returns the template values for comparing true and fitted parameters on the report page.
 pub(crate) fn compare(truth: &Truth, tables: &Tables) -> Value {
     let trials = tables.trials.iter();
     let trials: Vec<(&TrialRow, GaitMetrics)> = trials
         .filter_map(|trial| Some((trial, truth.trials.get(&trial.trial)?.metrics())))
         .collect();
     let within = [
-        sentence("d", &trials, |metrics| metrics.d_m),
-        sentence("v", &trials, |metrics| metrics.v_m_s),
+        max_deviation("d", &trials, |metrics| metrics.d_m),
+        max_deviation("v", &trials, |metrics| metrics.v_m_s),
     ];
     let known = planted(truth, tables);
-    let summary = made_with(truth, tables).into_iter().chain(varied(truth));
+    let summary = generating_models(truth, tables).into_iter().chain(unmodelled_effects(truth));
     let summary: Vec<String> = summary.chain(within.into_iter().flatten()).collect();
     context! {
         seed => truth.seed,
@@ -254,82 +266,89 @@ pub(crate) fn compare(truth: &Truth, tables: &Tables) -> Value {
     }
 }
 
-/// Which models made the trials, and what that leaves unknown.
-fn made_with(truth: &Truth, tables: &Tables) -> Vec<String> {
+/// Returns sentences that name the models that generated the trials and the campaigns to which these models are not
+/// fitted.
+fn generating_models(truth: &Truth, tables: &Tables) -> Vec<String> {
     let mut campaigns: BTreeMap<Model, Vec<&str>> = BTreeMap::new();
     for (campaign, planted) in &truth.campaigns {
         campaigns.entry(planted.model()).or_default().push(campaign);
     }
-    let of_model = |(model, campaigns): (&Model, &Vec<&str>)| {
-        let is_fitted = |name: &&&str| {
-            tables.fits.iter().any(|fit| fit.model == *model && fit.campaign == **name)
-        };
-        let without: Vec<&str> =
-            campaigns.iter().filter(|name| !is_fitted(name)).copied().collect();
-        let without = match &without[..] {
-            [] => String::new(),
-            names => format!("; it is not fitted to {}", names.join(", ")),
-        };
-        format!(
-            "{} {} made with {model}{without}.",
-            campaigns.join(", "),
-            if campaigns.len() > 1 { "were" } else { "was" }
-        )
-    };
-    let mut sentences: Vec<String> = campaigns.iter().map(of_model).collect();
+    let mut sentences: Vec<String> = campaigns
+        .iter()
+        .map(|(model, campaigns)| {
+            let is_fitted = |name: &&&str| {
+                tables.fits.iter().any(|fit| fit.model == *model && fit.campaign == **name)
+            };
+            let without: Vec<&str> =
+                campaigns.iter().filter(|name| !is_fitted(name)).copied().collect();
+            let without = match &without[..] {
+                [] => String::new(),
+                names => format!("; this model is not fitted to {}", names.join(", ")),
+            };
+            format!(
+                "{} {} generated with {model}{without}.",
+                campaigns.join(", "),
+                if campaigns.len() > 1 { "were" } else { "was" }
+            )
+        })
+        .collect();
     if !sentences.is_empty() {
-        let other = "The coefficients of other models have no truth to be compared with.";
+        let other = "The coefficients of other models have no true values to compare with.";
         sentences.push(other.to_owned());
     }
     sentences
 }
 
-/// What no model knows of how the trials were made.
-fn varied(truth: &Truth) -> Option<String> {
-    let percent = |part: f64| fixed(100.0 * part, 1);
+/// Returns a sentence on effects that were simulated in the synthetic trials but are not part of any model; `None` if
+/// there are none.
+fn unmodelled_effects(truth: &Truth) -> Option<String> {
     let cycles = (truth.friction_variation > 0.0).then(|| {
-        let percent = percent(truth.friction_variation);
+        let percent = fixed(100.0 * truth.friction_variation, 1);
         format!("friction varied from cycle to cycle with a standard deviation of {percent} %")
     });
-    let farthest = truth.days.values().map(|floor| (floor - 1.0).abs()).fold(0.0, f64::max);
-    let days = (farthest > 0.0).then(|| {
-        let percent = percent(farthest);
-        format!("the floors of {} days had up to {percent} % more or less of it", truth.days.len())
+    let largest = truth.days.values().map(|floor| (floor - 1.0).abs()).fold(0.0, f64::max);
+    let days = (largest > 0.0).then(|| {
+        let percent = fixed(100.0 * largest, 1);
+        format!(
+            "friction on the floors of {} days deviated by up to {percent} % from that of the generating model",
+            truth.days.len()
+        )
     });
     let servo = truth.servo.map(|PlantedServo { lag_s, compliance_rad_nm }| {
         format!(
-            "servos lagged by {} ms and gave way by {} rad/(N m)",
+            "the servos had a lag of {} ms and a compliance of {} rad/(N m)",
             fixed(1e3 * lag_s, 1),
             fixed(compliance_rad_nm, 3)
         )
     });
-    let parts: Vec<String> = [cycles, days, servo].into_iter().flatten().collect();
+    let effects: Vec<String> = [cycles, days, servo].into_iter().flatten().collect();
     let sentence = match &truth.tidy[..] {
-        _ if parts.is_empty() => return None,
-        [] => parts.join(", "),
-        tidy => format!("but for {}, {}", tidy.join(", "), parts.join(", ")),
+        _ if effects.is_empty() => return None,
+        [] => effects.join(", "),
+        tidy => format!("except in {}, {}", tidy.join(", "), effects.join(", ")),
     };
     let first = sentence[..1].to_uppercase();
-    let mean = match truth.friction_variation > 0.0 {
-        true => " Planted motions are those of the mean friction of a trial's day.",
-        false => "",
+    let mean = if truth.friction_variation > 0.0 {
+        " The true motions of synthetic trials are computed with the mean friction of each trial's day."
+    } else {
+        ""
     };
-    Some(format!("{first}{}: no model has that to the letter.{mean}", &sentence[1..]))
+    Some(format!("{first}{}. No model includes these effects exactly.{mean}", &sentence[1..]))
 }
 
-/// A coefficient of the fitted model that the trials were made with, and what was planted.
+/// Coefficient of the model that generated the synthetic trials: true value and fitted value.
 #[derive(Debug, Serialize)]
 pub(crate) struct Known<'t> {
     pub campaign: &'t str,
     pub model: Model,
     pub parameter: FittedParameter,
     pub planted: f64,
-    /// Half the width of the interval that scatter alone gives; NaN where it is not known.
+    /// Half-width of the confidence interval due to scatter alone; NaN if unknown.
     #[serde(skip)]
     pub scatter: f64,
 }
 
-/// All coefficients of which the truth is known, by campaign.
+/// Returns all fitted coefficients with known true values, grouped by campaign.
 pub(crate) fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
     let mut known = Vec::new();
     for fit in &tables.fits {
@@ -338,33 +357,36 @@ pub(crate) fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
             continue;
         };
         known.extend(Parameter::ALL.into_iter().filter_map(|parameter| {
-            let is_told = !parameter.is_sum() || fit.free.contains(&parameter);
-            let planted = planted.of(parameter).filter(|_| is_told)?;
+            let is_determined = !parameter.is_sum() || fit.free.contains(&parameter);
+            let planted = planted.planted_value(parameter).filter(|_| is_determined)?;
             let scatter = fit.scatter[parameter];
-            let parameter = FittedParameter::of(fit, parameter);
+            let parameter = FittedParameter::new(fit, parameter);
             Some(Known { campaign: &fit.campaign, model: fit.model, parameter, planted, scatter })
         }));
     }
     known
 }
 
-/// How far a measure of the trials is from what was planted at most.
-fn sentence(
+/// Returns a sentence on the largest deviation of a measured metric from its true value; `None` if no true value is
+/// known.
+fn max_deviation(
     symbol: &str,
     trials: &[(&TrialRow, GaitMetrics)],
-    of: fn(&GaitMetrics) -> f64,
+    metric: fn(&GaitMetrics) -> f64,
 ) -> Option<String> {
     let known: Vec<_> = trials
         .iter()
-        .map(|(trial, planted)| (&trial.trial, (of(&trial.metrics) / of(planted) - 1.0).abs()))
+        .map(|(trial, planted)| {
+            (&trial.trial, (metric(&trial.metrics) / metric(planted) - 1.0).abs())
+        })
         .filter(|(_, difference)| difference.is_finite())
         .collect();
-    // The first of several, which in reverse is the last.
-    let (trial, most) = known.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    // `max_by` returns the last of several equal maxima, which is the first trial because the order is reversed.
+    let (trial, largest) = known.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(format!(
-        "{symbol} of {} trials: within {} % of the planted value, farthest in {trial}.",
+        "{symbol} of {} trials: within {} % of the true values, largest deviation in {trial}.",
         known.len(),
-        fixed(100.0 * most, 2)
+        fixed(100.0 * largest, 2)
     ))
 }
 
@@ -376,7 +398,7 @@ mod tests {
     use crate::tests::made_up;
 
     #[test]
-    fn only_the_model_that_made_the_trials_has_a_truth() {
+    fn only_the_model_that_generated_the_trials_has_true_values() {
         let truth: Truth = serde_json::from_value(serde_json::json!({
             "friction_variation": 0.05,
             "days": {"1": 1.021, "2": 0.979},
@@ -403,42 +425,42 @@ mod tests {
         assert_eq!(
             known,
             [
-                dry(Quantity::SkidDry.of(0), 2.0),
-                dry(Quantity::SkidDry.of(1), 1.0),
-                dry(Quantity::SkidDry.of(2), 1.1),
+                dry(Quantity::SkidDry.parameter(0), 2.0),
+                dry(Quantity::SkidDry.parameter(1), 1.0),
+                dry(Quantity::SkidDry.parameter(2), 1.1),
                 dry(Quantity::Transition.one(), 0.005),
-                wet(Quantity::Skid.of(0), 100.0),
-                wet(Quantity::Skid.of(1), 50.0),
-                wet(Quantity::Skid.of(2), 60.0),
+                wet(Quantity::Skid.parameter(0), 100.0),
+                wet(Quantity::Skid.parameter(1), 50.0),
+                wet(Quantity::Skid.parameter(2), 60.0),
             ]
         );
         assert_eq!(
-            made_with(&truth, &tables),
+            generating_models(&truth, &tables),
             [
-                "dry, dry-too were made with coulomb; it is not fitted to dry-too.",
-                "wet was made with skid-roll.",
-                "The coefficients of other models have no truth to be compared with.",
+                "dry, dry-too were generated with coulomb; this model is not fitted to dry-too.",
+                "wet was generated with skid-roll.",
+                "The coefficients of other models have no true values to compare with.",
             ]
         );
         assert_eq!(
-            varied(&truth).as_deref(),
+            unmodelled_effects(&truth).as_deref(),
             Some(
-                "Friction varied from cycle to cycle with a standard deviation of 5.0 %, the floors \
-                 of 2 days had up to 2.1 % more or less of it, servos lagged by 20.0 ms and gave way \
-                 by 0.050 rad/(N m): no model has that to the letter. Planted motions are those of the \
-                 mean friction of a trial's day."
+                "Friction varied from cycle to cycle with a standard deviation of 5.0 %, friction on the floors of 2 \
+                 days deviated by up to 2.1 % from that of the generating model, the servos had a lag of 20.0 ms and a \
+                 compliance of 0.050 rad/(N m). No model includes these effects exactly. The true motions of \
+                 synthetic trials are computed with the mean friction of each trial's day."
             )
         );
         let truth =
             Truth { days: BTreeMap::new(), servo: None, tidy: vec!["wet".to_owned()], ..truth };
         assert_eq!(
-            varied(&truth).as_deref(),
+            unmodelled_effects(&truth).as_deref(),
             Some(
-                "But for wet, friction varied from cycle to cycle with a standard deviation of 5.0 %: \
-                 no model has that to the letter. Planted motions are those of the mean friction of a \
-                 trial's day."
+                "Except in wet, friction varied from cycle to cycle with a standard deviation of 5.0 %. \
+                 No model includes these effects exactly. The true motions of synthetic trials are \
+                 computed with the mean friction of each trial's day."
             )
         );
-        assert_eq!(varied(&Truth::default()), None);
+        assert_eq!(unmodelled_effects(&Truth::default()), None);
     }
 }

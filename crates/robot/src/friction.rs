@@ -1,12 +1,12 @@
-//! The friction of a wheel in one direction, along it or across, with its derivatives.
+//! Friction of a wheel in one direction, along or across its rolling direction, with its derivatives.
 //!
 //! ```text
 //! resistance(v) = tanh(v / v_t) (F_c + (F_s - F_c) exp(-(v / v_s)^2)) + c v + F_p |v / v_t|^p sign v
 //! ```
 //!
-//! Dry friction F_c, which tanh makes continuous within the transition speed v_t, is F_s at low
-//! speeds and falls to F_c over the Stribeck speed v_s; c is viscous (eq. 14 and 15). For |v / v_t|^p sign v
-//! stands s (1 + s^2)^((p - 1) / 2), s = v / v_t, which is smooth at rest.
+//! The dry friction F_c, regularised by tanh within the transition speed v_t, is F_s at low speeds and falls
+//! to F_c over the Stribeck speed v_s; c is the viscous coefficient (eq. 14 and 15). The power law |v /
+//! v_t|^p sign v is implemented as s (1 + s^2)^((p - 1) / 2) with s = v / v_t, which is smooth at rest.
 //!
 //! Reference: B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, *A survey of models, analysis
 //! tools and compensation methods for the control of machines with friction*, Automatica 30 (1994)
@@ -16,30 +16,34 @@ use std::fmt::Debug;
 
 use super::{Number, Parameter, Quantity, Robot};
 
-/// Friction of a robot's wheels. Forces are those that resist, so of the velocity's sign.
+/// Friction law for a robot's wheels. Forces are resistances, so they have the sign of the velocity.
 pub trait Friction: Copy + Debug + Send + Sync + 'static {
-    /// Parameters of skidding alone.
+    /// Parameters that only the skid friction has.
     const SKID: &'static [Parameter];
-    /// Parameters of rolling, and of both.
+    /// Parameters of the rolling friction, and those that rolling and skid friction share.
     const ROLL: &'static [Parameter];
-    /// Whether every force is in proportion to its velocity.
+    /// Whether every friction force is proportional to the wheel's velocity in the direction of the force.
     const IS_LINEAR: bool;
 
-    /// The force against a wheel's velocity across it, and its derivative with respect to that.
+    /// Returns the resistance (N) of a wheel to skidding at a velocity (m/s), and its derivative with respect
+    /// to the velocity (kg/s).
     fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2];
 
-    /// The same along it.
+    /// Returns the resistance (N) of a wheel to rolling at a velocity (m/s), and its derivative with respect
+    /// to the velocity (kg/s).
     fn roll<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2];
 
-    /// Gives `add` the derivatives of the force across a wheel with respect to the parameters by
-    /// their places in [`Friction::SKID`] followed by [`Friction::ROLL`].
+    /// Calls `add` for each parameter on which a wheel's skid resistance depends, with the index of the
+    /// parameter and the derivative of the resistance with respect to the parameter. Indices count the
+    /// parameters in [`Friction::SKID`], then those in [`Friction::ROLL`].
     fn skid_slopes<T: Number>(robot: &Robot, wheel: usize, velocity: T, add: impl FnMut(usize, T));
 
-    /// The same of the force along it, by their places in [`Friction::ROLL`].
+    /// Calls `add` for each parameter on which a wheel's rolling resistance depends, with the index of the
+    /// parameter in [`Friction::ROLL`] and the derivative of the resistance with respect to the parameter.
     fn roll_slopes<T: Number>(robot: &Robot, wheel: usize, velocity: T, add: impl FnMut(usize, T));
 }
 
-/// Viscous friction alone.
+/// Purely viscous friction.
 #[derive(Debug, Clone, Copy)]
 pub struct Viscous;
 
@@ -50,13 +54,13 @@ impl Friction for Viscous {
 
     #[inline(always)]
     fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        let c_kg_s = T::of(robot.skid_kg_s[wheel]);
+        let c_kg_s = T::splat(robot.skid_kg_s[wheel]);
         [c_kg_s * velocity, c_kg_s]
     }
 
     #[inline(always)]
     fn roll<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        let c_kg_s = T::of(robot.roll_kg_s[wheel]);
+        let c_kg_s = T::splat(robot.roll_kg_s[wheel]);
         [c_kg_s * velocity, c_kg_s]
     }
 
@@ -71,7 +75,7 @@ impl Friction for Viscous {
     }
 }
 
-/// Dry and viscous friction, and a power of the velocity.
+/// Friction that is the sum of a dry term, a viscous term and a power-law term in the velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct Dry;
 
@@ -129,35 +133,38 @@ impl Friction for Dry {
     }
 }
 
-/// The numbers of quantities, one after the other.
+/// Returns the parameters of several quantities, in sequence.
 const fn parameters<const COUNT: usize>(quantities: &[Quantity]) -> [Parameter; COUNT] {
-    let (mut all, mut count, mut i) = ([quantities[0].of(0); COUNT], 0, 0);
+    let mut all = [quantities[0].parameter(0); COUNT];
+    let mut count = 0;
+    let mut i = 0;
     while i < quantities.len() {
-        let mut place = 0;
-        while place < quantities[i].count() {
-            all[count] = quantities[i].of(place);
-            (count, place) = (count + 1, place + 1);
+        let mut index = 0;
+        while index < quantities[i].count() {
+            all[count] = quantities[i].parameter(index);
+            count += 1;
+            index += 1;
         }
         i += 1;
     }
-    assert!(count == COUNT, "another number of parameters");
+    assert!(count == COUNT, "COUNT is not the number of parameters");
     all
 }
 
-/// The friction of one wheel in one direction.
+/// Friction law of one wheel in one direction.
 #[derive(Debug, Clone, Copy)]
 struct Law {
     viscous_kg_s: f64,
     dry_n: f64,
     static_n: f64,
     transition_m_s: f64,
-    /// 0 where dry friction is the same at all speeds.
+    /// Stribeck speed, m/s; zero if dry friction does not depend on speed.
     stribeck_m_s: f64,
     power_n: f64,
     exponent: f64,
 }
 
-/// Derivatives of a force with respect to the parameters of its law.
+/// Derivatives of a friction force with respect to the parameters of its law.
 struct Slopes<T> {
     viscous: T,
     dry: T,
@@ -196,73 +203,77 @@ impl Law {
         }
     }
 
-    /// The part of the way from static to dry friction that is still to go at a velocity, and the
-    /// derivative of that.
+    /// Returns the fraction of the excess of static over Coulomb friction that remains at a velocity, and the
+    /// derivative of this fraction with respect to the velocity.
     #[inline(always)]
-    fn slow<T: Number>(&self, velocity: T) -> [T; 2] {
+    fn static_fraction<T: Number>(&self, velocity: T) -> [T; 2] {
         if self.stribeck_m_s == 0.0 {
-            return [T::of(0.0); 2];
+            return [T::splat(0.0); 2];
         }
-        let relative = velocity * T::of(1.0 / self.stribeck_m_s);
-        let slow = (-(relative * relative)).exp();
-        [slow, -(slow * relative * T::of(2.0 / self.stribeck_m_s))]
+        let relative = velocity * T::splat(1.0 / self.stribeck_m_s);
+        let static_fraction = (-(relative * relative)).exp();
+        [static_fraction, -(static_fraction * relative * T::splat(2.0 / self.stribeck_m_s))]
     }
 
-    /// The power of a relative velocity, its derivative with respect to that and to the exponent.
+    /// Returns the smoothed power law at a velocity relative to the transition speed, and its derivatives
+    /// with respect to this relative velocity and to the exponent.
     #[inline(always)]
     fn power<T: Number>(&self, relative: T) -> [T; 3] {
-        let square = T::of(1.0) + relative * relative;
-        let logarithm = T::of(0.5) * square.ln();
-        let factor = (T::of(self.exponent - 1.0) * logarithm).exp();
-        let more = T::of(self.exponent - 1.0) * relative * relative / square;
+        let square = T::splat(1.0) + relative * relative;
+        let logarithm = T::splat(0.5) * square.ln();
+        let factor = (T::splat(self.exponent - 1.0) * logarithm).exp();
+        let slope = T::splat(self.exponent - 1.0) * relative * relative / square;
         let power = relative * factor;
-        [power, factor * (T::of(1.0) + more), power * logarithm]
+        [power, factor * (T::splat(1.0) + slope), power * logarithm]
     }
 
-    /// The force and its derivative with respect to the velocity.
+    /// Returns the friction force at a velocity and its derivative with respect to the velocity.
     #[inline(always)]
     fn force<T: Number>(&self, velocity: T) -> [T; 2] {
-        let viscous_kg_s = T::of(self.viscous_kg_s);
+        let viscous_kg_s = T::splat(self.viscous_kg_s);
         let mut smooth = [viscous_kg_s * velocity, viscous_kg_s];
         if self.power_n != 0.0 {
-            let [power, dpower, _] = self.power(velocity * T::of(1.0 / self.transition_m_s));
-            smooth[0] += T::of(self.power_n) * power;
-            smooth[1] += T::of(self.power_n / self.transition_m_s) * dpower;
+            let [power, dpower, _] = self.power(velocity * T::splat(1.0 / self.transition_m_s));
+            smooth[0] += T::splat(self.power_n) * power;
+            smooth[1] += T::splat(self.power_n / self.transition_m_s) * dpower;
         }
         if self.dry_n == 0.0 && (self.stribeck_m_s == 0.0 || self.static_n == 0.0) {
             return smooth;
         }
-        let per_m_s = T::of(1.0 / self.transition_m_s);
+        let per_m_s = T::splat(1.0 / self.transition_m_s);
         let sign = (velocity * per_m_s).tanh();
-        let dsign = (T::of(1.0) - sign * sign) * per_m_s;
-        let [slow, dslow] = self.slow(velocity);
-        let more = T::of(self.static_n - self.dry_n);
-        let size = T::of(self.dry_n) + more * slow;
-        [smooth[0] + sign * size, smooth[1] + dsign * size + sign * more * dslow]
+        let dsign = (T::splat(1.0) - sign * sign) * per_m_s;
+        let [static_fraction, dstatic_fraction] = self.static_fraction(velocity);
+        let excess = T::splat(self.static_n - self.dry_n);
+        let size = T::splat(self.dry_n) + excess * static_fraction;
+        [smooth[0] + sign * size, smooth[1] + dsign * size + sign * excess * dstatic_fraction]
     }
 
+    /// Returns the derivatives of the friction force at a velocity with respect to the parameters of the law.
     #[inline(always)]
     fn slopes<T: Number>(&self, velocity: T) -> Slopes<T> {
-        let per_m_s = T::of(1.0 / self.transition_m_s);
+        let per_m_s = T::splat(1.0 / self.transition_m_s);
         let relative = velocity * per_m_s;
         let sign = relative.tanh();
-        let [slow, dslow] = self.slow(velocity);
-        let more = T::of(self.static_n - self.dry_n);
-        let size = T::of(self.dry_n) + more * slow;
+        let [static_fraction, dstatic_fraction] = self.static_fraction(velocity);
+        let excess = T::splat(self.static_n - self.dry_n);
+        let size = T::splat(self.dry_n) + excess * static_fraction;
         let stribeck = match self.stribeck_m_s {
-            0.0 => T::of(0.0),
-            stribeck_m_s => -(sign * more * dslow * velocity * T::of(1.0 / stribeck_m_s)),
+            0.0 => T::splat(0.0),
+            stribeck_m_s => {
+                -(sign * excess * dstatic_fraction * velocity * T::splat(1.0 / stribeck_m_s))
+            }
         };
         let [power, dpower, exponent] = self.power(relative);
-        let transition = (T::of(1.0) - sign * sign) * size + T::of(self.power_n) * dpower;
+        let transition = (T::splat(1.0) - sign * sign) * size + T::splat(self.power_n) * dpower;
         Slopes {
             viscous: velocity,
-            dry: sign * (T::of(1.0) - slow),
-            static_: sign * slow,
+            dry: sign * (T::splat(1.0) - static_fraction),
+            static_: sign * static_fraction,
             transition: -(transition * relative * per_m_s),
             stribeck,
             power,
-            exponent: T::of(self.power_n) * exponent,
+            exponent: T::splat(self.power_n) * exponent,
         }
     }
 }
@@ -272,7 +283,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slopes_are_those_of_the_force() {
+    fn slopes_are_the_derivatives_of_the_force() {
         let law = Law {
             viscous_kg_s: 3.0,
             dry_n: 1.1,

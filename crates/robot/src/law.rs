@@ -1,75 +1,75 @@
-//! The laws by which the wheels resist skidding and rolling.
+//! Friction laws of the wheels for skidding and rolling.
 
 use trilink_base::named;
 
 use super::{Gait, Parameter, Quantity, Robot};
 
 named! {
-    /// What resists a wheel's motion across it.
+    /// Law of a wheel's resistance to skidding.
     pub enum SkidLaw {
-        /// The wheel cannot skid: W q' = 0.
+        /// No-skid constraint `W q' = 0`.
         Constrained = "constrained",
-        /// Nothing.
+        /// No resistance.
         None = "none",
-        /// In proportion to the skid velocity (eq. 15).
+        /// Viscous resistance, proportional to the skid velocity (eq. 15 of the paper).
         Viscous = "viscous",
         /// Dry friction.
         Coulomb = "coulomb",
-        /// Both.
+        /// Dry and viscous friction.
         CoulombViscous = "coulomb-viscous",
-        /// Dry friction that is larger at low speeds.
+        /// Dry friction that is larger at low speeds (Stribeck effect).
         Stribeck = "stribeck",
-        /// The same, and in proportion to the skid velocity.
+        /// Stribeck and viscous friction.
         StribeckViscous = "stribeck-viscous",
-        /// In proportion to a power of the skid velocity.
+        /// Resistance proportional to a power of the skid velocity.
         Power = "power",
     }
 }
 
 named! {
-    /// What resists a wheel's rolling.
+    /// Law of a wheel's resistance to rolling.
     pub enum RollLaw {
-        /// Nothing.
+        /// No resistance.
         None = "none",
-        /// In proportion to the roll velocity (eq. 14).
+        /// Viscous resistance, proportional to the roll velocity (eq. 14 of the paper).
         Viscous = "viscous",
         /// Dry friction.
         Coulomb = "coulomb",
-        /// Both.
+        /// Dry and viscous friction.
         CoulombViscous = "coulomb-viscous",
     }
 }
 
 impl SkidLaw {
-    /// Whether there is a part in proportion to the velocity.
+    /// Returns whether the law has a viscous term.
     pub fn is_viscous(self) -> bool {
         matches!(self, Self::Viscous | Self::CoulombViscous | Self::StribeckViscous)
     }
 
-    /// Whether there is dry friction.
+    /// Returns whether the law has a dry-friction term.
     pub fn is_dry(self) -> bool {
         matches!(self, Self::Coulomb | Self::CoulombViscous) || self.has_static()
     }
 
-    /// Whether dry friction is larger at low speeds.
+    /// Returns whether dry friction is larger at low speeds (Stribeck effect).
     pub fn has_static(self) -> bool {
         matches!(self, Self::Stribeck | Self::StribeckViscous)
     }
 }
 
 impl RollLaw {
-    /// Whether there is a part in proportion to the velocity.
+    /// Returns whether the law has a viscous term.
     pub fn is_viscous(self) -> bool {
         matches!(self, Self::Viscous | Self::CoulombViscous)
     }
 
-    /// Whether there is dry friction.
+    /// Returns whether the law has a dry-friction term.
     pub fn is_dry(self) -> bool {
         matches!(self, Self::Coulomb | Self::CoulombViscous)
     }
 }
 
-/// The laws of a robot's wheels.
+/// Friction laws of a robot's wheels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Laws {
     pub skid: SkidLaw,
@@ -77,52 +77,53 @@ pub struct Laws {
 }
 
 impl Laws {
-    /// Wheels that roll freely and cannot skid.
+    /// No-skid wheels that roll freely.
     pub const NO_SKID: Self = Self { skid: SkidLaw::Constrained, roll: RollLaw::None };
-    /// Wheels that cannot skid, with viscous roll resistance.
+    /// No-skid wheels with viscous rolling resistance.
     pub const NO_SKID_ROLL: Self = Self { roll: RollLaw::Viscous, ..Self::NO_SKID };
-    /// Viscous skid resistance.
+    /// Viscous skid resistance; the wheels roll freely.
     pub const SKID: Self = Self { skid: SkidLaw::Viscous, ..Self::NO_SKID };
-    /// Viscous skid and roll resistance.
+    /// Viscous skid and rolling resistance.
     pub const SKID_ROLL: Self = Self { skid: SkidLaw::Viscous, ..Self::NO_SKID_ROLL };
-    /// Dry skid friction, viscous roll resistance.
+    /// Dry skid friction and viscous rolling resistance.
     pub const COULOMB: Self = Self { skid: SkidLaw::Coulomb, ..Self::NO_SKID_ROLL };
-    /// Dry and viscous skid friction, viscous roll resistance.
+    /// Dry and viscous skid friction, and viscous rolling resistance.
     pub const COULOMB_VISCOUS: Self = Self { skid: SkidLaw::CoulombViscous, ..Self::NO_SKID_ROLL };
 
-    /// Whether the wheels can skid.
+    /// Returns whether the wheels can skid.
     pub fn skids(self) -> bool {
         self.skid != SkidLaw::Constrained
     }
 
-    /// Whether any friction is dry.
+    /// Returns whether any friction is dry.
     pub fn are_dry(self) -> bool {
         self.skid.is_dry() || self.roll.is_dry()
     }
 
-    /// Whether every force is in proportion to its velocity.
+    /// Returns whether every friction force is proportional to the wheel's velocity in the direction of the
+    /// force.
     pub fn are_linear(self) -> bool {
         !self.are_dry() && self.skid != SkidLaw::Power
     }
 
-    /// A robot with the coefficients that the laws do not use set to zero.
+    /// Returns the robot with the coefficients that these friction laws do not use set to zero.
     pub fn effective(self, robot: &Robot) -> Robot {
         let mut robot = robot.clone();
         for quantity in Quantity::ALL {
-            if quantity.definition().is_resistance && !self.wheels_need(quantity) {
+            if quantity.definition().is_resistance && !self.is_used(quantity) {
                 quantity.numbers_mut(&mut robot).fill(0.0);
             }
         }
         robot
     }
 
-    /// Whether the motion depends on a quantity whatever the joints do.
-    pub fn wheels_need(self, quantity: Quantity) -> bool {
-        (quantity.definition().matters)(self, &Gait { joints: [None, None] })
+    /// Returns whether, under these laws, there is a gait for which the motion depends on a quantity.
+    pub fn is_used(self, quantity: Quantity) -> bool {
+        (quantity.definition().is_relevant)(self, &Gait { joints: [None, None] })
     }
 
-    /// Whether the motion of a robot with this gait can depend on a parameter.
-    pub fn know(self, parameter: Parameter, gait: &Gait) -> bool {
-        (parameter.quantity().definition().matters)(self, gait)
+    /// Returns whether, under these laws, the motion of a robot with the given gait depends on a parameter.
+    pub fn is_relevant(self, parameter: Parameter, gait: &Gait) -> bool {
+        (parameter.quantity().definition().is_relevant)(self, gait)
     }
 }

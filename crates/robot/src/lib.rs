@@ -1,28 +1,30 @@
-//! The robot itself: its parameters, what its joints are commanded to do, and
-//! the equations of motion of the paper's section II in link 0's own frame.
+//! Robot model: parameters, joint commands, and the equations of motion of the paper's section II in the
+//! frame of link 0.
 //!
-//! Index order is always 0, 1, 2 = middle, front, rear link. Units are SI and stand in the names.
+//! Indices 0, 1, 2 always denote the middle, front and rear link. Units are SI and part of each name.
 //!
-//! - What there is: [`Robot`] (Tables I and II), [`Quantity`], the table of what it is described by, and
-//!   [`Parameter`], a single number of it.
-//! - What moves it: `command` and `gait`, a [`Gait`] of one [`JointCommand`] a joint (eq. 18 and 19).
-//! - What it does: `kinematics` (eq. 1), [`skid_rows`] and [`roll_rows`] that give the wheels'
-//!   velocities, [`det_wb`] (eq. 4).
-//! - What resists it: `law` and `friction`, the [`Laws`] of skidding and rolling (eq. 14 and 15), by
-//!   name as a [`Model`].
-//! - What follows: `balance`, the [`force_balance`] (eq. 7) with its Jacobian; [`decay`], motions
-//!   without a gait in closed form; [`metrics`], what one cycle amounts to (eq. 17 and 20).
-//! - `number`: the equations for one [`Number`] or for several at once.
+//! - Description: [`Robot`] (Tables I and II); [`Quantity`], the table of quantities that describe a robot;
+//!   and [`Parameter`], a single scalar parameter of a robot.
+//! - Actuation: `command` and `gait`; a [`Gait`] consists of one [`JointCommand`] per commanded joint (eq. 18
+//!   and 19).
+//! - Kinematics: `kinematics` (eq. 1), with [`skid_rows`] and [`roll_rows`], which map velocities to the
+//!   wheels' skid and roll velocities, and [`det_wb`] (eq. 4).
+//! - Friction: `law` and `friction`, the [`Laws`] of skidding and rolling (eq. 14 and 15); a [`Model`] is a
+//!   named set of laws.
+//! - Dynamics: `balance`, the [`force_balance`] (eq. 7) with its Jacobian; [`decay`], free decay in closed
+//!   form; [`metrics`], the metrics of a gait cycle (eq. 17 and 20).
+//! - `number`: evaluates the equations for one [`Number`] or for several in the lanes of a SIMD vector.
 //!
 //! ```
 //! use trilink_robot::{Gait, Robot, Trig, dot, skid_rows};
 //!
-//! let (robot, shape) = (Robot::kinematic(), Gait::symmetric().at(1.0, 3.9));
+//! let robot = Robot::kinematic();
+//! let shape = Gait::symmetric().at(1.0, 3.9);
 //! // Link 0 at rest: the side wheels skid as their joints turn them.
 //! let [rate1, rate2] = shape.rate_rad_s;
 //! let velocity = [0.0, 0.0, 0.0, rate1, rate2];
 //! let skid_m_s = skid_rows(&robot, &Trig::new(shape.phi_rad)).map(|row| dot(&row, &velocity));
-//! assert_eq!(skid_m_s, [0.0, -robot.l_m * rate1, -robot.l_m * rate2]);
+//! assert_eq!(skid_m_s, [0.0, -robot.l_m[0] * rate1, -robot.l_m[1] * rate2]);
 //! ```
 
 mod balance;
@@ -39,7 +41,7 @@ mod parameter;
 mod quantity;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
-pub use command::{JointCommand, MOST_TURNS, SecondHarmonic, Turns};
+pub use command::{JointCommand, MAX_TURNS, SecondHarmonic, Turns};
 pub use friction::{Dry, Friction, Viscous};
 pub use gait::{Gait, Shape};
 pub use kinematics::{
@@ -52,67 +54,88 @@ pub use number::{LANES, Lanes, Number};
 pub use parameter::{ByParameter, Parameter};
 pub use quantity::{Definition, Per, Quantity, Unit};
 
-/// Parameters of a robot (Tables I and II).
+/// Parameters of a robot (Tables I and II of the paper).
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Robot {
-    /// Half the length of the middle link, m.
-    pub h_m: f64,
-    /// Distance of a side link's wheel from its joint, m.
-    pub l_m: f64,
-    /// Distance of a side link's centre of mass from its joint, m.
-    pub b_m: f64,
+    /// Distances of the middle link's wheel from joints 1 and 2, m.
+    pub h_m: [f64; 2],
+    /// Distances of the side links' wheels from joints 1 and 2, m.
+    pub l_m: [f64; 2],
+    /// Distances of the side links' centres of mass from joints 1 and 2, m.
+    pub b_m: [f64; 2],
     /// Masses of links 0, 1, 2, kg.
     pub mass_kg: [f64; 3],
     /// Moments of inertia of links 0, 1, 2 about their centres of mass, kg m^2.
     pub inertia_kg_m2: [f64; 3],
-    /// Roll resistance of wheels 0, 1, 2 (eq. 14), kg/s.
+    /// Viscous rolling resistance of wheels 0, 1, 2 (eq. 14 of the paper), kg/s.
     pub roll_kg_s: [f64; 3],
-    /// Skid resistance of wheels 0, 1, 2 (eq. 15), kg/s.
+    /// Viscous skid resistance of wheels 0, 1, 2 (eq. 15 of the paper), kg/s.
     pub skid_kg_s: [f64; 3],
-    /// Dry friction of wheels 0, 1, 2 across them, see [`Friction`], N.
+    /// Dry friction of wheels 0, 1, 2 across their rolling direction (see [`Friction`]), N.
     pub skid_dry_n: [f64; 3],
-    /// The same at low speeds, N.
+    /// Static friction of wheels 0, 1, 2 across their rolling direction: dry friction at low speeds
+    /// (Stribeck), N.
     pub skid_static_n: [f64; 3],
-    /// Speed from which it is dry friction alone, m/s.
+    /// Stribeck speed, at which the excess of static over Coulomb friction has fallen to 1/e, m/s.
     pub stribeck_m_s: f64,
-    /// Resistance to skidding of wheels 0, 1, 2 by a power of the velocity, see [`Friction`], at the
-    /// transition speed, N.
+    /// Power-law resistance to skidding of wheels 0, 1, 2 at the transition speed (see [`Friction`]), N.
     pub skid_power_n: [f64; 3],
-    /// The exponents of these powers.
+    /// Exponents of the power-law resistance to skidding of wheels 0, 1, 2.
     pub skid_exponent: [f64; 3],
-    /// Dry friction of wheels 0, 1, 2 along them, N.
+    /// Dry friction of wheels 0, 1, 2 along their rolling direction, N.
     pub roll_dry_n: [f64; 3],
-    /// Speed within which dry friction changes its sign, m/s.
+    /// Transition speed, m/s: scale of velocity over which dry friction changes its sign smoothly
+    /// (regularisation).
     pub transition_m_s: f64,
-    /// Stiffness of the passive joint (eq. 11), N m/rad.
+    /// Stiffness of the passive joint (eq. 11 of the paper), N m/rad.
     pub stiffness_nm_rad: f64,
-    /// Damping of the passive joint (eq. 11), N m s/rad.
+    /// Damping of the passive joint (eq. 11 of the paper), N m s/rad.
     pub damping_nm_s_rad: f64,
-    /// Angle at which the passive joint's spring is unloaded (eq. 11), rad.
+    /// Rest angle of the passive joint's spring (eq. 11 of the paper), rad.
     pub rest_angle_rad: f64,
 }
 
 impl Robot {
-    /// Links, each with a wheel.
+    /// Number of links, each with a wheel.
     pub const LINKS: usize = 3;
+    /// Number of joints: joint 1 at the front of the middle link, joint 2 at its rear.
+    pub const JOINTS: usize = 2;
 
-    /// The same with all friction of the wheels times a factor.
-    pub fn resisted(&self, factor: f64) -> Self {
+    /// Returns the side link length l that normalises skid velocities (eq. 20 of the paper), m; the mean if
+    /// the two side links differ.
+    pub fn skid_length_m(&self) -> f64 {
+        0.5 * (self.l_m[0] + self.l_m[1])
+    }
+
+    /// Returns the distances of the side links' wheels from the middle wheel when the robot is straight, m.
+    pub fn reach_m(&self) -> [f64; 2] {
+        [0, 1].map(|joint| self.h_m[joint] + self.l_m[joint])
+    }
+
+    /// Returns the moment of inertia of side link 1 or 2 about its joint, kg m^2.
+    pub fn inertia_about_joint_kg_m2(&self, link: usize) -> f64 {
+        self.inertia_kg_m2[link] + self.mass_kg[link] * self.b_m[link - 1].powi(2)
+    }
+
+    /// Returns the robot with all friction coefficients of its wheels multiplied by `factor`.
+    pub fn with_friction_scaled(&self, factor: f64) -> Self {
         let mut robot = self.clone();
-        let wheels = |of: &Quantity| of.definition().is_resistance && of.count() > 1;
-        for quantity in Quantity::ALL.into_iter().filter(wheels) {
-            quantity.numbers_mut(&mut robot).iter_mut().for_each(|number| *number *= factor);
+        for quantity in Quantity::ALL {
+            if quantity.definition().is_resistance && quantity.count() > 1 {
+                quantity.numbers_mut(&mut robot).iter_mut().for_each(|number| *number *= factor);
+            }
         }
         robot
     }
 
-    /// Table I with the skid coefficients used in the paper's simulations, and dry friction of a
-    /// quarter of the load, which the middle wheel has half of.
+    /// Returns the kinematic robot of Table I of the paper with the skid coefficients of the paper's
+    /// simulations. Its dry friction is a quarter of each wheel's load; half of the robot's weight rests on
+    /// the middle wheel.
     pub fn kinematic() -> Self {
         Self {
-            h_m: 0.144,
-            l_m: 0.112,
-            b_m: 0.0685,
+            h_m: [0.144; 2],
+            l_m: [0.112; 2],
+            b_m: [0.0685; 2],
             mass_kg: [1.04, 0.2, 0.2],
             inertia_kg_m2: [86e-4, 5e-4, 5e-4],
             roll_kg_s: [0.6, 0.3, 0.3],
@@ -130,11 +153,11 @@ impl Robot {
         }
     }
 
-    /// Table II with the values used in the paper's simulations, and dry friction as in
-    /// [`Robot::kinematic`].
+    /// Returns the semi-passive robot of Table II of the paper with the coefficients of the paper's
+    /// simulations. Its dry friction is chosen as in [`Robot::kinematic`].
     pub fn semi_passive() -> Self {
         Self {
-            b_m: 0.058,
+            b_m: [0.058; 2],
             mass_kg: [1.04, 0.34, 0.34],
             inertia_kg_m2: [86e-4, 5.9e-4, 5.9e-4],
             skid_kg_s: [400.0, 200.0, 200.0],

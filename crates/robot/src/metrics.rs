@@ -1,31 +1,32 @@
-//! What one cycle of motion amounts to, measured or simulated (eq. 17 and 20).
+//! Metrics of a gait cycle, measured or simulated (eq. 17 and 20).
 
 use std::ops::{Index, IndexMut};
 
 use serde::Serialize;
 use trilink_base::named;
 
-/// Metrics of one actuation cycle. Measured and simulated cycles use the same
-/// definitions, so their metrics can be subtracted.
+/// Metrics of one actuation cycle. Measured and simulated cycles use the same definitions, so their metrics
+/// can be subtracted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GaitMetrics {
-    /// Displacement of link 0's centre over the cycle (eq. 17), m.
+    /// Displacement of link 0's centre over the cycle (eq. 17 of the paper), m.
     pub d_m: f64,
-    /// Mean speed `d / period` (eq. 17), m/s.
+    /// Mean speed `d / period` (eq. 17 of the paper), m/s.
     pub v_m_s: f64,
-    /// Skid ratio of wheels 0, 1, 2 (eq. 20): RMS skid velocity over `l omega`.
+    /// Skid ratio of wheels 0, 1, 2 (eq. 20 of the paper): RMS skid velocity over `l omega`, where l is the
+    /// side link length.
     pub sigma: [f64; 3],
-    /// Half the peak-to-peak of phi1, rad.
+    /// Half the peak-to-peak range of phi1, rad.
     pub alpha1_rad: f64,
     /// Net rotation of link 0 over the cycle, rad.
     pub dtheta_rad: f64,
 }
 
 impl GaitMetrics {
-    /// Every metric unknown.
+    /// Metrics that are all missing (NaN).
     pub const MISSING: Self = Self::splat(f64::NAN);
 
-    /// Every metric zero.
+    /// Metrics that are all zero.
     pub const NONE: Self = Self::splat(0.0);
 
     const fn splat(value: f64) -> Self {
@@ -34,7 +35,7 @@ impl GaitMetrics {
 }
 
 named! {
-    /// A weight of eq. 22, by its key in the configuration.
+    /// Weight of one or more metrics in the objective (eq. 22 of the paper), named by its configuration key.
     pub enum WeightKey {
         D = "d",
         V = "v",
@@ -44,14 +45,13 @@ named! {
 }
 
 impl WeightKey {
-    /// The metrics that have it.
+    /// Returns the metrics whose terms in the objective (eq. 22 of the paper) have this weight.
     pub fn metrics(self) -> impl Iterator<Item = Metric> {
-        let has = move |metric: &Metric| metric.definition().weight == Some(self);
-        Metric::FITTED.into_iter().filter(has)
+        Metric::FITTED.into_iter().filter(move |metric| metric.definition().weight == Some(self))
     }
 }
 
-/// What a metric is a measure of, which gives it its units.
+/// Physical dimension of a metric, which determines its units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dimension {
     Length,
@@ -61,7 +61,7 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// Units of columns, and those that people are shown; ratios have none.
+    /// Returns the unit in table columns and the unit for display; empty for ratios.
     pub const fn units(self) -> [&'static str; 2] {
         match self {
             Self::Length => ["m", "mm"],
@@ -71,7 +71,7 @@ impl Dimension {
         }
     }
 
-    /// How many of the latter one of the former is.
+    /// Returns the factor that converts the unit in table columns to the unit for display.
     fn shown_per_unit(self) -> f64 {
         match self {
             Self::Length | Self::Speed => 1e3,
@@ -81,29 +81,31 @@ impl Dimension {
     }
 }
 
-/// A row of the table of metrics.
+/// Definition of a metric: a row in the table of metrics.
 #[derive(Debug, Clone, Copy)]
 pub struct MetricDefinition {
     pub column: &'static str,
-    /// Column of a measured one without what the markers' noise adds to it.
+    /// Name of the column with the measured metric corrected for the bias due to marker noise; `None` if the
+    /// metric is not corrected.
     pub debiased: Option<&'static str>,
-    /// Column in the unit that people are shown.
+    /// Name of a column that contains the metric in its display unit.
     pub shown_column: &'static str,
     pub symbol: &'static str,
-    /// The symbol in plain letters.
+    /// Symbol of the metric in plain ASCII letters.
     pub plain: &'static str,
-    /// Name on a figure's axis, before the symbol.
+    /// Label on a figure's axis, before the symbol.
     pub label: &'static str,
     /// Title of a figure's panel.
     pub title: &'static str,
     pub dimension: Dimension,
-    /// Its weight in eq. 22, if it has a term there.
+    /// Weight of the metric in the objective (eq. 22 of the paper); `None` if the metric has no term there.
     pub weight: Option<WeightKey>,
-    /// Whether it is a size: never below 0, and hardly 0, so that eq. 21 can divide by it.
+    /// Whether the metric is a magnitude: never negative and rarely near zero, so that deviations can be
+    /// divided by it (eq. 21 of the paper).
     pub is_size: bool,
 }
 
-/// Defines the metrics and their table.
+/// Defines the metrics and the table of their definitions.
 macro_rules! metrics {
     ($(
         $metric:ident = $name:literal ($($field:tt)+) [$unit:literal, $shown_unit:literal]
@@ -111,8 +113,9 @@ macro_rules! metrics {
         weight: $weight:expr, debiased: $debiased:expr, is_size: $is_size:literal;
     )*) => {
         named! {
-            /// A metric of a cycle, by its short name; those of eq. 22 first, in its order. v is d over the
-            /// period: both are one measurement.
+            /// Metric of a gait cycle, identified by its short name. The metrics with a term in the objective
+            /// (eq. 22 of the paper) come first, in the order of the terms. Since v is d over the period, d
+            /// and v are a single measurement.
             pub enum Metric { $($metric = $name,)* }
         }
 
@@ -130,13 +133,13 @@ macro_rules! metrics {
         },)*];
 
         impl GaitMetrics {
-            /// The metrics in the order of [`Metric::ALL`].
+            /// Returns the metrics in the order of [`Metric::ALL`].
             #[inline]
             pub const fn to_array(self) -> [f64; Metric::ALL.len()] {
                 [$(self.$($field)+,)*]
             }
 
-            /// The inverse of [`GaitMetrics::to_array`].
+            /// Creates the metrics from values in the order of [`Metric::ALL`].
             #[inline]
             pub const fn from_array(values: [f64; Metric::ALL.len()]) -> Self {
                 let mut metrics = Self::NONE;
@@ -181,58 +184,64 @@ metrics! {
 }
 
 impl Metric {
-    /// Those that have a term in eq. 22.
+    /// Metrics that have a term in the objective of the fits (eq. 22 of the paper).
     pub const FITTED: [Self; 6] = *Self::ALL.first_chunk().expect("there are more");
 
     /// Skid ratios of wheels 0, 1, 2.
     pub const SIGMA: [Self; 3] = [Self::Sigma0, Self::Sigma1, Self::Sigma2];
 
-    /// Its row of the table.
+    /// Returns the definition of the metric.
     pub const fn definition(self) -> &'static MetricDefinition {
         &TABLE[self as usize]
     }
 
-    /// Its column.
+    /// Returns whether relative deviations of the metric tell trials or cycles apart. Those of v would repeat those of
+    /// d, and a metric whose mean may be zero has none.
+    pub fn is_independent_size(self) -> bool {
+        self != Self::V && self.definition().is_size
+    }
+
+    /// Returns the name of the metric's column in tables.
     pub const fn column(self) -> &'static str {
         self.definition().column
     }
 
-    /// Its value in the unit that people are shown.
+    /// Returns the value of the metric in its display unit.
     pub fn shown(self, metrics: &GaitMetrics) -> f64 {
         self.definition().dimension.shown_per_unit() * metrics[self]
     }
 
-    /// The metric of this column.
-    pub fn of_column(column: &str) -> Option<Self> {
+    /// Returns the metric with the given column name.
+    pub fn from_column(column: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|metric| metric.column() == column)
     }
 }
 
-/// A value for each metric, or for the first of them.
+/// One value for each metric of [`Metric::ALL`], or for each of its first `N` metrics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ByMetric<T, const N: usize = { Metric::ALL.len() }>([T; N]);
 
-/// A value for each of [`Metric::FITTED`].
+/// One value per metric of [`Metric::FITTED`].
 pub type ByFitted<T> = ByMetric<T, { Metric::FITTED.len() }>;
 
 impl<T: Copy, const N: usize> ByMetric<T, N> {
-    /// The same for every metric.
+    /// Creates a collection that has the same value for every metric.
     pub const fn splat(value: T) -> Self {
         Self([value; N])
     }
 }
 
 impl<T, const N: usize> ByMetric<T, N> {
-    /// What `of` gives for every metric.
+    /// Creates a collection by calling `value` for each metric.
     #[inline]
-    pub fn from_fn(mut of: impl FnMut(Metric) -> T) -> Self {
-        Self(std::array::from_fn(|i| of(Metric::ALL[i])))
+    pub fn from_fn(mut value: impl FnMut(Metric) -> T) -> Self {
+        Self(std::array::from_fn(|i| value(Metric::ALL[i])))
     }
 
-    /// The same with every value mapped.
+    /// Applies a function to each value.
     #[inline]
-    pub fn map<U>(self, of: impl FnMut(T) -> U) -> ByMetric<U, N> {
-        ByMetric(self.0.map(of))
+    pub fn map<U>(self, function: impl FnMut(T) -> U) -> ByMetric<U, N> {
+        ByMetric(self.0.map(function))
     }
 
     #[inline]
@@ -245,7 +254,7 @@ impl<T, const N: usize> ByMetric<T, N> {
         Metric::ALL.into_iter().zip(&mut self.0)
     }
 
-    /// The values alone.
+    /// Returns the values in the order of [`Metric::ALL`].
     #[inline]
     pub const fn values(&self) -> &[T; N] {
         &self.0
@@ -281,7 +290,7 @@ impl<const N: usize> From<GaitMetrics> for ByMetric<f64, N> {
     }
 }
 
-/// Those that are not there are unknown.
+/// Metrics beyond the first `N` are missing (NaN).
 impl<const N: usize> From<ByMetric<f64, N>> for GaitMetrics {
     #[inline]
     fn from(values: ByMetric<f64, N>) -> Self {
@@ -292,40 +301,44 @@ impl<const N: usize> From<ByMetric<f64, N>> for GaitMetrics {
 }
 
 named! {
-    /// What there is of a steady motion.
+    /// Status of a steady-state motion, or the reason why there is none.
     pub enum MotionStatus {
         Stable = "stable",
-        /// Stable, and one of a pair that are each other's mirror image half a period later; the motion that
-        /// is its own mirror image, as the commands are, is unstable.
+        /// Stable, and one of a pair of motions that mirror each other with a shift of half a period; the
+        /// motion with the half-period symmetry of the commands is unstable.
         SymmetryBroken = "symmetry-broken",
         Unstable = "unstable",
-        /// None: the gait crosses det W_b = 0 without meeting condition (5).
+        /// No motion exists: the gait passes through a singular shape (det W_b = 0) without meeting condition
+        /// (5) of the paper.
         Singular = "singular",
-        /// None was found.
+        /// No motion was found.
         Diverged = "diverged",
-        /// None was looked for: the gait that drives it was not measured.
+        /// No motion was computed, because the gait that drives the model was not measured.
         Failed = "failed",
     }
 }
 
 impl MotionStatus {
-    /// By the modulus of the largest Floquet multiplier, if there is one.
+    /// Determines the status of a motion from the modulus of its largest Floquet multiplier; a motion without
+    /// one (`None`) is stable.
     #[inline]
     pub fn new(modulus: Option<f64>, is_symmetry_broken: bool) -> Self {
-        match (modulus.is_some_and(|modulus| modulus >= 1.0), is_symmetry_broken) {
-            (true, _) => Self::Unstable,
-            (false, true) => Self::SymmetryBroken,
-            (false, false) => Self::Stable,
+        if modulus.is_some_and(|modulus| modulus >= 1.0) {
+            Self::Unstable
+        } else if is_symmetry_broken {
+            Self::SymmetryBroken
+        } else {
+            Self::Stable
         }
     }
 
-    /// Whether a robot that is nearby gets into it.
+    /// Returns whether nearby motions converge to the motion with this status.
     #[inline]
     pub fn is_stable(self) -> bool {
         matches!(self, Self::Stable | Self::SymmetryBroken)
     }
 
-    /// Whether the robot gets into it from rest and stays in it.
+    /// Returns whether the robot, starting from rest, reaches the motion with this status and stays in it.
     #[inline]
     pub fn is_reached_and_stays(self, from_rest: FromRest) -> bool {
         self.is_stable() && from_rest == FromRest::Reached
@@ -333,46 +346,48 @@ impl MotionStatus {
 }
 
 named! {
-    /// Where the robot goes from rest, seen from the motion that a solver finds without regard to that.
+    /// Attractor reached from rest, compared with the motion that the solver finds.
     pub enum FromRest {
-        /// Into this motion.
+        /// The attractor is the motion that the solver finds.
         Reached = "reached",
+        /// The attractor is a different periodic motion.
         Another = "another",
-        /// Into none.
+        /// The robot does not settle into a periodic motion.
         Unsettled = "unsettled",
     }
 }
 
 named! {
-    /// What the motions of a branch have alike.
+    /// Symmetry and period of the motions on a branch.
     pub enum BranchKind {
-        /// Each is its own mirror image half a period later.
+        /// Each motion is its own mirror image shifted by half a period.
         Symmetric = "symmetric",
-        /// Each repeats itself after a period, under commands that are not their own mirror image.
+        /// Each motion has the period of the commands, which have no half-period symmetry.
         Periodic = "periodic",
-        /// One of two that are each other's mirror image half a period later.
+        /// One of two branches whose motions mirror each other with a shift of half a period.
         SymmetryBroken = "symmetry-broken",
-        /// Each repeats itself after two periods.
+        /// Each motion has twice the period of the commands.
         PeriodDoubled = "period-doubled",
     }
 }
 
 named! {
-    /// What happens at a point of a branch.
+    /// Bifurcation at a point of a branch.
     pub enum Bifurcation {
-        /// The parameter turns round.
+        /// The branch turns back in the parameter (saddle-node bifurcation).
         Fold = "fold",
-        /// Two branches begin, or end, the motions of which are each other's mirror image.
+        /// Two branches of mirror-image motions begin or end (pitchfork bifurcation).
         SymmetryBreaking = "symmetry-breaking",
-        /// A branch of twice the period begins, or ends.
+        /// A branch with twice the period begins or ends (flip bifurcation).
         PeriodDoubling = "period-doubling",
-        /// A pair of complex multipliers leaves the unit circle, or enters it (Neimark and Sacker).
+        /// A complex-conjugate pair of Floquet multipliers crosses the unit circle (Neimark-Sacker
+        /// bifurcation).
         Torus = "torus",
     }
 }
 
 impl BranchKind {
-    /// Periods of the command after which each motion repeats itself.
+    /// Returns the number of command periods after which each motion repeats.
     #[inline]
     pub fn periods(self) -> i64 {
         if self == Self::PeriodDoubled { 2 } else { 1 }
@@ -384,7 +399,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_metric_has_a_place_and_names_of_its_own() {
+    fn every_metric_has_its_own_index_and_names() {
         let numbers = std::array::from_fn(|i| i as f64);
         let metrics = GaitMetrics::from_array(numbers);
         assert_eq!(metrics.to_array(), numbers);
@@ -394,7 +409,7 @@ mod tests {
                 *metric.definition();
             assert_eq!(metrics[metric], metric as usize as f64);
             assert_eq!(Metric::FITTED.contains(&metric), weight.is_some());
-            assert_eq!(Metric::of_column(column), Some(metric));
+            assert_eq!(Metric::from_column(column), Some(metric));
             let with_unit = |unit: &str| match unit {
                 "" => metric.name().to_owned(),
                 unit => format!("{metric}_{}", unit.replace('/', "_")),

@@ -1,4 +1,4 @@
-//! Names of models of the wheels.
+//! Names of friction models.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -7,25 +7,25 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::Named;
 
-/// The name of a model of the wheels; the configuration says what it stands for. Every name is
-/// kept once for as long as the program runs, so that rows of tables have it for nothing.
+/// Name of a friction model, which the configuration defines. Names are interned for the lifetime of the
+/// program, so copying one into table rows costs nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Model(&'static str);
 
 impl Model {
-    /// `W q' = 0`, damping of the passive joint only.
+    /// No-skid constraint `W q' = 0`, with damping only in the passive joint.
     pub const NO_SKID: Self = Self("no-skid");
-    /// The same, driven by the measured gait of each trial.
+    /// No-skid model driven by the measured gait of each trial.
     pub const NO_SKID_MEASURED: Self = Self("no-skid-measured");
-    /// `W q' = 0` with the joint's damping free in the fit.
+    /// No-skid model whose joint damping is a free parameter of the fit.
     pub const NO_SKID_DAMPED: Self = Self("no-skid-damped");
-    /// `W q' = 0` with roll resistance.
+    /// No-skid model with rolling resistance.
     pub const NO_SKID_ROLL: Self = Self("no-skid-roll");
-    /// Skid resistance instead of constraints.
+    /// Skid resistance in place of the no-skid constraint.
     pub const SKID: Self = Self("skid");
-    /// Skid and roll resistance.
+    /// Skid and rolling resistance.
     pub const SKID_ROLL: Self = Self("skid-roll");
-    /// The paper's.
+    /// Models that the paper compares.
     pub const PAPER: [Self; 6] = [
         Self::NO_SKID,
         Self::NO_SKID_MEASURED,
@@ -35,7 +35,7 @@ impl Model {
         Self::SKID_ROLL,
     ];
 
-    /// The model of this name.
+    /// Returns the model with the given name.
     pub fn new(name: &str) -> Self {
         static NAMES: Mutex<BTreeSet<&str>> = Mutex::new(BTreeSet::new());
         let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
@@ -45,7 +45,7 @@ impl Model {
         Self(names.get(name).copied().unwrap_or_default())
     }
 
-    /// Its name in files and on the command line.
+    /// Returns the model's name in files and on the command line.
     pub const fn name(self) -> &'static str {
         self.0
     }

@@ -1,16 +1,16 @@
-//! What the equations are evaluated in: one number, or several at once in the lanes of a vector.
+//! Scalar type in the equations: a single number, or several in the lanes of a SIMD vector.
 
 use std::f64::consts::FRAC_2_PI;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// As many numbers as the processor works on at once.
+/// SIMD vector of [`LANES`] numbers.
 pub type Lanes = wide::f64x2;
 
-/// How many they are.
+/// Number of lanes of [`Lanes`].
 pub const LANES: usize = 2;
 
-/// A number, or one in each of several lanes.
+/// Scalar, or vector of one scalar per lane.
 pub trait Number:
     Copy
     + Debug
@@ -22,13 +22,13 @@ pub trait Number:
     + AddAssign
     + SubAssign
 {
-    /// Number of lanes.
+    /// Number of lanes; 1 for a scalar.
     const COUNT: usize;
 
-    /// The same in every lane.
-    fn of(value: f64) -> Self;
+    /// Returns a number that has the given value in every lane.
+    fn splat(value: f64) -> Self;
 
-    /// What is in a lane.
+    /// Returns the value in the lane with the given index.
     fn lane(&self, lane: usize) -> f64;
 
     fn sin_cos(self) -> (Self, Self);
@@ -39,7 +39,7 @@ pub trait Number:
 
     fn ln(self) -> Self;
 
-    /// Of two angles at once.
+    /// Returns the sines and cosines of two angles, evaluated together.
     fn both_sin_cos(angles_rad: [Self; 2]) -> [(Self, Self); 2];
 }
 
@@ -47,7 +47,7 @@ impl Number for f64 {
     const COUNT: usize = 1;
 
     #[inline(always)]
-    fn of(value: f64) -> Self {
+    fn splat(value: f64) -> Self {
         value
     }
 
@@ -79,7 +79,8 @@ impl Number for f64 {
     #[inline(always)]
     fn both_sin_cos(angles_rad: [Self; 2]) -> [(Self, Self); 2] {
         let (sin, cos) = Number::sin_cos(Lanes::new(angles_rad));
-        let ([sin1, sin2], [cos1, cos2]) = (sin.to_array(), cos.to_array());
+        let [sin1, sin2] = sin.to_array();
+        let [cos1, cos2] = cos.to_array();
         [(sin1, cos1), (sin2, cos2)]
     }
 }
@@ -88,7 +89,7 @@ impl Number for Lanes {
     const COUNT: usize = LANES;
 
     #[inline(always)]
-    fn of(value: f64) -> Self {
+    fn splat(value: f64) -> Self {
         Self::splat(value)
     }
 
@@ -100,7 +101,7 @@ impl Number for Lanes {
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let quarters = nearest(self * Self::splat(FRAC_2_PI));
-        // The angle less whole quarter turns, which are taken off in three parts.
+        // Reduces the angle by whole quarter turns, which are subtracted in three parts (Cody and Waite).
         let [large, small, smallest] = QUARTER_TURN;
         let rest = self - quarters * Self::splat(large);
         let rest = rest - quarters * Self::splat(small) - quarters * Self::splat(smallest);
@@ -108,10 +109,11 @@ impl Number for Lanes {
         let sin = rest + rest * square * polynomial(SIN, square);
         let cos = (Self::splat(1.0) - square * Self::splat(0.5))
             + square * square * polynomial(COS, square);
-        // Sine and cosine, 0 or +-1, of the whole quarter turns.
+        // Sine and cosine (0 or +-1) of the whole quarter turns.
         let left = quarters - nearest(quarters * Self::splat(0.25)) * Self::splat(4.0);
         let size = left.abs();
-        let (sin_left, cos_left) = (left * (Self::splat(2.0) - size), Self::splat(1.0) - size);
+        let sin_left = left * (Self::splat(2.0) - size);
+        let cos_left = Self::splat(1.0) - size;
         (sin * cos_left + cos * sin_left, cos * cos_left - sin * sin_left)
     }
 
@@ -136,13 +138,13 @@ impl Number for Lanes {
     }
 }
 
-/// Parts of a quarter turn, the first two of so few digits that their products with whole numbers
+/// Quarter turn split into three parts, the first two with so few digits that their products with integers
 /// of up to seven digits are exact.
 const QUARTER_TURN: [f64; 3] =
     [1.570_796_310_901_641_8, 1.589_325_471_229_585_7e-8, 6.123_233_995_736_766e-17];
 
-/// Coefficients of the series of sine and cosine within an eighth of a turn, after their first
-/// terms, in powers of the square, the highest first.
+/// Coefficients of polynomials for sine and cosine up to an eighth of a turn, beyond the leading terms, in
+/// descending powers of the squared angle.
 ///
 /// Reference: S. L. Moshier, *Methods and Programs for Mathematical Functions*, Ellis Horwood 1989.
 const SIN: [f64; 6] = [
@@ -162,15 +164,17 @@ const COS: [f64; 6] = [
     4.166_666_666_666_659_5e-2,
 ];
 
-/// Value of a polynomial of degree 5 in few steps that wait for each other.
+/// Evaluates a polynomial of degree 5 with a short dependency chain (Estrin's scheme).
 #[inline(always)]
 fn polynomial([c5, c4, c3, c2, c1, c0]: [f64; 6], x: Lanes) -> Lanes {
-    let (square, of) = (x * x, Lanes::splat);
-    let (low, middle, high) = (of(c1) * x + of(c0), of(c3) * x + of(c2), of(c5) * x + of(c4));
+    let square = x * x;
+    let low = Lanes::splat(c1) * x + Lanes::splat(c0);
+    let middle = Lanes::splat(c3) * x + Lanes::splat(c2);
+    let high = Lanes::splat(c5) * x + Lanes::splat(c4);
     (high * square + middle) * square + low
 }
 
-/// The nearest whole numbers, while they are smaller than 2^51.
+/// Rounds to the nearest integers, for magnitudes below 2^51.
 #[inline(always)]
 fn nearest(value: Lanes) -> Lanes {
     let large = Lanes::splat(1.5 / f64::EPSILON);
@@ -182,22 +186,23 @@ mod tests {
     use super::{LANES, Lanes, Number};
 
     #[test]
-    fn functions_are_those_of_the_standard_library() {
+    fn functions_agree_with_the_standard_library() {
         for i in -40_000..40_000 {
             let angles_rad = [f64::from(i) * 1.3e-3, f64::from(i) * 0.37];
             let (sin, cos) = Number::sin_cos(Lanes::new(angles_rad));
             for lane in 0..LANES {
                 let known = angles_rad[lane].sin_cos();
-                let missed = (sin.lane(lane) - known.0).abs().max((cos.lane(lane) - known.1).abs());
-                assert!(missed <= f64::EPSILON, "{}: {missed:e}", angles_rad[lane]);
+                let error = (sin.lane(lane) - known.0).abs().max((cos.lane(lane) - known.1).abs());
+                assert!(error <= f64::EPSILON, "{}: {error:e}", angles_rad[lane]);
             }
         }
         for i in (-4000..4000).filter(|i| *i != 0) {
             let value = f64::from(i) * 7.3e-3;
-            let missed = |found: f64, known: f64| (found / known - 1.0).abs();
-            let (tanh, exp) = (Number::tanh(Lanes::splat(value)), Number::exp(Lanes::splat(value)));
-            assert!(missed(tanh.lane(0), value.tanh()) <= 4.0 * f64::EPSILON, "tanh {value}");
-            assert!(missed(exp.lane(1), value.exp()) <= 4.0 * f64::EPSILON, "exp {value}");
+            let tanh = Number::tanh(Lanes::splat(value)).lane(0);
+            let exp = Number::exp(Lanes::splat(value)).lane(1);
+            for (name, found, known) in [("tanh", tanh, value.tanh()), ("exp", exp, value.exp())] {
+                assert!((found / known - 1.0).abs() <= 4.0 * f64::EPSILON, "{name} {value}");
+            }
         }
         for angle_rad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let (sin, cos) = Number::sin_cos(Lanes::splat(angle_rad));

@@ -1,4 +1,4 @@
-//! Single numbers of a robot.
+//! Single scalar parameters of a robot.
 
 use std::fmt;
 use std::ops::{Index, IndexMut};
@@ -7,18 +7,20 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::Named;
 
-use super::{Quantity, Robot, Unit};
+use super::{Definition, Per, Quantity, Robot, Unit};
 
-/// A number of a robot: a [`Quantity`] of a wheel, a link or the whole robot, or the sum of a
-/// quantity over the wheels. Its name is that of its column.
+/// Scalar parameter of a robot: a [`Quantity`] of one wheel, link or joint or of the whole robot, the sum of
+/// a quantity over the wheels, or its mean over both joints. The name of a parameter is that of its table
+/// column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Parameter {
     quantity: Quantity,
-    /// Of the wheel or link; behind the last one that of their sum.
-    place: u8,
+    /// Index of the wheel, link or joint; one past the last index denotes the sum over the wheels or the mean
+    /// over both joints.
+    index: u8,
 }
 
-/// What a parameter is called.
+/// Names of a parameter.
 struct Names {
     column: String,
     key: String,
@@ -26,9 +28,10 @@ struct Names {
 }
 
 impl Parameter {
-    /// How many a fit can free.
+    /// Number of parameters that can be free in a fit.
     const COUNT: usize = {
-        let (mut count, mut i) = (0, 0);
+        let mut count = 0;
+        let mut i = 0;
         while i < Quantity::ALL.len() {
             count += Self::count_of(Quantity::ALL[i]);
             i += 1;
@@ -36,45 +39,50 @@ impl Parameter {
         count
     };
 
-    /// All that a fit can free, in the order of the tables.
+    /// Parameters that can be free in a fit, in the order of their table columns.
     pub const ALL: [Self; Self::COUNT] = {
         let mut all = [Self::new(Quantity::H, 0); Self::COUNT];
-        let (mut count, mut i) = (0, 0);
+        let mut count = 0;
+        let mut i = 0;
         while i < Quantity::ALL.len() {
-            let mut place = 0;
-            while place < Self::count_of(Quantity::ALL[i]) {
-                all[count] = Self::new(Quantity::ALL[i], place);
-                (count, place) = (count + 1, place + 1);
+            let mut index = 0;
+            while index < Self::count_of(Quantity::ALL[i]) {
+                all[count] = Self::new(Quantity::ALL[i], index);
+                count += 1;
+                index += 1;
             }
             i += 1;
         }
         all
     };
 
-    /// Of a quantity, how many a fit can free.
+    /// Returns the number of parameters of a quantity that can be free in a fit.
     const fn count_of(quantity: Quantity) -> usize {
-        let of = quantity.definition();
-        if of.is_fitted { quantity.count() + of.sum_label.is_some() as usize } else { 0 }
+        let Definition { is_fitted, sum_label, .. } = quantity.definition();
+        if *is_fitted { quantity.count() + sum_label.is_some() as usize } else { 0 }
     }
 
-    pub(super) const fn new(quantity: Quantity, place: usize) -> Self {
-        Self { quantity, place: place as u8 }
+    pub(super) const fn new(quantity: Quantity, index: usize) -> Self {
+        Self { quantity, index: index as u8 }
     }
 
-    /// What it is a number of.
+    /// Returns the quantity to which the parameter belongs.
     #[inline]
     pub const fn quantity(self) -> Quantity {
         self.quantity
     }
 
-    /// Its place in [`Parameter::ALL`].
+    /// Returns the position of the parameter in [`Parameter::ALL`].
     #[inline]
-    const fn index(self) -> usize {
-        debug_assert!(self.quantity.definition().is_fitted, "no fit frees it");
-        Self::FIRST[self.quantity as usize] + self.place as usize
+    const fn position(self) -> usize {
+        debug_assert!(
+            self.quantity.definition().is_fitted,
+            "this quantity cannot be a free parameter of a fit"
+        );
+        Self::FIRST[self.quantity as usize] + self.index as usize
     }
 
-    /// The place of each quantity's first number.
+    /// Position in [`Parameter::ALL`] of each quantity's first parameter.
     const FIRST: [usize; Quantity::ALL.len()] = {
         let mut first = [0; Quantity::ALL.len()];
         let mut i = 1;
@@ -85,31 +93,36 @@ impl Parameter {
         first
     };
 
-    /// The wheel or link that it is of; `None` of a number of the robot and of a sum.
-    pub fn wheel_or_link(self) -> Option<usize> {
-        let place = usize::from(self.place);
-        (self.quantity.count() > 1 && place < self.quantity.count()).then_some(place)
+    /// Returns the number of the wheel or link (0, 1, 2) or of the joint (1, 2) to which the parameter
+    /// belongs; `None` for a parameter of the whole robot, a sum over the wheels, or a mean over both joints.
+    pub fn number(self) -> Option<usize> {
+        let index = usize::from(self.index);
+        let first = usize::from(self.quantity.definition().per == Per::Joint);
+        (self.quantity.count() > 1 && index < self.quantity.count()).then_some(first + index)
     }
 
     fn names(self) -> &'static Names {
         static NAMES: LazyLock<Vec<Vec<Names>>> = LazyLock::new(|| {
-            let of = |quantity: Quantity| quantity.parameters().map(Parameter::new_names).collect();
-            Quantity::ALL.into_iter().map(of).collect()
+            Quantity::ALL
+                .into_iter()
+                .map(|quantity| quantity.parameters().map(Parameter::new_names).collect())
+                .collect()
         });
-        &NAMES[self.quantity as usize][usize::from(self.place)]
+        &NAMES[self.quantity as usize][usize::from(self.index)]
     }
 
     fn new_names(self) -> Names {
-        let (stem, of) = (self.quantity.stem(), self.quantity.definition());
-        let unit = match of.unit {
+        let stem = self.quantity.stem();
+        let definition = self.quantity.definition();
+        let unit = match definition.unit {
             Unit::One => String::new(),
             unit => format!("_{}", unit.name()),
         };
-        match (self.wheel_or_link(), of.sum_label) {
+        match (self.number(), definition.sum_label) {
             (Some(i), _) => Names {
                 column: format!("{stem}{i}{unit}"),
                 key: format!("{stem}{i}"),
-                label: format!("{} {i}", of.label),
+                label: format!("{} {i}", definition.label),
             },
             (None, Some(label)) => Names {
                 column: format!("{stem}_sum{unit}"),
@@ -119,30 +132,30 @@ impl Parameter {
             (None, None) => Names {
                 column: self.quantity.name().to_owned(),
                 key: stem.to_owned(),
-                label: of.label.to_owned(),
+                label: definition.label.to_owned(),
             },
         }
     }
 
-    /// Its column in tables.
+    /// Returns the name of the parameter's column in tables.
     pub fn name(self) -> &'static str {
         &self.names().column
     }
 
-    /// Its name in lists of the configuration.
+    /// Returns the name of the parameter in configuration lists.
     pub fn key(self) -> &'static str {
         &self.names().key
     }
 
-    /// Its name on a figure's axis.
+    /// Returns the label of the parameter on a figure's axis.
     pub fn label(self) -> &'static str {
         &self.names().label
     }
 
-    /// Its symbol in LaTeX.
+    /// Returns the LaTeX symbol of the parameter.
     pub fn latex(self) -> String {
         let symbol = self.quantity.definition().latex;
-        match self.wheel_or_link() {
+        match self.number() {
             Some(i) => format!("{symbol}_{i}"),
             None if self.is_sum() => {
                 let each = (0..self.quantity.count()).map(|i| format!("{symbol}_{i}"));
@@ -152,13 +165,14 @@ impl Parameter {
         }
     }
 
-    /// The unit of its values, as people write it.
+    /// Returns the unit of the parameter's values for display.
     pub const fn unit(self) -> &'static str {
         self.quantity.definition().unit.symbol()
     }
 
-    /// The power of omega that goes with it: a motion is the same per radian of phase at another
-    /// frequency where every parameter that fits can free has grown by its power of that.
+    /// Returns the exponent with which the parameter scales with frequency. If every parameter that can be
+    /// free in a fit is multiplied by the ratio of two frequencies raised to the parameter's own exponent,
+    /// the motion as a function of phase is the same at both frequencies.
     pub fn power_of_omega(self) -> f64 {
         match self.quantity.definition().unit {
             Unit::Newton | Unit::NewtonMetrePerRadian => 2.0,
@@ -167,40 +181,55 @@ impl Parameter {
         }
     }
 
-    /// Whether a value of it is one of `other` too: the same, or the sum that it is part of.
+    /// Returns whether the parameter equals `other` or is one of the terms of the sum `other`.
     pub fn is_part_of(self, other: Self) -> bool {
         self == other || other.is_sum() && self.quantity == other.quantity
     }
 
-    /// The sum that it is a part of.
-    pub fn sum(self) -> Option<Self> {
-        let has_sum = self.quantity.definition().sum_label.is_some();
-        (has_sum && !self.is_sum()).then(|| self.quantity.sum())
+    /// Returns the sum over the wheels, or the mean over both joints, to which the parameter contributes;
+    /// `None` if there is none.
+    pub fn whole(self) -> Option<Self> {
+        let whole = Self::new(self.quantity, self.quantity.count());
+        self.quantity.parameters().find(|other| *other == whole).filter(|_| !self.is_aggregate())
     }
 
-    /// Whether it is the sum of others.
+    /// Returns whether the parameter is a sum over the wheels.
     #[inline]
     pub fn is_sum(self) -> bool {
-        usize::from(self.place) == self.quantity.count()
+        self.is_aggregate() && self.quantity.definition().sum_label.is_some()
     }
 
-    /// Its value in a robot, in SI units.
-    pub fn of(self, robot: &Robot) -> f64 {
+    /// Returns whether the parameter is a sum over the wheels or a mean over both joints.
+    #[inline]
+    fn is_aggregate(self) -> bool {
+        usize::from(self.index) == self.quantity.count()
+    }
+
+    /// Returns the value of the parameter in a robot, in SI units.
+    pub fn value_in(self, robot: &Robot) -> f64 {
         let numbers = self.quantity.numbers(robot);
-        numbers.get(usize::from(self.place)).copied().unwrap_or_else(|| numbers.iter().sum())
+        if !self.is_aggregate() {
+            numbers[usize::from(self.index)]
+        } else if self.is_sum() {
+            numbers.iter().sum()
+        } else {
+            numbers.iter().sum::<f64>() / numbers.len() as f64
+        }
     }
 
-    /// Gives it a value in a robot, in SI units. Without any resistance to keep the proportions of, the
-    /// wheels share a sum equally.
+    /// Sets the value of the parameter in a robot, in SI units. Setting a sum keeps the proportions between
+    /// the wheels' values, or divides the sum equally among the wheels if all values are zero; setting a mean
+    /// over both joints keeps the difference between the joints' values.
     pub fn set(self, robot: &mut Robot, value: f64) {
-        match usize::from(self.place) {
-            place if place < self.quantity.count() => {
-                self.quantity.numbers_mut(robot)[place] = value;
-            }
-            _ => {
-                let shares = self.quantity.shares(robot).map(|share| share * value);
-                self.quantity.numbers_mut(robot).copy_from_slice(&shares);
-            }
+        let before = self.value_in(robot);
+        if !self.is_aggregate() {
+            self.quantity.numbers_mut(robot)[usize::from(self.index)] = value;
+        } else if self.is_sum() {
+            let shares = self.quantity.shares(robot).map(|share| share * value);
+            self.quantity.numbers_mut(robot).copy_from_slice(&shares);
+        } else {
+            let numbers = self.quantity.numbers_mut(robot);
+            numbers.iter_mut().for_each(|number| *number = value + (*number - before));
         }
     }
 }
@@ -226,7 +255,7 @@ impl fmt::Display for Parameter {
     }
 }
 
-/// By its name.
+/// Serializes a parameter as its column name.
 impl Serialize for Parameter {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.name())
@@ -236,49 +265,49 @@ impl Serialize for Parameter {
 impl<'de> Deserialize<'de> for Parameter {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let name = String::deserialize(deserializer)?;
-        let unknown = || serde::de::Error::custom(format!("unknown parameter `{name}`"));
-        Self::of_name(&name).ok_or_else(unknown)
+        Self::of_name(&name)
+            .ok_or_else(|| serde::de::Error::custom(format!("unknown parameter `{name}`")))
     }
 }
 
-/// Something for every parameter.
+/// One value per parameter of [`Parameter::ALL`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ByParameter<T>([T; Parameter::ALL.len()]);
 
 impl ByParameter<f64> {
-    /// Every value missing.
+    /// All values missing (NaN).
     pub const MISSING: Self = Self::splat(f64::NAN);
 }
 
 impl<T: Copy> ByParameter<T> {
-    /// The same for every parameter.
+    /// Creates a collection that has the same value for every parameter.
     pub const fn splat(value: T) -> Self {
         Self([value; Parameter::ALL.len()])
     }
 }
 
 impl<T> ByParameter<T> {
-    /// What `of` gives for every parameter.
-    pub fn from_fn(of: impl FnMut(Parameter) -> T) -> Self {
-        Self(Parameter::ALL.map(of))
+    /// Creates a collection by calling `value` for each parameter.
+    pub fn from_fn(value: impl FnMut(Parameter) -> T) -> Self {
+        Self(Parameter::ALL.map(value))
     }
 
-    /// Values in the order of [`Parameter::ALL`].
+    /// Creates a collection from values in the order of [`Parameter::ALL`].
     pub const fn from_array(values: [T; Parameter::ALL.len()]) -> Self {
         Self(values)
     }
 
-    /// Values in the order of [`Parameter::ALL`].
+    /// Returns the values in the order of [`Parameter::ALL`].
     pub const fn as_array(&self) -> &[T; Parameter::ALL.len()] {
         &self.0
     }
 
-    /// In the order of [`Parameter::ALL`].
+    /// Iterates over the values in the order of [`Parameter::ALL`].
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut T> {
         self.0.iter_mut()
     }
 
-    /// In the order of [`Parameter::ALL`].
+    /// Iterates over the parameters and their values in the order of [`Parameter::ALL`].
     pub fn iter(&self) -> impl Iterator<Item = (Parameter, &T)> {
         Parameter::ALL.into_iter().zip(&self.0)
     }
@@ -287,17 +316,17 @@ impl<T> ByParameter<T> {
 impl<T> Index<Parameter> for ByParameter<T> {
     type Output = T;
     fn index(&self, parameter: Parameter) -> &T {
-        &self.0[parameter.index()]
+        &self.0[parameter.position()]
     }
 }
 
 impl<T> IndexMut<Parameter> for ByParameter<T> {
     fn index_mut(&mut self, parameter: Parameter) -> &mut T {
-        &mut self.0[parameter.index()]
+        &mut self.0[parameter.position()]
     }
 }
 
-/// A map by column.
+/// Serializes the values as a map keyed by column.
 impl<T: Serialize> Serialize for ByParameter<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.iter())
@@ -311,20 +340,40 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_parameter_that_is_set_has_its_value() {
+    fn setting_a_parameter_changes_that_parameter_alone() {
         for parameter in Parameter::ALL {
             let mut robot = Robot::semi_passive();
             parameter.set(&mut robot, 2.5);
-            assert_eq!(parameter.of(&robot), 2.5, "{parameter:?}");
+            assert_eq!(parameter.value_in(&robot), 2.5, "{parameter:?}");
             assert_eq!(Parameter::of_name(parameter.name()), Some(parameter));
             let others = Parameter::ALL.into_iter().filter(|other| {
                 let related = [other.is_part_of(parameter), parameter.is_part_of(*other)];
                 !related.contains(&true)
             });
             for other in others {
-                assert_eq!(other.of(&robot), other.of(&Robot::semi_passive()), "{other:?}");
+                assert_eq!(
+                    other.value_in(&robot),
+                    other.value_in(&Robot::semi_passive()),
+                    "{other:?}"
+                );
             }
         }
+    }
+
+    #[test]
+    fn the_mean_of_both_joints_keeps_their_difference() {
+        let mut robot = Robot { l_m: [0.11, 0.13], ..Robot::kinematic() };
+        let both = Quantity::L.of_both();
+        assert!((both.value_in(&robot) - 0.12).abs() < 1e-15);
+        both.set(&mut robot, 0.125);
+        assert!((robot.l_m[0] - 0.115).abs() < 1e-15 && (robot.l_m[1] - 0.135).abs() < 1e-15);
+        let names = |robot: &Robot| {
+            Quantity::L.parameters_of(robot).map(Parameter::name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(&robot), ["l1_m", "l2_m"]);
+        assert_eq!(names(&Robot::kinematic()), ["l_m"]);
+        assert_eq!(Quantity::L.parameter(1).whole(), Some(both));
+        assert_eq!([both.whole(), Quantity::Mass.parameter(0).whole()], [None; 2]);
     }
 
     #[test]

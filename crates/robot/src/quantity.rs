@@ -1,14 +1,15 @@
-//! The table of a robot's quantities: what each is called, measured in and used by. Keys of the
-//! configuration, columns of tables, labels and symbols follow from it.
+//! Table of the quantities that describe a robot, with their names, units and use. Configuration keys, table
+//! columns, labels and symbols follow from this table.
 
 use trilink_base::named;
 
 use super::{Gait, Laws, Parameter, Robot, SkidLaw};
 
 named! {
-    /// A quantity of a robot, by its key in the configuration; in the order of the tables.
+    /// Physical quantity that describes a robot. Each variant is named by its key in the configuration; the
+    /// order of the variants is that of the columns in tables.
     pub enum Quantity {
-        /// Half the length of the middle link.
+        /// Distance of the middle link's wheel from a joint.
         H = "h_m",
         /// Distance of a side link's wheel from its joint.
         L = "l_m",
@@ -18,43 +19,48 @@ named! {
         Mass = "mass_kg",
         /// Moment of inertia of a link about its centre of mass.
         Inertia = "inertia_kg_m2",
-        /// Viscous resistance to skidding (eq. 15).
+        /// Coefficient of a wheel's viscous resistance to skidding, kg/s (eq. 15 of the paper).
         Skid = "skid_kg_s",
-        /// Viscous resistance to rolling (eq. 14).
+        /// Coefficient of a wheel's viscous resistance to rolling, kg/s (eq. 14 of the paper).
         Roll = "roll_kg_s",
-        /// Dry friction across a wheel.
+        /// Dry friction across a wheel's rolling direction.
         SkidDry = "skid_dry_n",
-        /// Dry friction across a wheel at low speeds.
+        /// Static friction: dry friction across a wheel's rolling direction at low speeds.
         SkidStatic = "skid_static_n",
-        /// Stribeck speed: at it 1/e of the excess of static over dry friction is left.
+        /// Stribeck speed, at which the excess of static over Coulomb friction has fallen to 1/e of its value at
+        /// rest.
         Stribeck = "stribeck_m_s",
-        /// Resistance to skidding by a power of the velocity: the force of the power law at the transition speed.
+        /// Force `F_p` of the power law `F_p |v / v_t|^p` of resistance to skidding, N, where `v_t` is the
+        /// transition speed.
         SkidPower = "skid_power_n",
-        /// The exponent of that.
+        /// Exponent `p` of the power law `F_p |v / v_t|^p` of resistance to skidding.
         SkidExponent = "skid_exponent",
-        /// Dry friction along a wheel.
+        /// Dry friction along a wheel's rolling direction.
         RollDry = "roll_dry_n",
-        /// Speed within which dry friction changes its sign.
+        /// Transition speed: speed below which dry friction is regularised so that it changes sign smoothly.
         Transition = "transition_m_s",
-        /// Stiffness of the passive joint (eq. 11).
+        /// Stiffness of the passive joint's torsion spring (eq. 11 of the paper).
         Stiffness = "stiffness_nm_rad",
-        /// Damping of the passive joint (eq. 11).
+        /// Damping coefficient of the passive joint (eq. 11 of the paper).
         Damping = "damping_nm_s_rad",
-        /// Angle at which the passive joint's spring is unloaded (eq. 11).
+        /// Angle of the passive joint at which its spring exerts no torque (eq. 11 of the paper).
         RestAngle = "rest_angle_deg",
     }
 }
 
-/// What a quantity has one number each for.
+/// Kind of part of a robot, such as a wheel or a joint, that has its own value of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Per {
     Robot,
     Link,
     Wheel,
+    /// One value for each joint; the configuration may state a single value for both joints.
+    Joint,
 }
 
 named! {
-    /// The unit of a quantity, as keys and columns end.
+    /// Unit of a quantity. Each variant is named by the suffix, such as `kg_s`, that the unit has in keys and
+    /// column names.
     pub enum Unit {
         Metre = "m",
         Kilogram = "kg",
@@ -65,13 +71,13 @@ named! {
         NewtonMetrePerRadian = "nm_rad",
         NewtonMetreSecondPerRadian = "nm_s_rad",
         Degree = "deg",
-        /// A ratio.
+        /// Dimensionless ratio.
         One = "",
     }
 }
 
 impl Unit {
-    /// As people write it.
+    /// Returns the symbol of the unit for display.
     pub const fn symbol(self) -> &'static str {
         match self {
             Self::Metre => "m",
@@ -87,57 +93,61 @@ impl Unit {
         }
     }
 
-    /// The unit in SI units.
+    /// Returns the factor that converts a value in this unit to the SI unit.
     pub fn in_si(self) -> f64 {
         if self == Self::Degree { 1_f64.to_radians() } else { 1.0 }
     }
 }
 
-/// A row of the table of quantities.
+/// Definition of a quantity: a row in the table of quantities.
 #[derive(Debug, Clone, Copy)]
 pub struct Definition {
     pub unit: Unit,
     pub per: Per,
-    /// Name on a figure's axis.
+    /// Label on the axis of a figure.
     pub label: &'static str,
-    /// What a column of it holds; empty where no fit frees it.
+    /// Description of a table column that contains the quantity; empty if the quantity cannot be free in a
+    /// fit.
     pub meaning: &'static str,
-    /// Symbol in LaTeX, without the index of a wheel or link.
+    /// LaTeX symbol, without the index of a wheel, link or joint.
     pub latex: &'static str,
-    /// Label of the sum over the wheels, where fits can free that in place of each wheel's: distances and
-    /// speeds hardly tell more. The wheels' proportions stay.
+    /// Label of the sum of the quantity over the wheels; `None` if fits cannot estimate the sum in place of
+    /// the wheels' values. Fits of the sum keep the proportions between the wheels fixed, because measured
+    /// distances and speeds determine barely more than the sum.
     pub sum_label: Option<&'static str>,
-    /// Least and greatest value, in its unit.
+    /// Minimum and maximum permitted value, in the quantity's unit.
     pub range: [f64; 2],
-    /// Value in robots that do not give it, in its unit; `None` where they must.
+    /// Default value, in the quantity's unit; `None` if the configuration must specify the quantity.
     pub default: Option<f64>,
-    /// Whether its standard deviation can be given.
+    /// Whether the configuration can specify a standard deviation for the quantity.
     pub has_deviation: bool,
-    /// Whether a fit can free it.
+    /// Whether the quantity can be free in a fit.
     pub is_fitted: bool,
-    /// Whether fits free it where neither campaign nor model says what is free.
+    /// Whether the quantity is free in fits unless the campaign or the model lists the free parameters.
     pub is_free_by_default: bool,
-    /// Whether 0 switches off what it stands for; laws that do not use it set it to 0.
+    /// Whether zero means that the resistance to which the quantity belongs is absent. Friction laws that do
+    /// not use the quantity set it to zero.
     pub is_resistance: bool,
-    /// Whether the motion of a robot with these laws and this gait depends on it.
-    pub matters: fn(Laws, &Gait) -> bool,
+    /// Function that returns whether the motion of a robot with the given friction laws and gait depends on
+    /// the quantity.
+    pub is_relevant: fn(Laws, &Gait) -> bool,
     field: Field,
 }
 
-/// Where a robot has the numbers of a quantity.
+/// Accessors to the values of a quantity in a [`Robot`].
 #[derive(Debug, Clone, Copy)]
 struct Field {
-    of: fn(&Robot) -> &[f64],
-    of_mut: fn(&mut Robot) -> &mut [f64],
+    get: fn(&Robot) -> &[f64],
+    get_mut: fn(&mut Robot) -> &mut [f64],
 }
 
 macro_rules! field {
     ($name:ident) => {
-        Field { of: |robot| robot.$name.as_slice(), of_mut: |robot| robot.$name.as_mut_slice() }
+        Field { get: |robot| robot.$name.as_slice(), get_mut: |robot| robot.$name.as_mut_slice() }
     };
 }
 
-/// One number, or several.
+/// View of a scalar or an array as a slice.
 trait Numbers {
     fn as_slice(&self) -> &[f64];
     fn as_mut_slice(&mut self) -> &mut [f64];
@@ -153,10 +163,11 @@ impl Numbers for f64 {
     }
 }
 
-/// What most rows of the robot's body have alike.
+/// Template for the definitions of quantities that describe the robot's body (lengths, masses, moments of
+/// inertia).
 const BODY: Definition = Definition {
     unit: Unit::Metre,
-    per: Per::Robot,
+    per: Per::Joint,
     label: "",
     meaning: "",
     latex: "",
@@ -167,10 +178,10 @@ const BODY: Definition = Definition {
     is_fitted: false,
     is_free_by_default: false,
     is_resistance: false,
-    matters: |_, _| true,
-    field: Field { of: |_| &[], of_mut: |_| &mut [] },
+    is_relevant: |_, _| true,
+    field: Field { get: |_| &[], get_mut: |_| &mut [] },
 };
-/// What most rows of friction have alike.
+/// Template for the definitions of friction quantities.
 const FRICTION: Definition = Definition {
     unit: Unit::Newton,
     per: Per::Wheel,
@@ -180,20 +191,21 @@ const FRICTION: Definition = Definition {
     is_resistance: true,
     ..BODY
 };
-/// What most rows of the passive joint have alike.
+/// Template for the definitions of the passive joint's quantities.
 const JOINT: Definition = Definition {
     per: Per::Robot,
     is_resistance: false,
-    matters: |_, gait| gait.passive_joint().is_some(),
+    is_relevant: |_, gait| gait.passive_joint().is_some(),
     ..FRICTION
 };
 
 impl Quantity {
-    /// Its row of the table.
+    /// Returns the definition of the quantity.
     #[inline]
     pub const fn definition(self) -> &'static Definition {
         const TABLE: &[Definition; Quantity::ALL.len()] = &{
-            let (mut table, mut i) = ([BODY; Quantity::ALL.len()], 0);
+            let mut table = [BODY; Quantity::ALL.len()];
+            let mut i = 0;
             while i < table.len() {
                 table[i] = Quantity::ALL[i].row();
                 i += 1;
@@ -206,7 +218,7 @@ impl Quantity {
     const fn row(self) -> Definition {
         match self {
             Self::H => Definition {
-                label: "Half length of the middle link",
+                label: "Middle wheel to joint",
                 latex: "h",
                 field: field!(h_m),
                 ..BODY
@@ -246,7 +258,7 @@ impl Quantity {
                 default: None,
                 has_deviation: false,
                 is_free_by_default: true,
-                matters: |laws, _| laws.skid.is_viscous(),
+                is_relevant: |laws, _| laws.skid.is_viscous(),
                 field: field!(skid_kg_s),
                 ..FRICTION
             },
@@ -257,24 +269,24 @@ impl Quantity {
                 latex: "c^R",
                 sum_label: Some("Sum of roll"),
                 default: None,
-                matters: |laws, _| laws.roll.is_viscous(),
+                is_relevant: |laws, _| laws.roll.is_viscous(),
                 field: field!(roll_kg_s),
                 ..FRICTION
             },
             Self::SkidDry => Definition {
                 label: "Dry skid",
-                meaning: "dry friction of the wheel across it",
+                meaning: "dry friction of the wheel across its rolling direction",
                 latex: "F^S",
                 is_free_by_default: true,
-                matters: |laws, _| laws.skid.is_dry(),
+                is_relevant: |laws, _| laws.skid.is_dry(),
                 field: field!(skid_dry_n),
                 ..FRICTION
             },
             Self::SkidStatic => Definition {
                 label: "Static skid",
-                meaning: "dry friction of the wheel across it at low speeds, where it is larger (Stribeck)",
+                meaning: "static friction of the wheel across its rolling direction, at low speeds (Stribeck)",
                 latex: "F^s",
-                matters: |laws, _| laws.skid.has_static(),
+                is_relevant: |laws, _| laws.skid.has_static(),
                 field: field!(skid_static_n),
                 ..FRICTION
             },
@@ -282,41 +294,41 @@ impl Quantity {
                 unit: Unit::MetrePerSecond,
                 per: Per::Robot,
                 label: "Stribeck speed",
-                meaning: "speed v_s over which static friction falls to dry friction; at it 1/e of the excess is left",
+                meaning: "Stribeck speed v_s, at which the excess of static over Coulomb friction has fallen to 1/e",
                 latex: "v_s",
                 range: [1e-6, 100.0],
-                matters: |laws, _| laws.skid.has_static(),
+                is_relevant: |laws, _| laws.skid.has_static(),
                 field: field!(stribeck_m_s),
                 ..FRICTION
             },
             Self::SkidPower => Definition {
                 label: "Power-law skid",
-                meaning: "resistance F_p to skidding by a power of the velocity, at the transition speed",
+                meaning: "power-law resistance F_p to skidding, at the transition speed",
                 latex: "F^p",
                 is_free_by_default: true,
-                matters: |laws, _| laws.skid == SkidLaw::Power,
+                is_relevant: |laws, _| laws.skid == SkidLaw::Power,
                 field: field!(skid_power_n),
                 ..FRICTION
             },
             Self::SkidExponent => Definition {
                 unit: Unit::One,
                 label: "Exponent of skid",
-                meaning: "exponent p of the power law of skidding",
+                meaning: "exponent p of the power-law resistance to skidding",
                 latex: "p",
                 range: [0.05, 4.0],
                 default: Some(1.0),
                 is_free_by_default: true,
                 is_resistance: false,
-                matters: |laws, _| laws.skid == SkidLaw::Power,
+                is_relevant: |laws, _| laws.skid == SkidLaw::Power,
                 field: field!(skid_exponent),
                 ..FRICTION
             },
             Self::RollDry => Definition {
                 label: "Dry roll",
-                meaning: "dry friction of the wheel along it",
+                meaning: "dry friction of the wheel along its rolling direction",
                 latex: "F^R",
                 sum_label: Some("Sum of dry roll"),
-                matters: |laws, _| laws.roll.is_dry(),
+                is_relevant: |laws, _| laws.roll.is_dry(),
                 field: field!(roll_dry_n),
                 ..FRICTION
             },
@@ -324,19 +336,19 @@ impl Quantity {
                 unit: Unit::MetrePerSecond,
                 per: Per::Robot,
                 label: "Transition speed",
-                meaning: "speed v_t within which dry friction changes its sign",
+                meaning: "transition speed v_t, below which dry friction is smoothed (regularisation)",
                 latex: "v_t",
                 range: [1e-6, 100.0],
                 default: Some(0.005),
                 is_resistance: false,
-                matters: |laws, _| !laws.are_linear(),
+                is_relevant: |laws, _| !laws.are_linear(),
                 field: field!(transition_m_s),
                 ..FRICTION
             },
             Self::Stiffness => Definition {
                 unit: Unit::NewtonMetrePerRadian,
                 label: "Stiffness",
-                meaning: "spring k_tau of the passive joint (eq. 11)",
+                meaning: "spring stiffness k_tau of the passive joint (eq. 11)",
                 latex: "k_\\tau",
                 field: field!(stiffness_nm_rad),
                 ..JOINT
@@ -344,7 +356,7 @@ impl Quantity {
             Self::Damping => Definition {
                 unit: Unit::NewtonMetreSecondPerRadian,
                 label: "Damping",
-                meaning: "damper c_tau of the passive joint (eq. 11)",
+                meaning: "damping coefficient c_tau of the passive joint (eq. 11)",
                 latex: "c_\\tau",
                 field: field!(damping_nm_s_rad),
                 ..JOINT
@@ -362,32 +374,34 @@ impl Quantity {
         }
     }
 
-    /// Its name without the unit.
+    /// Returns the name of the quantity without its unit.
     pub fn stem(self) -> &'static str {
         let end = self.definition().unit.name();
         self.name().strip_suffix(end).map_or(self.name(), |stem| stem.trim_end_matches('_'))
     }
 
-    /// How many numbers a robot has of it.
+    /// Returns the number of values that the quantity has in a robot.
     #[inline]
     pub const fn count(self) -> usize {
         match self.definition().per {
             Per::Robot => 1,
             Per::Link | Per::Wheel => Robot::LINKS,
+            Per::Joint => Robot::JOINTS,
         }
     }
 
-    /// Its numbers in a robot, in SI units.
+    /// Returns the values of the quantity in a robot, in SI units.
     pub fn numbers(self, robot: &Robot) -> &[f64] {
-        (self.definition().field.of)(robot)
+        (self.definition().field.get)(robot)
     }
 
-    /// Its numbers in a robot, in SI units.
+    /// Returns mutable access to the values of the quantity in a robot, in SI units.
     pub fn numbers_mut(self, robot: &mut Robot) -> &mut [f64] {
-        (self.definition().field.of_mut)(robot)
+        (self.definition().field.get_mut)(robot)
     }
 
-    /// Each wheel's part of the sum over the wheels; equal parts where that is zero.
+    /// Returns each wheel's fraction of the quantity's sum over the wheels; equal fractions if the sum is
+    /// zero.
     pub fn shares(self, robot: &Robot) -> [f64; Robot::LINKS] {
         let numbers = self.numbers(robot);
         let sum: f64 = numbers.iter().sum();
@@ -395,37 +409,64 @@ impl Quantity {
         std::array::from_fn(|i| if sum > 0.0 { numbers[i] / sum } else { equal })
     }
 
-    /// The number of a quantity that has one for all of the robot.
+    /// Returns the parameter of a quantity that has a single value for the whole robot.
     ///
     /// # Panics
-    /// It has one a link or wheel.
+    /// Panics if the quantity has one value per link, wheel or joint.
     pub const fn one(self) -> Parameter {
-        assert!(self.count() == 1, "has one a link or wheel");
+        assert!(self.count() == 1, "the quantity has a value for each link, wheel or joint");
         Parameter::new(self, 0)
     }
 
-    /// The number of a wheel or link.
-    pub const fn of(self, wheel_or_link: usize) -> Parameter {
-        Parameter::new(self, wheel_or_link)
+    /// Returns the parameter for the wheel, link or joint with the given index; indices 0 and 1 denote joints
+    /// 1 and 2.
+    pub const fn parameter(self, index: usize) -> Parameter {
+        Parameter::new(self, index)
     }
 
-    /// The numbers of all wheels or links.
+    /// Returns the quantity's parameters for all wheels or links.
     pub const fn of_each(self) -> [Parameter; Robot::LINKS] {
-        [self.of(0), self.of(1), self.of(2)]
+        [self.parameter(0), self.parameter(1), self.parameter(2)]
     }
 
-    /// Their sum.
+    /// Returns the parameter that is the quantity's mean over both joints.
     ///
     /// # Panics
-    /// A fit cannot free it.
+    /// Panics if the quantity has no values for joints.
+    pub const fn of_both(self) -> Parameter {
+        assert!(
+            matches!(self.definition().per, Per::Joint),
+            "the quantity has no values for joints"
+        );
+        Parameter::new(self, Robot::JOINTS)
+    }
+
+    /// Returns the parameter that is the quantity's sum over the wheels.
+    ///
+    /// # Panics
+    /// Panics if the sum cannot be free in a fit.
     pub const fn sum(self) -> Parameter {
-        assert!(self.definition().sum_label.is_some(), "has no sum");
+        assert!(
+            self.definition().sum_label.is_some(),
+            "the sum of this quantity over the wheels cannot be a free parameter of a fit"
+        );
         Parameter::new(self, Robot::LINKS)
     }
 
-    /// All its numbers, and their sum where fits can free that.
+    /// Returns the parameters that describe the quantity in a robot. For a joint quantity, that is one
+    /// parameter if both joints have the same value, otherwise one for each joint.
+    pub fn parameters_of(self, robot: &Robot) -> impl Iterator<Item = Parameter> {
+        let numbers = self.numbers(robot);
+        let is_one = self.definition().per == Per::Joint && numbers[0] == numbers[1];
+        let indices = if is_one { numbers.len()..numbers.len() + 1 } else { 0..numbers.len() };
+        indices.map(move |index| Parameter::new(self, index))
+    }
+
+    /// Returns all parameters of the quantity: one for each of its values, followed by the mean over both
+    /// joints of a joint quantity, or by the sum over the wheels if it can be free in a fit.
     pub fn parameters(self) -> impl Iterator<Item = Parameter> {
-        let sums = usize::from(self.definition().sum_label.is_some());
-        (0..self.count() + sums).map(move |place| Parameter::new(self, place))
+        let Definition { per, sum_label, .. } = self.definition();
+        let aggregates = usize::from(sum_label.is_some() || *per == Per::Joint);
+        (0..self.count() + aggregates).map(move |index| Parameter::new(self, index))
     }
 }

@@ -1,6 +1,6 @@
-//! Nonlinear least squares of few parameters: Levenberg and Marquardt's method, run by argmin.
+//! Nonlinear least squares with few parameters by the Levenberg-Marquardt method, run by argmin.
 //!
-//! argmin's own Gauss-Newton solver has no damping and wants linear algebra of its kind.
+//! The Gauss-Newton solver of argmin has no damping and requires its own linear-algebra traits.
 //!
 //! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer 2006,
 //! section 10.3.
@@ -12,28 +12,30 @@ use argmin::core::{
 use nalgebra::{Cholesky, SMatrix, SVector};
 
 const MAX_ITERATIONS: u64 = 60;
-const FIRST_DAMPING: f64 = 1e-3;
+const INITIAL_DAMPING: f64 = 1e-3;
 const MAX_DAMPING: f64 = 1e12;
 
-/// Where the sum of squares is smallest.
+/// Result of a least-squares minimisation.
 #[derive(Debug, Clone, Copy)]
 pub struct Minimum<const N: usize> {
     pub parameters: SVector<f64, N>,
-    /// The sum of squared residuals.
+    /// Sum of squared residuals at the minimum.
     pub squares: f64,
-    /// Sum of the products of the derivatives, before the last step.
+    /// Matrix `J^T J` of the normal equations, with the Jacobian `J` of the residuals at the start of the
+    /// last iteration.
     pub normal: SMatrix<f64, N, N>,
 }
 
-/// Minimises the sum of squared residuals over the samples; `model` gives a sample's residual
-/// and minus its derivatives by the parameters. The search ends with a step of at most
-/// `tolerance` standard errors of the parameters, of residuals that are `least` or more. `None` if it finds no minimum or there are no
-/// more samples than parameters.
+/// Minimises the sum of squared residuals over `samples`, starting from the parameters `start`. For each
+/// sample, `model` returns the residual and the negatives of its derivatives with respect to the parameters.
+/// The search has converged when a step is at most `tolerance` times the standard errors of the parameters;
+/// these assume that the standard deviation of a residual is at least `min_deviation`. Returns `None` if the
+/// search does not converge, or if the number of samples does not exceed the number of parameters.
 pub fn minimise<S, M, const N: usize>(
     samples: &[S],
-    begin: SVector<f64, N>,
+    start: SVector<f64, N>,
     tolerance: f64,
-    least: f64,
+    min_deviation: f64,
     model: M,
 ) -> Option<Minimum<N>>
 where
@@ -43,9 +45,9 @@ where
         return None;
     }
     let normal = SMatrix::zeros();
-    let solver = LevenbergMarquardt { damping: FIRST_DAMPING, tolerance, least, normal };
+    let solver = LevenbergMarquardt { damping: INITIAL_DAMPING, tolerance, min_deviation, normal };
     let result = Executor::new(Residuals { samples, model }, solver)
-        .configure(|state| state.param(begin).max_iters(MAX_ITERATIONS))
+        .configure(|state| state.param(start).max_iters(MAX_ITERATIONS))
         .timer(false)
         .ctrlc(false)
         .run();
@@ -60,14 +62,23 @@ struct Residuals<'s, S, M> {
     model: M,
 }
 
+impl<S, M> Residuals<'_, S, M> {
+    fn sum_of_squares<const N: usize>(&self, parameters: &SVector<f64, N>) -> f64
+    where
+        M: Fn(&SVector<f64, N>, &S) -> (f64, SVector<f64, N>),
+    {
+        self.samples.iter().map(|sample| (self.model)(parameters, sample).0.powi(2)).sum()
+    }
+}
+
 struct LevenbergMarquardt<const N: usize> {
     damping: f64,
     tolerance: f64,
-    least: f64,
+    min_deviation: f64,
     normal: SMatrix<f64, N, N>,
 }
 
-/// Parameters and sum of squares.
+/// State of the iteration: parameters and sum of squares.
 type State<const N: usize> = IterState<SVector<f64, N>, (), (), (), (), f64>;
 
 impl<'s, S, M, const N: usize> Solver<Residuals<'s, S, M>, State<N>> for LevenbergMarquardt<N>
@@ -83,14 +94,12 @@ where
         problem: &mut Problem<Residuals<'s, S, M>>,
         mut state: State<N>,
     ) -> Result<(State<N>, Option<KV>), Error> {
-        let missing = || ArgminError::NotInitialized { text: "parameters".to_owned() };
-        let Residuals { samples, model } = problem.problem.as_ref().ok_or_else(missing)?;
-        let parameters = state.param.ok_or_else(missing)?;
-        let squares = |parameters: &SVector<f64, N>| -> f64 {
-            samples.iter().map(|sample| model(parameters, sample).0.powi(2)).sum()
+        let (Some(residuals), Some(parameters)) = (&problem.problem, state.param) else {
+            return Err(ArgminError::NotInitialized { text: "parameters".to_owned() }.into());
         };
+        let Residuals { samples, model } = residuals;
         if state.cost.is_infinite() {
-            state.cost = squares(&parameters);
+            state.cost = residuals.sum_of_squares(&parameters);
         }
         let mut right = SVector::zeros();
         self.normal.fill(0.0);
@@ -107,7 +116,7 @@ where
         let step = factor.solve(&right);
         let gain = step.dot(&right);
         let tried = parameters + step;
-        let tried_squares = squares(&tried);
+        let tried_squares = residuals.sum_of_squares(&tried);
         if tried_squares <= state.cost {
             state = state.param(tried).cost(tried_squares);
             self.damping *= 0.1;
@@ -115,8 +124,9 @@ where
             self.damping *= 10.0;
         }
         let variance = state.cost / (samples.len() - N) as f64;
-        let is_small = gain.abs() <= self.tolerance.powi(2) * variance.max(self.least.powi(2));
-        // Where no step lowers the sum any more is the minimum, to rounding.
+        let is_small =
+            gain.abs() <= self.tolerance.powi(2) * variance.max(self.min_deviation.powi(2));
+        // If no step reduces the sum of squares, the parameters are at the minimum to rounding error.
         if is_small || self.damping > MAX_DAMPING {
             state = state.terminate_with(TerminationReason::SolverConverged);
         }
@@ -128,9 +138,9 @@ where
 mod tests {
     use super::*;
 
-    /// Misra1a of the NIST Statistical Reference Datasets.
+    /// Reference problem: Misra1a of the NIST Statistical Reference Datasets.
     #[test]
-    fn a_certified_fit_is_found() {
+    fn the_certified_parameters_are_found() {
         const SAMPLES: [(f64, f64); 14] = [
             (10.07, 77.6),
             (14.73, 114.9),

@@ -1,13 +1,15 @@
-//! Averages, quantiles, least squares and angles, each by one definition.
+//! Statistics: location and scale, quantiles, distributions, least squares and angles.
 //!
-//! They are written out because the crates differ from them: `statrs` has the quantiles of one
-//! other method (R-8) only, and copies and sorts for each.
+//! Distributions come from `statrs`. Its sample quantiles offer a single method (R-8) and sort a copy per
+//! quantile; the quantiles here are R-7.
 //!
-//! - Location and scale: [`mean`], [`median`], [`median_absolute_deviation`], [`quantiles`] (R-7).
-//!   NaN is a missing value: [`seen`] and [`extremes`] leave it out, the others do not.
-//! - Distributions: [`student`] and [`fisher`] for intervals, [`mean_deviation`] (c4) for the bias of
+//! - Location and scale: [`mean`], [`median`], [`median_absolute_deviation`], [`quantiles`] (R-7). NaN stands
+//!   for a missing value: [`seen`] and [`extremes`] skip missing values, the other functions do not.
+//! - Distributions: [`student`] and [`fisher`] for intervals, [`c4`] for the bias of
 //!   a standard deviation; an [`Estimate`] is a value with its standard error.
-//! - Linear least squares by [`NormalEquations`] that add up, nonlinear by [`least_squares`].
+//! - Linear least squares by additive [`NormalEquations`], nonlinear by [`least_squares`].
+//! - Repeatability and reproducibility: [`precision`].
+//! - Variance components of linear mixed models: [`variance_components`].
 //! - Angles in radians: [`wrap`] and [`unwrap`].
 //!
 //! ```
@@ -22,38 +24,47 @@
 //! ```
 
 pub mod least_squares;
+pub mod precision;
+pub mod variance_components;
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 use nalgebra::{SMatrix, SVector};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use statrs::function::erf::erfc;
+use statrs::function::gamma::ln_gamma;
 
-/// Median absolute deviation of normal deviates of unit deviation, the other way round.
+/// Ratio of the standard deviation to the median absolute deviation of a normal distribution.
 pub const MAD_TO_DEVIATION: f64 = 1.4826;
 
-/// Half the width of a 95 % interval of normal deviates, in their standard deviations.
+/// Half-width of a 95 % interval of a normal distribution, in standard deviations.
 pub const HALF_WIDTH_95: f64 = 1.96;
 
-/// The quantiles between which 95 % are.
+/// Number of degrees of freedom above which a distribution is within 1e-6 of its limit for infinitely many
+/// degrees of freedom.
+const MAX_FREEDOM: f64 = 1e6;
+
+/// Cumulative probabilities at the lower and upper limits of a 95 % interval.
 pub const SIDES_95: [f64; 2] = [0.025, 0.975];
 
-/// Arithmetic mean; NaN of nothing.
+/// Returns the arithmetic mean; NaN if there are no values.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (count, sum) = values.into_iter().fold((0.0, -0.0), |(n, sum), x| (n + 1.0, sum + x));
     sum / count
 }
 
-/// The values of a series that are not missing (NaN).
+/// Iterates over the values of a series that are not missing (NaN).
 pub fn seen(series: &[f64]) -> impl Iterator<Item = f64> + Clone {
     series.iter().copied().filter(|x| !x.is_nan())
 }
 
-/// Smallest and largest value; what is missing (NaN) does not count.
+/// Returns the minimum and maximum, skipping missing values (NaN); infinities if there are no values.
 pub fn extremes(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
     let none = [f64::INFINITY, f64::NEG_INFINITY];
     values.into_iter().fold(none, |[low, high], x| [low.min(x), high.max(x)])
 }
 
-/// Median; of an even number the mean of the two in the middle, NaN of nothing.
+/// Returns the median (the mean of the middle two for an even number of values); NaN if there are no values.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     match values[..] {
@@ -62,7 +73,8 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
-/// Median; of an even number the higher one of the two in the middle, NaN of nothing.
+/// Returns the high median (the larger of the middle two for an even number of values); NaN if there are no
+/// values.
 pub fn median_high(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return f64::NAN;
@@ -71,33 +83,35 @@ pub fn median_high(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Median of the distances from the median ([`median`]).
+/// Returns the median absolute deviation from the [`median`], without a scale factor.
 pub fn median_absolute_deviation(values: &[f64]) -> f64 {
     let middle = median(values.to_vec());
     median(values.iter().map(|x| (x - middle).abs()).collect())
 }
 
-/// Quantiles, in proportion between two of the sorted values (R-7); NaN of nothing.
-pub fn quantiles<const N: usize>(mut values: Vec<f64>, parts: [f64; N]) -> [f64; N] {
+/// Returns the quantiles at the given `probabilities`, linearly interpolated (R-7); NaN if there are no
+/// values.
+pub fn quantiles<const N: usize>(mut values: Vec<f64>, probabilities: [f64; N]) -> [f64; N] {
     values.sort_unstable_by(f64::total_cmp);
-    parts.map(|part| {
+    probabilities.map(|probability| {
         let Some(last) = values.len().checked_sub(1) else { return f64::NAN };
-        let position = part * last as f64;
+        let position = probability * last as f64;
         let [below, above] = [position.floor(), position.ceil()].map(|i| values[i as usize]);
         below + position.fract() * (above - below)
     })
 }
 
-/// Quantiles, the lower one of the two sorted values; NaN of nothing.
-pub fn quantiles_low<const N: usize>(mut values: Vec<f64>, parts: [f64; N]) -> [f64; N] {
+/// Returns the quantiles at the given `probabilities`, rounded down to the lower sample value; NaN if there
+/// are no values.
+pub fn quantiles_low<const N: usize>(mut values: Vec<f64>, probabilities: [f64; N]) -> [f64; N] {
     values.sort_unstable_by(f64::total_cmp);
-    parts.map(|part| match values.len() {
+    probabilities.map(|probability| match values.len() {
         0 => f64::NAN,
-        count => values[(part * (count - 1) as f64) as usize],
+        count => values[(probability * (count - 1) as f64) as usize],
     })
 }
 
-/// An estimate with its standard error.
+/// Estimate of a quantity: its value and standard error.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Estimate {
     pub value: f64,
@@ -105,22 +119,24 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Nothing is known.
+    /// Missing estimate (NaN for the value and the standard error).
     pub const MISSING: Self = Self { value: f64::NAN, se: f64::NAN };
 
-    /// A value with its standard error.
+    /// Creates an estimate from a value and its standard error.
     pub const fn new(value: f64, se: f64) -> Self {
         Self { value, se }
     }
 }
 
-/// Sums of a linear least-squares problem: enough to solve it, and to add those of other parts.
+/// Normal equations of a linear least-squares problem; the normal equations of subsets of the data can be
+/// added.
 #[derive(Debug, Clone, Copy)]
 pub struct NormalEquations<const N: usize> {
     pub matrix: SMatrix<f64, N, N>,
     pub right: SVector<f64, N>,
-    /// Equations, and the sum of their squared right-hand sides.
+    /// Number of equations (data points).
     pub count: f64,
+    /// Sum of the squared right-hand sides.
     pub squares: f64,
 }
 
@@ -131,12 +147,13 @@ impl<const N: usize> Default for NormalEquations<N> {
 }
 
 impl<const N: usize> NormalEquations<N> {
+    /// Creates the normal equations for an empty set of data.
     pub fn new() -> Self {
         Self { matrix: SMatrix::zeros(), right: SVector::zeros(), count: 0.0, squares: 0.0 }
     }
 
-    /// Adds `count` equations `row . unknowns = value` of one row, given the sums of their values and their
-    /// squares.
+    /// Adds `count` equations `row . unknowns = value` that share one row, given the sum of their values and
+    /// the sum of the squared values.
     pub fn add_sums(&mut self, row: &SVector<f64, N>, count: f64, sum: f64, squares: f64) {
         self.matrix.ger(count, row, row, 1.0);
         self.right.axpy(sum, row, 1.0);
@@ -144,6 +161,7 @@ impl<const N: usize> NormalEquations<N> {
         self.squares += squares;
     }
 
+    /// Adds up the normal equations of subsets of the data.
     pub fn sum<'e>(parts: impl Iterator<Item = &'e Self>) -> Self {
         parts.fold(Self::new(), |sum, part| Self {
             matrix: sum.matrix + part.matrix,
@@ -153,19 +171,20 @@ impl<const N: usize> NormalEquations<N> {
         })
     }
 
-    /// The unknowns and the inverse of their matrix, `None` if it is not positive definite.
+    /// Returns the solution and the inverse of the normal matrix, or `None` if the matrix is not positive
+    /// definite.
     pub fn solve(&self) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
         let factor = self.matrix.cholesky()?;
         Some((factor.solve(&self.right), factor.inverse()))
     }
 
-    /// Sum of squared residuals of a solution.
+    /// Returns the sum of squared residuals of a solution.
     pub fn residual_squares(&self, solution: &SVector<f64, N>) -> f64 {
         (self.squares - solution.dot(&self.right)).max(0.0)
     }
 }
 
-/// An angle in (-pi, pi].
+/// Wraps an angle into (-pi, pi].
 pub fn wrap(angle_rad: f64) -> f64 {
     if angle_rad > -PI && angle_rad <= PI {
         return angle_rad;
@@ -173,7 +192,7 @@ pub fn wrap(angle_rad: f64) -> f64 {
     PI - (PI - angle_rad).rem_euclid(TAU)
 }
 
-/// Removes jumps of whole turns, also across what is missing (NaN).
+/// Removes jumps of whole turns from a series of angles, even across missing values (NaN).
 pub fn unwrap(angles_rad: &mut [f64]) {
     let mut previous = f64::NAN;
     for angle in angles_rad.iter_mut().filter(|angle| !angle.is_nan()) {
@@ -184,69 +203,88 @@ pub fn unwrap(angles_rad: &mut [f64]) {
     }
 }
 
-/// How much wider than of a normal distribution the middle 95 % of Student's are: a standard error
-/// from a few cycles is itself uncertain (Abramowitz and Stegun, 26.7.5).
+/// Returns the ratio of the 97.5 % quantile of Student's t distribution to that of the normal distribution.
+/// If a standard error has `freedom` degrees of freedom, the half-width of a 95 % interval is 1.96 standard
+/// errors times this ratio. Infinite for zero degrees of freedom.
 pub fn student(freedom: f64) -> f64 {
-    let x = 1.0 / freedom;
-    1.0 + x * (1.2104 + x * (1.4400 + x * 1.3040))
+    let outside = 2.0 * SIDES_95[0];
+    fisher(outside, [1.0, freedom]).sqrt() / HALF_WIDTH_95
 }
 
-/// Quantile of the ratio of two variances of normal deviates, of so many degrees of freedom each: that
-/// of Fisher's F at as many standard deviations as `normal` says (Paulson 1942; Abramowitz and Stegun,
-/// 26.6.15). Of few degrees below it is infinite.
-pub fn fisher(normal: f64, [above, below]: [f64; 2]) -> f64 {
-    let [a, b] = [above, below].map(|freedom| 2.0 / (9.0 * freedom));
-    let scale = (1.0 - b).powi(2) - normal * normal * b;
-    let spread = (1.0 - a).powi(2) * b + a * scale;
-    match scale > 0.0 {
-        true => (((1.0 - a) * (1.0 - b) + normal * spread.sqrt()) / scale).powi(3),
-        false => f64::INFINITY,
+/// Returns the probability that a standard normal deviate exceeds `deviate`.
+pub fn normal_tail(deviate: f64) -> f64 {
+    0.5 * erfc(deviate / SQRT_2)
+}
+
+/// Returns the quantile of Fisher's F distribution that is exceeded with probability `tail`. F is the ratio
+/// of two variance estimates with `[numerator, denominator]` degrees of freedom. Infinite for zero degrees of
+/// freedom.
+pub fn fisher(tail: f64, [numerator, denominator]: [f64; 2]) -> f64 {
+    // Bisects the logarithm of F: the quantile function of statrs is wrong in small tails and does not
+    // terminate at a million degrees of freedom.
+    let [numerator, denominator] = [numerator, denominator].map(|freedom| freedom.min(MAX_FREEDOM));
+    let Ok(distribution) = FisherSnedecor::new(numerator, denominator) else {
+        return f64::INFINITY;
+    };
+    let [mut low, mut high] = [-70.0, 70.0];
+    for _ in 0..45 {
+        let middle: f64 = 0.5 * (low + high);
+        let is_below = distribution.sf(middle.exp()) > tail;
+        *(if is_below { &mut low } else { &mut high }) = middle;
     }
+    low.exp()
 }
 
-/// How much smaller than the standard deviation that of a sample is on average, of normally
-/// distributed values: c4 of control charts, for so many degrees of freedom (Johnson, Kotz and
+/// Returns the ratio of the expected sample standard deviation of normally distributed values to the true
+/// standard deviation, for `freedom` degrees of freedom: the constant c4 of control charts (Johnson, Kotz and
 /// Balakrishnan, *Continuous Univariate Distributions* 1, 2nd ed., Wiley 1994, section 13.8.2).
-pub fn mean_deviation(freedom: f64) -> f64 {
-    let x = 1.0 / freedom;
-    1.0 - x * (0.25 - x * (0.03125 + x * (0.0390625 - x * 0.01025390625)))
+pub fn c4(freedom: f64) -> f64 {
+    let freedom = freedom.min(MAX_FREEDOM);
+    (2.0 / freedom).sqrt() * (ln_gamma(0.5 * (freedom + 1.0)) - ln_gamma(0.5 * freedom)).exp()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    // Known values from Abramowitz and Stegun (tables 26.9 and 26.10) and from control-chart tables.
     #[test]
-    fn a_sample_s_deviation_is_too_small_on_average() {
-        for (freedom, c4) in [(2.0, 0.886227), (4.0, 0.939986), (9.0, 0.972659)] {
-            let found = mean_deviation(freedom);
-            assert!((found - c4).abs() < 2e-3, "{found} for {c4}");
+    fn distributions_agree_with_the_tables() {
+        for (freedom, known) in [(1.0, 0.797885), (2.0, 0.886227), (9.0, 0.972659)] {
+            let found = c4(freedom);
+            assert!((found - known).abs() < 1e-6, "{found} for {known}");
         }
-    }
-
-    #[test]
-    fn student_s_quantiles_over_the_normal_one() {
-        for (freedom, quantile) in [(3.0, 3.182446), (8.0, 2.306004), (30.0, 2.042272)] {
-            assert!((student(freedom) * 1.959964 / quantile - 1.0).abs() < 0.01);
+        for (freedom, quantile) in [(1.0, 12.706205), (3.0, 3.182446), (30.0, 2.042272)] {
+            let found = student(freedom) * HALF_WIDTH_95;
+            assert!((found / quantile - 1.0).abs() < 1e-6, "{found} for {quantile}");
         }
-    }
-
-    #[test]
-    fn quantiles_of_the_ratio_of_variances() {
-        // scipy.stats.f.ppf at 0.975 and 0.995.
-        for (normal, freedom, quantile) in [
-            (1.959964, [10.0, 20.0], 2.773671),
-            (1.959964, [40.0, 15.0], 2.585239),
-            (2.575829, [20.0, 10.0], 5.274016),
+        for (tail, freedom, quantile) in [
+            (0.025, [10.0, 20.0], 2.773671),
+            (0.025, [40.0, 15.0], 2.585005),
+            (0.005, [20.0, 10.0], 5.274016),
         ] {
-            let found = fisher(normal, freedom);
-            assert!((found / quantile - 1.0).abs() < 0.03, "{found} {quantile}");
+            let found = fisher(tail, freedom);
+            assert!((found / quantile - 1.0).abs() < 1e-6, "{found} for {quantile}");
         }
-        assert_eq!(fisher(3.0, [10.0, 1.0]), f64::INFINITY);
+        // With two numerator degrees of freedom the tail is (1 + 2 x / n)^(-n / 2).
+        for (n, x) in [(1.0_f64, 3e7), (5.0, 40.0), (300.0, 12.0)] {
+            let tail = (1.0 + 2.0 * x / n).powf(-0.5 * n);
+            let found = fisher(tail, [2.0, n]);
+            assert!((found / x - 1.0).abs() < 1e-6, "{found} for {x}");
+        }
+        assert!((normal_tail(HALF_WIDTH_95) - 0.025).abs() < 1e-5);
     }
 
     #[test]
-    fn medians_of_an_even_number_are_between_the_middle_two_or_the_higher_one() {
+    fn zero_and_infinite_degrees_of_freedom_are_limits() {
+        assert_eq!(student(0.0), f64::INFINITY);
+        assert_eq!(fisher(0.01, [10.0, 0.0]), f64::INFINITY);
+        assert!((student(f64::INFINITY) - 1.0).abs() < 1e-4);
+        assert!((c4(f64::INFINITY) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_median_of_an_even_number_is_the_mean_or_the_larger_of_the_middle_two() {
         assert_eq!(median(vec![4.0, 1.0, 3.0, 2.0]), 2.5);
         assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
         assert_eq!(median_high(vec![4.0, 1.0, 3.0, 2.0]), 3.0);
@@ -255,13 +293,13 @@ mod tests {
     }
 
     #[test]
-    fn the_median_absolute_deviation_bears_an_outlier() {
+    fn the_median_absolute_deviation_is_robust_to_an_outlier() {
         assert_eq!(median_absolute_deviation(&[1.0, 1.0, 2.0, 2.0, 4.0, 6.0, 9.0]), 1.0);
         assert_eq!(median_absolute_deviation(&[1.0, 2.0, 3.0, 4.0, 1e9]), 1.0);
     }
 
     #[test]
-    fn quantiles_are_those_of_numpy() {
+    fn quantiles_agree_with_numpy() {
         // numpy.quantile(..., method="linear") and "lower".
         let values = || vec![7.0, 1.0, 3.0, 2.0];
         assert_eq!(quantiles(values(), [0.0, 0.25, 0.5, 1.0]), [1.0, 1.75, 2.5, 7.0]);
@@ -271,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn extremes_pass_over_what_is_missing() {
+    fn extremes_skip_missing_values() {
         assert_eq!(extremes([2.0, f64::NAN, -1.0]), [-1.0, 2.0]);
         assert_eq!(extremes([]), [f64::INFINITY, f64::NEG_INFINITY]);
     }
@@ -283,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_the_solution_of_its_equations_in_any_parts() {
+    fn normal_equations_of_subsets_add_up_to_those_of_the_whole() {
         let part = |times: std::ops::Range<i32>| {
             let mut equations = NormalEquations::new();
             for t in times.map(f64::from) {

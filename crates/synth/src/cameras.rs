@@ -1,6 +1,5 @@
-//! What the cameras make of a motion: noise, vibration, tilt and dropouts.
+//! Synthetic camera recordings of a motion, with noise, vibration, tilt, dropouts and label errors.
 
-use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -13,32 +12,37 @@ use trilink_mocap::Recording;
 use trilink_robot::{Pose, Robot, in_world};
 use trilink_tables::config::Markers;
 
-/// Name of the subject before every label.
+/// Prefix of every marker label: the subject's name.
 const SUBJECT: &str = "Snake:";
-/// Standard deviation of each marker coordinate, mm.
+/// Standard deviation of the noise in each marker coordinate, mm.
 const NOISE_MM: f64 = 0.2;
-/// Amplitude (rad) and period (s) of the slow tilt of each link about each axis.
+/// Amplitude of each link's slow tilt about each axis, rad.
 const TILT_RAD: f64 = 0.005;
+/// Range of the period of the slow tilt, s.
 const TILT_PERIOD_S: Range<f64> = 6.0..20.0;
-/// Amplitude (mm) and frequency (Hz) of the suspension's vibration.
+/// Amplitudes of the suspension's vibration along x, y and z, mm.
 const VIBRATION_MM: [f64; 3] = [0.03, 0.03, 0.2];
+/// Range of the frequency of the suspension's vibration, Hz.
 const VIBRATION_HZ: Range<f64> = 8.0..13.0;
-/// Part of a marker's frames that the cameras miss.
+/// Expected fraction of frames in which the cameras miss a given marker, apart from occlusions of whole links.
 const MISSED: f64 = 0.045;
-/// Median (s) and logarithmic spread of the gaps' lengths before they are rounded up to whole
-/// frames.
+/// Median length of a gap before rounding up to whole frames, s.
 const GAP_S: f64 = 0.9 / 120.0;
+/// Standard deviation of the logarithm of the gap length.
 const GAP_SPREAD: f64 = 1.65;
-/// Occlusions of a whole link per second, and their longest, frames.
+/// Maximum length of a gap in a single marker, s.
+const MAX_GAP_S: f64 = 3.0;
+/// Mean rate at which each link is occluded as a whole, 1/s.
 const OCCLUSIONS_PER_S: f64 = 0.03;
-const LONGEST_OCCLUSION: usize = 10;
-/// How far a marker jumps, mm.
+/// Maximum length of an occlusion of a whole link, frames.
+const MAX_OCCLUSION: usize = 10;
+/// Distance by which a marker is displaced in a frame with a synthetic outlier, mm.
 const JUMP_MM: f64 = 20.0;
-/// First frames of the recordings.
+/// Range of the first frame number in a recording.
 const FIRST_FRAME: Range<usize> = 40..900;
 
-/// Slow tilt about both axes of one link, and its vibration along all three: amplitude (rad or
-/// mm), frequency (Hz) and phase (rad).
+/// Slow tilt of a link about x and y, and its vibration along x, y and z, each given by its amplitude (rad or mm),
+/// frequency (Hz) and phase (rad).
 struct Wobble([[f64; 3]; 5]);
 
 impl Wobble {
@@ -52,7 +56,7 @@ impl Wobble {
         Self(std::array::from_fn(|i| [amplitudes[i], frequencies_hz[i], phases[i]]))
     }
 
-    /// Where a marker is in the link's frame, mm.
+    /// Returns the position, mm, of a marker in the link frame when it is displaced by tilt and vibration.
     fn displace(&self, marker: [f64; 3], time_s: f64) -> [f64; 3] {
         let [about_x, about_y, shift @ ..] =
             self.0.map(|[size, hz, phase_rad]| size * (TAU * hz * time_s + phase_rad).sin());
@@ -65,24 +69,23 @@ impl Wobble {
     }
 }
 
-/// What the cameras made of a motion, and where they were wrong.
+/// Synthetic recording and the label errors in it.
 pub(super) struct Film {
     pub markers: Recording,
     pub label_errors: Vec<LabelError>,
 }
 
-/// A constant tilt out of the plane: turns about the x and y axes of the cameras' frame and of
-/// each link's, rad.
+/// Constant tilts of floor and links out of the horizontal: rotations about x and y, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tilt {
-    /// Of the floor against the cameras' plane, about their origin.
+    /// Tilt of the floor in the camera frame, about the origin of that frame.
     pub floor_rad: [f64; 2],
-    /// Of links 0, 1, 2 against the floor, about the floor under the axle.
+    /// Tilts of links 0, 1, 2 relative to the floor, about the point on the floor below the axle.
     pub links_rad: [[f64; 2]; 3],
 }
 
-/// A position after turns about x and y.
-fn turned(about_rad: [f64; 2], position: [f64; 3]) -> [f64; 3] {
+/// Rotates a position about the x and y axes, given the angles.
+fn rotate(about_rad: [f64; 2], position: [f64; 3]) -> [f64; 3] {
     if about_rad == [0.0; 2] {
         return position;
     }
@@ -90,30 +93,30 @@ fn turned(about_rad: [f64; 2], position: [f64; 3]) -> [f64; 3] {
     (Rotation3::new(Vector3::new(x, y, 0.0)) * Vector3::from(position)).into()
 }
 
-/// What the cameras look at, and how well.
+/// Robot, markers and cameras of a synthetic recording.
 pub(super) struct Scene<'a> {
     pub robot: &'a Robot,
     pub layout: &'a Markers,
     pub rate_hz: f64,
-    /// Part of the frames in which a marker is misplaced.
+    /// Fraction of frames with a label error (two swapped labels or a displaced marker).
     pub misplaced: f64,
     pub tilt: Tilt,
+    /// Direction of the motion's x axis in the laboratory, rad; `None` for a random direction.
+    pub heading_rad: Option<f64>,
 }
 
-/// The film of a motion given as `(x, y, theta, phi1, phi2)` of every frame.
+/// Simulates the recording of a motion, which is given as `(x, y, theta, phi1, phi2)` for every frame, m and rad.
 pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8Rng) -> Film {
-    let Scene { robot, layout, rate_hz, misplaced, tilt } = *scene;
-    let markers: Vec<(usize, &String, [f64; 3])> = layout
-        .links()
-        .into_iter()
-        .enumerate()
-        .flat_map(|(link, markers): (usize, &BTreeMap<String, [f64; 3]>)| {
-            let turned = move |position| turned(tilt.links_rad[link], position);
-            markers.iter().map(move |(label, position)| (link, label, turned(*position)))
-        })
-        .collect();
+    let Scene { robot, layout, rate_hz, misplaced, tilt, heading_rad } = *scene;
+    let mut markers: Vec<(usize, &String, [f64; 3])> = Vec::new();
+    for (link, layout) in layout.links().into_iter().enumerate() {
+        for (label, position) in layout {
+            markers.push((link, label, rotate(tilt.links_rad[link], *position)));
+        }
+    }
     let wobbles: [Wobble; 3] = std::array::from_fn(|_| Wobble::draw(&mut random));
-    let heading = random.random_range(0.0..TAU);
+    let drawn_rad = random.random_range(0.0..TAU);
+    let heading = heading_rad.unwrap_or(drawn_rad);
     let origin_mm = [random.random_range(-900.0..900.0), random.random_range(-900.0..900.0)];
     let first_frame = random.random_range(FIRST_FRAME);
     let seen = dropouts(coordinates.len(), rate_hz, &markers, &mut random);
@@ -129,16 +132,14 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
             let Pose { x_m, y_m, theta_rad } = links[*link];
             let floor = in_world([1e3 * x_m, 1e3 * y_m], theta_rad, [x, y]);
             let [x, y] = in_world(origin_mm, heading, floor);
-            let world = turned(tilt.floor_rad, [x, y, z]);
-            // Noise is drawn for every marker, so that dropouts do not change the rest.
+            let world = rotate(tilt.floor_rad, [x, y, z]);
+            // Noise is also drawn for missing markers, so that dropouts do not change the noise of the others.
             let measured = world.map(|x| x + noise.sample(&mut random));
             positions_mm.push(seen[i][frame].then_some(measured));
         }
     }
-    // A layout that names the subject keeps it.
-    let subject = |label: &str| if label.contains(':') { "" } else { SUBJECT };
-    let labels = markers.iter().map(|(_, label, _)| subject(label).to_owned() + label).collect();
-    // Drawn last, so that everything else is the same with and without them.
+    let labels = markers.iter().map(|(_, label, _)| with_subject(label)).collect();
+    // Label errors are drawn last, so that everything else is the same with and without them.
     let label_errors = if misplaced > 0.0 {
         let links: Vec<usize> = markers.iter().map(|(link, _, _)| *link).collect();
         add_label_errors(&mut positions_mm, &links, first_frame, misplaced, &mut random)
@@ -151,10 +152,15 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     Film { markers, label_errors }
 }
 
-/// Which frames of each marker the cameras saw.
+/// Prefixes a label with the subject, unless it already has one.
+fn with_subject(label: &str) -> String {
+    if label.contains(':') { label.to_owned() } else { format!("{SUBJECT}{label}") }
+}
+
+/// Returns for each marker the frames in which the cameras record it, as one truth value per frame.
 ///
-/// Gaps of single markers last one frame in the median, 94 % of them 100 ms at most and 99 %
-/// one second at most, as in real exports; beside them now and then a whole link is hidden.
+/// Gaps of single markers have a median length of one frame; 94 % of them last at most 100 ms and 99 % at most one
+/// second, as in real exports. In addition, whole links are occasionally occluded.
 fn dropouts(
     frames: usize,
     rate_hz: f64,
@@ -162,36 +168,42 @@ fn dropouts(
     random: &mut ChaCha8Rng,
 ) -> Vec<Vec<bool>> {
     let length_s = LogNormal::new(GAP_S.ln(), GAP_SPREAD).expect("a positive deviation");
-    let longest_s = 3.0;
     let mean_frames = GAP_S * (0.5 * GAP_SPREAD * GAP_SPREAD).exp() * rate_hz + 0.5;
     let start = MISSED / mean_frames;
     let mut seen = vec![vec![true; frames]; markers.len()];
-    let missed = |random: &mut ChaCha8Rng| {
-        (length_s.sample(random).min(longest_s) * rate_hz).ceil() as usize
-    };
     for marker in &mut seen {
-        for gap in gaps(frames, start, random, missed) {
+        let gaps = gaps(frames, start, random, |random| {
+            (length_s.sample(random).min(MAX_GAP_S) * rate_hz).ceil() as usize
+        });
+        for gap in gaps {
             marker[gap].fill(false);
         }
     }
-    let hidden = |random: &mut ChaCha8Rng| random.random_range(1..=LONGEST_OCCLUSION);
-    for link in 0..3 {
-        for gap in gaps(frames, OCCLUSIONS_PER_S / rate_hz, random, hidden) {
-            let of_link = seen.iter_mut().zip(markers).filter(|(_, (of, _, _))| *of == link);
-            of_link.for_each(|(marker, _)| marker[gap.clone()].fill(false));
+    for occluded in 0..3 {
+        let gaps = gaps(frames, OCCLUSIONS_PER_S / rate_hz, random, |random| {
+            random.random_range(1..=MAX_OCCLUSION)
+        });
+        for gap in gaps {
+            for (marker, (link, _, _)) in seen.iter_mut().zip(markers) {
+                if *link == occluded {
+                    marker[gap.clone()].fill(false);
+                }
+            }
         }
     }
     seen
 }
 
-/// Ranges of frames, each of which begins with this probability in any frame.
+/// Draws ranges of frames that neither overlap nor touch: outside the earlier ranges, each frame begins a range with
+/// the given probability, and `length` draws the number of frames in the range.
 fn gaps(
     frames: usize,
     probability: f64,
     random: &mut ChaCha8Rng,
     length: impl Fn(&mut ChaCha8Rng) -> usize,
 ) -> Vec<Range<usize>> {
-    let (mut gaps, mut frame) = (Vec::new(), 0);
+    let mut gaps = Vec::new();
+    let mut frame = 0;
     while frame < frames {
         if random.random::<f64>() < probability {
             let end = (frame + length(random)).min(frames);
@@ -203,29 +215,30 @@ fn gaps(
     gaps
 }
 
-/// A frame in which a marker is not where its label says.
+/// Label error of a link in one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct LabelError {
-    /// Number of the frame in the marker file.
+    /// Frame number as in the marker file.
     pub frame: usize,
     pub link: usize,
-    /// Whether two labels were swapped; else one marker jumped.
+    /// Whether two labels were swapped; if not, one marker was displaced.
     pub swapped: bool,
 }
 
-/// Puts a label error into a part of the frames: half of them get two labels of one link swapped, in the others a marker jumps by [`JUMP_MM`] in some direction of the plane.
-/// Where fewer than two markers of the link were seen the frame is left alone: such a link has
-/// no pose. `links` are those of the markers in their order.
+/// In a randomly chosen fraction of the frames, adds a label error to a random link: with equal probability, two labels
+/// of the link are swapped, or one of its markers is displaced by [`JUMP_MM`] in a random horizontal direction. A frame
+/// in which fewer than two markers of the link are recorded is left unchanged, because the link has no pose there.
+/// `links` contains the index of each marker's link.
 fn add_label_errors(
     positions_mm: &mut [Option<[f64; 3]>],
     links: &[usize],
     first_frame: usize,
-    part: f64,
+    fraction: f64,
     random: &mut ChaCha8Rng,
 ) -> Vec<LabelError> {
     let mut errors = Vec::new();
     for (frame, markers) in (first_frame..).zip(positions_mm.chunks_exact_mut(links.len())) {
-        if random.random::<f64>() >= part {
+        if random.random::<f64>() >= fraction {
             continue;
         }
         let link = random.random_range(0..3);

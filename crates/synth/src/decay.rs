@@ -1,5 +1,6 @@
-//! The trials that give a robot's own parameters: its passive joint let go, and the straight
-//! robot pushed.
+//! Motions of joint releases and coast-downs.
+
+use std::f64::consts::PI;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -7,21 +8,28 @@ use serde::Serialize;
 use trilink_robot::Robot;
 use trilink_robot::decay::Coast;
 
-/// How far the passive joint is turned from its rest, rad, and how long it is held, s.
+/// Range of the passive joint's initial deflection from its rest angle, rad.
 const RELEASED_RAD: std::ops::Range<f64> = 0.45..0.55;
+/// Duration for which the joint is held before its release, s.
 const HELD_S: f64 = 0.5;
-/// The robot's speed when it is let go, m/s, and how long it rests and is pushed before, s.
+/// Range of the initial speed of a coast-down, m/s.
 const PUSHED_M_S: std::ops::Range<f64> = 0.7..0.9;
+/// Duration for which the robot is at rest before it is pushed, s.
 const REST_S: f64 = 0.4;
+/// Duration of the push, s.
 const PUSH_S: f64 = 0.5;
-/// What is left of swing and speed when the recording ends, and how long it lasts at most, s.
+/// Amplitude of the swing at the end of the recording, relative to the initial amplitude.
 const SWING_LEFT: f64 = 0.002;
+/// Speed at the end of the recording, relative to the initial speed.
 const SPEED_LEFT: f64 = 0.05;
-const LONGEST_S: f64 = 30.0;
-/// A joint with more damping hardly swings.
-const LARGEST_DAMPING_RATIO: f64 = 0.4;
+/// Standard gravity, m/s^2.
+const GRAVITY_M_S2: f64 = 9.80665;
+/// Maximum duration of a recording, s.
+const MAX_DURATION_S: f64 = 30.0;
+/// Damping ratio from which on the release of a joint is not simulated, because the joint would barely swing.
+const MAX_DAMPING_RATIO: f64 = 0.4;
 
-/// What a trial was made from. What its kind does not depend on is null.
+/// True robot parameters of a joint release or a coast-down; null for parameters that do not affect this kind of trial.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct DecayTruth {
     pub robot: String,
@@ -33,16 +41,41 @@ pub struct DecayTruth {
     pub roll_sum_kg_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roll_dry_sum_n: Option<f64>,
+    /// Direction in which the robot coasts on a sloping floor, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading_rad: Option<f64>,
 }
 
-/// A motion as `(x, y, theta, phi1, phi2)` of every frame, m and rad, and what it follows from.
+/// Slope of the floor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Slope {
+    /// Angle at which the floor rises where it is steepest, degrees.
+    pub slope_deg: f64,
+    /// Direction in which the floor rises, degrees from the x axis of the laboratory.
+    pub direction_deg: f64,
+}
+
+impl Slope {
+    /// Directions of the coast-downs on a sloping floor, rad.
+    pub(super) const HEADINGS_RAD: [f64; 4] = [0.0, PI, 0.5 * PI, -0.5 * PI];
+
+    /// Returns the deceleration by gravity of a robot that travels in a direction, m/s^2.
+    fn deceleration_m_s2(self, heading_rad: f64) -> f64 {
+        let steepest = self.slope_deg.to_radians();
+        let rise = steepest.tan() * (heading_rad - self.direction_deg.to_radians()).cos();
+        GRAVITY_M_S2 * rise.atan().sin()
+    }
+}
+
+/// Simulated motion of a joint release or a coast-down: the coordinates `(x, y, theta, phi1, phi2)` in every frame, m
+/// and rad, and the true parameters with which they were computed.
 pub(super) struct Decay {
     pub coordinates: Vec<[f64; 5]>,
     pub truth: DecayTruth,
 }
 
-/// The passive joint (0 or 1) of the lifted robot, whose other links are held, turned from its
-/// rest and let go; `None` if it would hardly swing.
+/// Returns the motion of the passive joint (index 0 or 1) when it is deflected from its rest angle and released while
+/// the robot is lifted and clamped; `None` if the joint would barely swing.
 pub(super) fn released(
     name: &str,
     robot: &Robot,
@@ -51,17 +84,18 @@ pub(super) fn released(
     random: &mut ChaCha8Rng,
 ) -> Option<Decay> {
     let link = joint + 1;
-    let inertia = robot.inertia_kg_m2[link] + robot.mass_kg[link] * robot.b_m.powi(2);
-    let (stiffness, damping) = (robot.stiffness_nm_rad, robot.damping_nm_s_rad);
+    let inertia = robot.inertia_about_joint_kg_m2(link);
+    let stiffness = robot.stiffness_nm_rad;
+    let damping = robot.damping_nm_s_rad;
     let natural_rad_s = (stiffness / inertia).sqrt();
     let damping_ratio = damping / (2.0 * inertia * natural_rad_s);
-    if !(damping_ratio > 0.0 && damping_ratio < LARGEST_DAMPING_RATIO) {
+    if !(damping_ratio > 0.0 && damping_ratio < MAX_DAMPING_RATIO) {
         return None;
     }
     let decay = damping_ratio * natural_rad_s;
     let damped = natural_rad_s * (1.0 - damping_ratio.powi(2)).sqrt();
     let swing_rad = random.random_range(RELEASED_RAD);
-    let duration_s = (HELD_S - SWING_LEFT.ln() / decay).min(LONGEST_S);
+    let duration_s = (HELD_S - SWING_LEFT.ln() / decay).min(MAX_DURATION_S);
     let at = |frame: usize| {
         let t = (frame as f64 / rate_hz - HELD_S).max(0.0);
         let (sin, cos) = (damped * t).sin_cos();
@@ -83,25 +117,30 @@ pub(super) fn released(
     })
 }
 
-/// The straight robot at rest, pushed, and coasting against viscous and dry resistance; `None` if
-/// nothing resists it.
+/// Returns the motion of the straight robot when it rests, is pushed, and coasts against viscous and dry resistance, in
+/// the direction `heading_rad` on a sloping floor if there is one; `None` if nothing stops it. The recording ends
+/// before a robot that gravity has stopped rolls back.
 pub(super) fn coasting(
     name: &str,
     robot: &Robot,
     rate_hz: f64,
+    floor: Option<(Slope, f64)>,
     random: &mut ChaCha8Rng,
 ) -> Option<Decay> {
     let roll_sum_kg_s: f64 = robot.roll_kg_s.iter().sum();
     let roll_dry_sum_n: f64 = robot.roll_dry_n.iter().sum();
     let mass_kg: f64 = robot.mass_kg.iter().sum();
     let speed = random.random_range(PUSHED_M_S);
-    let coast = Coast::from([0.0, speed, roll_sum_kg_s / mass_kg, roll_dry_sum_n / mass_kg]);
-    let stops_s = (-SPEED_LEFT.ln() / coast.viscous_1_s).min(coast.stops_s() + REST_S);
+    let gravity_m_s2 = floor.map_or(0.0, |(slope, heading)| slope.deceleration_m_s2(heading));
+    let dry_m_s2 = roll_dry_sum_n / mass_kg;
+    let coast = Coast::from([0.0, speed, roll_sum_kg_s / mass_kg, dry_m_s2 + gravity_m_s2]);
+    let rest_s = if gravity_m_s2 > dry_m_s2 { 0.0 } else { REST_S };
+    let stops_s = (-SPEED_LEFT.ln() / coast.viscous_1_s).min(coast.stops_s() + rest_s);
     if !(stops_s > 0.0 && stops_s.is_finite()) {
         return None;
     }
     let begin_s = REST_S + PUSH_S;
-    let duration_s = (begin_s + stops_s).min(LONGEST_S);
+    let duration_s = (begin_s + stops_s).min(MAX_DURATION_S);
     let at = |frame: usize| {
         let t = frame as f64 / rate_hz;
         let pushed = (t - REST_S).clamp(0.0, PUSH_S);
@@ -116,6 +155,7 @@ pub(super) fn coasting(
             roll_kg_s: Some(robot.roll_kg_s),
             roll_sum_kg_s: Some(roll_sum_kg_s),
             roll_dry_sum_n: Some(roll_dry_sum_n).filter(|dry| *dry > 0.0),
+            heading_rad: floor.map(|(_, heading_rad)| heading_rad),
             ..DecayTruth::default()
         },
     })
@@ -131,11 +171,11 @@ mod tests {
     fn a_robot_with_dry_wheels_coasts_until_it_stops() {
         let of = |roll_kg_s, roll_dry_n| {
             let robot = Robot { roll_kg_s, roll_dry_n, ..Robot::kinematic() };
-            coasting("ours", &robot, 120.0, &mut ChaCha8Rng::seed_from_u64(1))
+            coasting("ours", &robot, 120.0, None, &mut ChaCha8Rng::seed_from_u64(1))
         };
         let decay = of([0.0; 3], [0.4, 0.2, 0.2]).expect("it is resisted");
         let path_m: Vec<f64> = decay.coordinates.iter().map(|state| state[0]).collect();
-        // Pushed over 0.5 s to a speed, which friction takes over twice its way.
+        // The robot is pushed to a speed over 0.5 s; friction then stops it over twice that distance.
         let pushed_m = path_m[108];
         let speed_m_s = 2.0 * pushed_m / PUSH_S;
         let way_m = 0.5 * speed_m_s.powi(2) * 1.44 / 0.8;

@@ -1,16 +1,16 @@
-//! Trials with a known truth, written as the camera system writes them.
+//! Synthetic trials with known true values, as files of a motion-capture system.
 //!
-//! The motion is that of a model, `skid-roll` if no other is named, with planted coefficients, from
-//! rest, under a servo that does not quite reach its command. Of each robot there is a coast-down too, and a
-//! joint-release if one of its joints is passive. The cameras add noise, vibration, tilt and
-//! dropouts. The truth goes to `truth.json`, which nothing but the report's comparison reads.
+//! The motion follows a model (`skid-roll` by default) with known coefficients, from rest, with servos that do not
+//! follow their commands exactly. For each robot there are also a coast-down and, if the robot has a passive joint, a
+//! joint release. The cameras add noise, vibration, tilt and dropouts. The true values are written to `truth.json`,
+//! which is read only when the report compares results with them.
 //!
-//! [`synthesise`] makes a trial folder by a [`Recipe`]. In the order of its steps:
+//! [`synthesise`] writes a trial folder from a [`Recipe`]. Its steps are, in order:
 //!
-//! - `plan`: which trials there are, with their robots and laws, drawn from the seed.
-//! - `planted`, `servo` and `decay`: the motion of each, with a gait and without.
-//! - `cameras`: what the cameras see of it.
-//! - `truth`: what was planted, as [`Truth`].
+//! - `plan`: the trials with their robots and laws, drawn from the seed.
+//! - `planted`, `servo` and `decay`: the motion in each trial, with and without a gait.
+//! - `cameras`: the recording of the motion.
+//! - `truth`: the true values, [`Truth`].
 //!
 //! ```
 //! use trilink_synth::{Recipe, synthesise};
@@ -40,7 +40,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use trilink_base::cancel::Cancelled;
 use trilink_base::files;
-use trilink_mechanics::{MotionError, Problem};
+use trilink_mechanics::MotionError;
 use trilink_mocap::{c3d_bytes, csv_bytes};
 use trilink_robot::Model;
 use trilink_tables::config::{Config, ConfigError};
@@ -49,26 +49,26 @@ use trilink_tables::{StoreError, remove_unfinished, write_bytes};
 
 use cameras::{Film, Scene};
 pub use cameras::{LabelError, Tilt};
-pub use decay::DecayTruth;
+pub use decay::{DecayTruth, Slope};
 use plan::{Plan, Source};
 pub use servo::Servo;
 pub use truth::{CampaignTruth, Law, TrialTruth, Truth, planted_models};
 
-/// The paper's frequencies, rad/s: steps of 0.5 and the paper's 3.9.
+/// Default frequencies, rad/s: the paper's 3.9 rad/s, and the paper's range in steps of 0.5 rad/s.
 pub const OMEGAS_RAD_S: [f64; 13] =
     [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
 
-/// How the marker files are written.
+/// Format of the synthetic marker files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Text, as Nexus exports `Trajectories`; six significant digits.
+    /// Text as in the `Trajectories` section exported by Nexus, with six significant digits.
     Csv,
-    /// Vicon's own binary format.
+    /// Binary C3D.
     C3d,
 }
 
 impl Format {
-    /// A trial in this format, of no campaign or robot yet.
+    /// Returns a trial whose file has this format, with campaign and robot left empty.
     fn trial(self, id: String, kind: TrialKind) -> Trial {
         let extension = match self {
             Self::Csv => "csv",
@@ -81,6 +81,7 @@ impl Format {
             campaign: None,
             robot: None,
             omega_rad_s: None,
+            day: None,
             smoothing_window: None,
         }
     }
@@ -93,28 +94,29 @@ impl Format {
     }
 }
 
-/// More frames, two hours at 120 Hz, may not fit into memory.
-const MOST_FRAMES: f64 = 864_000.0;
+/// Maximum number of frames in a trial: two hours at 120 Hz. More may not fit into memory.
+const MAX_FRAMES: f64 = 864_000.0;
 
-/// Why trials could not be made.
+/// Error during the generation of synthetic trials.
 #[derive(Debug, thiserror::Error)]
 pub enum SynthError {
-    #[error("{}: has trials that were not made by synth; give another folder", folder.display())]
+    #[error("{}: contains trials that `trilink synth` did not write; choose another folder", folder.display())]
     NotSynthetic { folder: PathBuf },
     #[error(
-        "trial `{trial}`: cannot name a file; needed a campaign's name of the characters A-Z a-z 0-9 . _ -, at most 52 of them"
+        "trial `{trial}`: this name is not valid as a file name; the name of a campaign may consist of at most 52 of \
+         the characters A-Z a-z 0-9 . _ -"
     )]
     Name { trial: String },
-    #[error("trial `{trial}`: planned twice; needed frequencies that differ by 0.01 rad/s or more")]
+    #[error("trial `{trial}`: planned twice; frequencies must differ by 0.01 rad/s or more")]
     Twice { trial: String },
     #[error(
-        "trial `{trial}`: found more than {MOST_FRAMES} frames, needed a higher frequency or a lower vicon.rate_hz"
+        "trial `{trial}`: would have more than {MAX_FRAMES} frames; choose a higher frequency or a lower vicon.rate_hz"
     )]
     TooLong { trial: String },
     #[error("--law: {0}")]
     Law(String),
     #[error(
-        "--repeat-omega: found {omega_rad_s} rad/s, needed frequencies of the trials: {}", listed(.known)
+        "--repeat-omega: found {omega_rad_s} rad/s, needed one of the frequencies of the trials: {}", listed(.known)
     )]
     Repeat { omega_rad_s: f64, known: Vec<f64> },
     #[error(transparent)]
@@ -131,39 +133,46 @@ fn listed(omegas_rad_s: &[f64]) -> String {
     omegas_rad_s.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// What is to be made.
+/// Settings for generating a folder of synthetic trials.
 #[derive(Debug, Clone)]
 pub struct Recipe {
-    /// Of everything random; the same seed gives the same bytes.
+    /// Seed for all random numbers; the same seed gives identical files.
     pub seed: u64,
-    /// Of what the cameras add and cycles differ by, if it is not the same: another recording.
+    /// Seed for the cameras and the cycle-to-cycle variation, to generate another recording of the same robots; `None`
+    /// to use `seed`.
     pub noise_seed: Option<u64>,
-    /// The model whose laws make a robot's motion, `skid-roll` of robots that are not named.
+    /// Model that generates the motion of each robot, by robot name; `skid-roll` for robots that are not listed.
     pub laws: BTreeMap<String, Model>,
-    /// What the planted skid coefficients of wheels 0, 1, 2 are multiplied by.
+    /// Factors applied to the true skid coefficients of wheels 0, 1, 2.
     pub skid_factors: [f64; 3],
-    /// Frequencies of every campaign, rad/s.
+    /// Frequencies at which every campaign has trials, rad/s.
     pub omegas_rad_s: Vec<f64>,
-    /// Robots whose trials have no repeats, days, servos or varying friction.
+    /// Names of robots with ideal servos, constant friction, and a single trial at each frequency, all on the same
+    /// floor.
     pub tidy: BTreeSet<String>,
-    /// Trials of each frequency.
+    /// Number of trials at each of the repeated frequencies.
     pub repeats: usize,
-    /// The frequencies that have repeats; all, if it is empty.
+    /// Frequencies with repeated trials, rad/s; all frequencies if empty.
     pub repeated_rad_s: Vec<f64>,
-    /// Days over which the trials of a campaign are dealt, each with a floor of its own.
+    /// Number of days, each with its own floor friction, over which the trials of a campaign are distributed.
     pub days: usize,
     pub servo: Servo,
+    /// Slope of the floor on which the robots coast; gaits are always simulated on a level floor.
+    pub slope: Option<Slope>,
     /// Relative standard deviation of the wheels' friction from cycle to cycle.
     pub friction_variation: f64,
+    /// Relative standard deviation of the wheels' friction from trial to trial.
+    pub trial_variation: f64,
+    /// Number of trials of each campaign with 1.5 times the friction of their repeats.
+    pub unlike: usize,
     pub format: Format,
-    /// Part of the frames in which a marker of one link is swapped with another of it, or
-    /// jumps by 20 mm.
+    /// Fraction of frames in which two labels of a link are swapped or a marker is displaced by 20 mm.
     pub misplaced: f64,
     pub tilt: Tilt,
 }
 
 impl Recipe {
-    /// The paper's frequencies as CSV, without misplaced markers.
+    /// Creates a recipe with the default frequencies, ideal servos, constant friction, CSV files and no label errors.
     pub fn new(seed: u64) -> Self {
         Self {
             seed,
@@ -176,30 +185,27 @@ impl Recipe {
             repeated_rad_s: Vec::new(),
             days: 1,
             servo: Servo::default(),
+            slope: None,
             friction_variation: 0.0,
+            trial_variation: 0.0,
+            unlike: 0,
             format: Format::Csv,
             misplaced: 0.0,
             tilt: Tilt::default(),
         }
     }
 
-    /// The demo's. Robots that have no passive joint and say their dry friction are made with `coulomb`:
-    /// three trials of some frequencies, days whose floors differ, servos that lag and give way, friction
-    /// that varies from cycle to cycle. Others are tidy and made with `skid-roll`.
+    /// Creates the recipe for the demo. Robots with configured dry friction and without a passive joint move according
+    /// to the model `coulomb`, with three trials at some frequencies, floors that differ between days, servos with lag
+    /// and compliance, and friction that varies from cycle to cycle. Other robots are listed in `tidy` and move
+    /// according to the model `skid-roll`.
     pub fn demo(config: &Config, seed: u64) -> Self {
         let model = Model::new("coulomb");
-        let is_passive = |robot: &str| {
-            let mut campaigns = config.campaign.iter().filter(|(_, one)| one.robot == robot);
-            campaigns.any(|(name, _)| {
-                config.campaign_setup(name).is_none_or(|(_, gait)| gait.passive_joint().is_some())
-            })
-        };
-        let is_dry = |robot: &&String| {
-            let knows = config.check_laws(Path::new("demo"), robot, model).is_ok();
-            knows && !is_passive(robot)
-        };
         let robots = config.campaign.values().map(|campaign| campaign.robot.clone());
-        let (dry, tidy): (BTreeSet<_>, _) = robots.partition(|robot| is_dry(&robot));
+        let (dry, tidy): (BTreeSet<_>, _) = robots.partition(|robot| {
+            let is_configured = config.check_laws(Path::new("demo"), robot, model).is_ok();
+            is_configured && !has_passive_joint(config, robot)
+        });
         if dry.is_empty() {
             return Self::new(seed);
         }
@@ -215,28 +221,43 @@ impl Recipe {
         }
     }
 
-    /// How many trials it makes of a configuration.
+    /// Returns the number of trials that the recipe generates for a configuration.
     pub fn trials(&self, config: &Config) -> usize {
-        let of = |robot| self.omegas_rad_s.iter().map(move |omega| self.repeats_of(robot, *omega));
-        let gaits: usize = config.campaign.values().flat_map(|campaign| of(&campaign.robot)).sum();
-        gaits + plan::decays(config, self).len()
+        let mut trials = plan::decays(config, self).len();
+        for campaign in config.campaign.values() {
+            for omega_rad_s in &self.omegas_rad_s {
+                trials += self.repeats_of(&campaign.robot, *omega_rad_s);
+            }
+        }
+        trials
     }
 
-    /// How many trials a frequency has in each of a robot's campaigns.
+    /// Returns the number of trials at a frequency in each campaign of a robot.
     fn repeats_of(&self, robot: &str, omega_rad_s: f64) -> usize {
-        let Self { repeated_rad_s: of, .. } = self;
-        let is_repeated = of.is_empty() || of.contains(&omega_rad_s);
+        let is_repeated =
+            self.repeated_rad_s.is_empty() || self.repeated_rad_s.contains(&omega_rad_s);
         if is_repeated && !self.tidy.contains(robot) { self.repeats } else { 1 }
     }
 }
 
-/// Writes a trial folder: every campaign of the configuration at every frequency, a coast-down
-/// of every robot in them and a release of every passive joint. The same
-/// seed gives the same bytes, and the same motion and noise in every format.
+/// Returns whether any campaign of a robot leaves a joint passive, or names a robot or gait that is missing from the
+/// configuration.
+fn has_passive_joint(config: &Config, robot: &str) -> bool {
+    let mut campaigns = config.campaign.iter().filter(|(_, one)| one.robot == robot);
+    campaigns.any(|(name, _)| {
+        config.campaign_setup(name).is_none_or(|(_, gait)| gait.passive_joint().is_some())
+    })
+}
+
+/// Writes a trial folder and returns its trials: every campaign in the configuration at every frequency of the recipe,
+/// a coast-down of every robot in these campaigns, and a release of every passive joint. The same seed gives identical
+/// files, and the same motion and noise in every format. `on_trial` is called with the id of each trial once it is
+/// complete.
 ///
 /// # Errors
-/// A law is not known or needs what its robot does not say, the folder holds trials that are not
-/// synthetic, a planted motion does not exist, or a file cannot be written.
+/// Returns an error if a model is unknown or needs a coefficient that its robot lacks, if the folder contains trials
+/// that are not synthetic, if a trial would have an invalid or repeated id or too many frames, if the model has no
+/// periodic solution for a trial, if a file cannot be written, or if `on_trial` cancels.
 pub fn synthesise(
     config: &Config,
     folder: &Path,
@@ -252,7 +273,7 @@ pub fn synthesise(
             return Err(SynthError::Name { trial: id.clone() });
         }
         if let Source::Gait(drive) = source
-            && planted::least_frames(drive.problem.omega_rad_s, config.vicon.rate_hz) > MOST_FRAMES
+            && planted::min_frames(drive.problem.omega_rad_s, config.vicon.rate_hz) > MAX_FRAMES
         {
             return Err(SynthError::TooLong { trial: id.clone() });
         }
@@ -260,74 +281,112 @@ pub fn synthesise(
             return Err(SynthError::Twice { trial: id.clone() });
         }
     }
-    take_over(folder, plans.iter().map(|plan| plan.trial.file.as_str()))?;
+    claim_folder(folder, plans.iter().map(|plan| plan.trial.file.as_str()))?;
     remove_unfinished(&[folder.to_owned()])?;
-    let Recipe { seed, format, misplaced, tilt, servo, friction_variation, .. } = *recipe;
-    let (rate_hz, layout) = (config.vicon.rate_hz, &config.markers);
-    let make = |Plan { trial, robot, source, seed }: &Plan| {
-        let scene = Scene { robot, layout, rate_hz, misplaced, tilt };
-        let film = |coordinates: &[[f64; 5]]| cameras::film(&scene, coordinates, seed.clone());
-        let (film, steady) = match source {
-            Source::Gait(drive) => {
-                let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
-                let problem = drive.servo.reached(&drive.problem).map_err(failed)?;
-                let made = planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz);
-                let (path, steady) = made.map_err(failed)?;
-                (film(&path), Some((problem, drive.day, steady)))
-            }
-            Source::Decay(decay) => (film(&decay.coordinates), None),
-        };
-        write_bytes(&folder.join(&trial.file), &format.bytes(&film))?;
-        on_trial(&trial.id)?;
-        let truth =
-            |(Problem { gait, omega_rad_s, .. }, day, metrics): (Problem, _, _)| TrialTruth {
-                omega_rad_s,
-                metrics,
-                gait: gait.joints,
-                day,
-                misplaced: film.label_errors,
-            };
-        Ok(steady.map(|steady| (trial.id.clone(), truth(steady))))
+    let trials: Vec<_> = plans
+        .par_iter()
+        .map(|plan| {
+            let truth = write_trial(config, folder, recipe, plan)?;
+            on_trial(&plan.trial.id)?;
+            Ok(truth.map(|truth| (plan.trial.id.clone(), truth)))
+        })
+        .collect::<Result<_, SynthError>>()?;
+    let trials = trials.into_iter().flatten().collect();
+    let mut robots = BTreeMap::new();
+    for plan in &plans {
+        if let Source::Decay(decay) = &plan.source {
+            robots.insert(plan.trial.id.clone(), decay.truth.clone());
+        }
+    }
+    let mut tidy: Vec<String> = config.campaign.keys().cloned().collect();
+    tidy.retain(|name| recipe.tidy.contains(&config.campaign[name].robot));
+    let truth = Truth {
+        synthetic: true,
+        seed: recipe.seed,
+        servo: recipe.servo.if_any(),
+        slope: recipe.slope,
+        friction_variation: recipe.friction_variation,
+        days,
+        tidy,
+        campaigns,
+        trials,
+        robots,
     };
-    let made: Vec<_> = plans.par_iter().map(make).collect::<Result<_, SynthError>>()?;
-    let trials = made.into_iter().flatten().collect();
-    let robots = plans.iter().filter_map(|plan| match &plan.source {
-        Source::Gait(_) => None,
-        Source::Decay(decay) => Some((plan.trial.id.clone(), decay.truth.clone())),
-    });
-    let robots = robots.collect();
-    let is_tidy = |name: &&String| recipe.tidy.contains(&config.campaign[*name].robot);
-    let tidy = config.campaign.keys().filter(is_tidy).cloned().collect();
-    let (servo, synthetic) = (servo.if_any(), true);
-    let truth =
-        Truth { synthetic, seed, servo, friction_variation, days, tidy, campaigns, trials, robots };
     write_bytes(&folder.join(TRUTH_FILE), truth.to_json().as_bytes())?;
-    // The list comes last: a folder with a list is complete.
+    // The trial list is written last, so that a folder with a list is complete.
     let trial = plans.into_iter().map(|plan| plan.trial).collect();
     let list = TrialList { trial, ..TrialList::default() };
     let header = "# Synthetic trials, written by `trilink synth`.\n\n";
-    let text = header.to_owned() + &toml::to_string(&list).expect("a trial list is plain TOML");
+    let text = header.to_owned()
+        + &toml::to_string(&list).expect("a trial list can be serialised as TOML");
     write_bytes(&folder.join(TRIALS_FILE), text.as_bytes())?;
     Ok(list.trial)
 }
 
-/// Any motion, `(x, y, theta, phi1, phi2)` of every frame (m and rad), as the camera system exports it to
-/// CSV.
+/// Writes the marker file of a trial and returns the trial's true values; `None` if it is not a gait trial.
+fn write_trial(
+    config: &Config,
+    folder: &Path,
+    recipe: &Recipe,
+    Plan { trial, robot, source, seed }: &Plan,
+) -> Result<Option<TrialTruth>, SynthError> {
+    let rate_hz = config.vicon.rate_hz;
+    let scene = Scene {
+        robot,
+        layout: &config.markers,
+        rate_hz,
+        misplaced: recipe.misplaced,
+        tilt: recipe.tilt,
+        heading_rad: None,
+    };
+    let path = folder.join(&trial.file);
+    let drive = match source {
+        Source::Gait(drive) => drive,
+        Source::Decay(decay) => {
+            let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
+            let film = cameras::film(&scene, &decay.coordinates, seed.clone());
+            write_bytes(&path, &recipe.format.bytes(&film))?;
+            return Ok(None);
+        }
+    };
+    let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
+    let problem = drive.servo.reached(&drive.problem).map_err(failed)?;
+    let (coordinates, metrics) =
+        planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz).map_err(failed)?;
+    let film = cameras::film(&scene, &coordinates, seed.clone());
+    write_bytes(&path, &recipe.format.bytes(&film))?;
+    Ok(Some(TrialTruth {
+        omega_rad_s: problem.omega_rad_s,
+        metrics,
+        gait: problem.gait.joints,
+        day: drive.day,
+        friction: drive.friction,
+        misplaced: film.label_errors,
+    }))
+}
+
+/// Returns the CSV file of a synthetic recording of a motion, given as `(x, y, theta, phi1, phi2)` for every frame, m
+/// and rad.
 pub fn export(
     config: &Config,
     robot: &trilink_robot::Robot,
     coordinates: &[[f64; 5]],
     seed: u64,
 ) -> Vec<u8> {
-    let (layout, rate_hz) = (&config.markers, config.vicon.rate_hz);
-    let scene = Scene { robot, layout, rate_hz, misplaced: 0.0, tilt: Tilt::default() };
+    let scene = Scene {
+        robot,
+        layout: &config.markers,
+        rate_hz: config.vicon.rate_hz,
+        misplaced: 0.0,
+        tilt: Tilt::default(),
+        heading_rad: None,
+    };
     Format::Csv.bytes(&cameras::film(&scene, coordinates, plan::random(seed, 0)))
 }
 
-/// Makes sure that no file of others is overwritten, and that nobody takes the folder for a
-/// folder of trials until it is complete: until then it has no list, and a truth that says what
-/// its files are.
-fn take_over<'p>(
+/// Checks that no user file would be overwritten, and removes the folder's trial list so that the folder is not taken
+/// for a complete one until the new list is written. Until then, the truth file marks the folder as synthetic.
+fn claim_folder<'p>(
     folder: &Path,
     mut planned: impl Iterator<Item = &'p str>,
 ) -> Result<(), SynthError> {
@@ -340,12 +399,12 @@ fn take_over<'p>(
     let is_synthetic = match files::read(&truth, files::TEXT_BYTES) {
         Ok((json, _)) => serde_json::from_slice(&json).is_ok_and(|Known { synthetic }| synthetic),
         Err(found) if found.kind() == ErrorKind::NotFound => {
-            let mut places = planned.by_ref().map(|file| folder.join(file)).chain([list.clone()]);
-            let taken = places.find(|place| place.symlink_metadata().is_ok());
-            if taken.is_none() {
+            let mut paths = planned.by_ref().map(|file| folder.join(file)).chain([list.clone()]);
+            let is_free = !paths.any(|path| path.symlink_metadata().is_ok());
+            if is_free {
                 write_bytes(&truth, b"{ \"synthetic\": true }\n")?;
             }
-            taken.is_none()
+            is_free
         }
         Err(source) => return Err(error(&truth, source).into()),
     };

@@ -1,4 +1,4 @@
-//! What is to be made: trials with their robots and laws, drawn from the seed.
+//! Plans the trials, with robots and laws drawn from the seed.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,49 +12,57 @@ use trilink_tables::config::{Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
 use super::decay::{self, Decay};
-use super::{CampaignTruth, Law, Recipe, Servo, SynthError, planted};
+use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, planted};
 
-/// Random numbers of the trials that belong to no campaign.
+/// First random-number stream for joint releases and coast-downs.
 const DECAY_STREAMS: u64 = 1 << 32;
-/// Those of a robot's own coefficients, and of the floors of days.
+/// First random-number stream for the robots' coefficients.
 const ROBOT_STREAMS: u64 = 1 << 33;
+/// Random-number stream for the floor friction of each day.
 const DAYS_STREAM: u64 = 1 << 34;
-/// Distance of those of the trials that repeat a frequency from the first one's.
+/// Offset between the random-number streams for repeated trials at the same frequency.
 const REPEAT_STREAMS: u64 = 1 << 40;
-/// Distance of those that a trial's cycles differ by from what its cameras add.
+/// Offset from the random-number stream for a trial's cameras to that for the trial's cycle-to-cycle variation.
 const CYCLE_STREAMS: u64 = 1 << 60;
-/// Relative standard deviation of friction from day to day: dust, cleaning, humidity (assumed).
+/// First stream of the random-number generators for the friction of trials.
+const TRIAL_STREAMS: u64 = 1 << 61;
+/// Friction of a trial that is unlike its repeats, relative to theirs.
+const UNLIKE_FRICTION: f64 = 1.5;
+/// Assumed relative standard deviation of friction from day to day, due to dust, cleaning and humidity.
 const DAYS_SPREAD: f64 = 0.03;
 
-/// One trial to be made.
+/// Plan of one synthetic trial.
 pub(super) struct Plan {
     pub trial: Trial,
     pub robot: Robot,
     pub source: Source,
-    /// Of what the cameras add.
+    /// Random-number generator for the cameras.
     pub seed: ChaCha8Rng,
 }
 
+/// Source of the motion in a trial.
 pub(super) enum Source {
     Gait(Box<Drive>),
-    /// A motion that gives the robot's own parameters.
+    /// Joint release or coast-down.
     Decay(Decay),
 }
 
-/// The planted robot on a day's floor under its command.
+/// Commanded robot of a gait trial, with its true coefficients on the floor of the trial's day.
 pub(super) struct Drive {
     pub problem: Problem,
-    /// The day from 1 on, where there are several.
+    /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
     pub day: Option<usize>,
+    /// Friction of the trial relative to that of its day.
+    pub friction: f64,
     pub servo: Servo,
     /// Relative standard deviation of friction from cycle to cycle.
     pub variation: f64,
-    /// Of what cycles differ by.
+    /// Random-number generator for the variation from cycle to cycle.
     pub cycles: ChaCha8Rng,
 }
 
-/// Checks that the laws are there, their robots say what they need, and the repeated frequencies
-/// are among those of the trials.
+/// Checks that the robots and models named by the recipe exist, that no model needs measured gaits, that each robot has
+/// the coefficients that its model needs, and that the repeated frequencies are among those of the recipe.
 pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> {
     for (robot, model) in &recipe.laws {
         if !config.robot.contains_key(robot) {
@@ -64,8 +72,8 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
         match config.model.get(model) {
             Some(known) if known.is_of_trials() => {
                 return Err(SynthError::Law(format!(
-                    "model `{model}` is driven by the measured gaits of trials and has no motion of \
-                     its own; needed a model without input = \"measured\""
+                    "model `{model}` is driven by the measured gaits of trials, so it cannot generate motions; choose \
+                     a model without input = \"measured\""
                 )));
             }
             Some(_) => config.check_laws(Path::new("--law"), robot, *model)?,
@@ -82,84 +90,99 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
     }
 }
 
-/// The laws of a robot's wheels that the recipe names.
-fn named(config: &Config, recipe: &Recipe, robot: &str) -> Option<(Model, Laws)> {
+/// Returns the model that the recipe assigns to a robot, with the model's laws; `None` if it assigns none.
+fn named_laws(config: &Config, recipe: &Recipe, robot: &str) -> Option<(Model, Laws)> {
     let model = recipe.laws.get(robot)?;
     Some((*model, config.model.get(model)?.laws()))
 }
 
+/// Returns the random-number generator for a seed and a stream.
 pub(super) fn random(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(stream);
     random
 }
 
-/// The friction of each day's floor as a part of the days' mean, by the day's number.
+/// Draws the friction of each day's floor relative to that of the population of days, by number of the day; empty if
+/// there is a single day.
 fn floors(recipe: &Recipe) -> BTreeMap<usize, f64> {
     if recipe.days < 2 {
         return BTreeMap::new();
     }
     let spread = LogNormal::new(0.0, DAYS_SPREAD).expect("a positive deviation");
     let mut random = random(recipe.seed, DAYS_STREAM);
-    let drawn: Vec<f64> = (0..recipe.days).map(|_| spread.sample(&mut random)).collect();
-    let mean = drawn.iter().sum::<f64>() / drawn.len() as f64;
-    (1..).zip(drawn.into_iter().map(|one| one / mean)).collect()
+    (1..=recipe.days).map(|day| (day, spread.sample(&mut random))).collect()
 }
 
-/// Draws what is planted and lists the trials; with the floors of days.
+/// Draws the true parameters and returns the plans of the gait trials, the true coefficients of each campaign, and the
+/// friction of each day.
 pub(super) fn gaits(
     config: &Config,
     recipe: &Recipe,
 ) -> (Vec<Plan>, BTreeMap<String, CampaignTruth>, BTreeMap<usize, f64>) {
     let Recipe { seed, ref omegas_rad_s, format, .. } = *recipe;
     let days = floors(recipe);
-    let (mut plans, mut campaigns) = (Vec::new(), BTreeMap::new());
+    let mut plans = Vec::new();
+    let mut campaigns = BTreeMap::new();
     for (number, (name, campaign)) in config.campaign.iter().enumerate() {
         let Some((robot, gait)) = config.campaign_setup(name) else { continue };
-        let law = named(config, recipe, &campaign.robot);
+        let law = named_laws(config, recipe, &campaign.robot);
         let laws = law.map_or(Laws::SKID_ROLL, |(_, laws)| laws);
-        // One stream of random numbers for the campaign and one for each of its trials.
+        // There is one random-number stream for the campaign and one for each of its trials.
         let first = (number * (omegas_rad_s.len() + 1)) as u64;
         let (viscous, gait) = planted::planted(name, &robot, gait, &mut random(seed, first));
-        // A robot has one floor; the viscous coefficients that the paper fits differ by campaign.
-        let mut robot = match laws.are_linear() {
-            true => viscous,
-            false => {
-                let robots = config.robot.keys().position(|known| *known == campaign.robot);
-                let stream = ROBOT_STREAMS + robots.unwrap_or(0) as u64;
-                planted::floor(robot, &mut random(seed, stream))
-            }
+        // Viscous coefficients differ between campaigns, as those fitted in the paper do; other coefficients belong to
+        // the robot.
+        let mut robot = if laws.are_linear() {
+            viscous
+        } else {
+            let index = config.robot.keys().position(|known| *known == campaign.robot);
+            let stream = ROBOT_STREAMS + index.unwrap_or(0) as u64;
+            planted::vary_coefficients(robot, &mut random(seed, stream))
         };
-        for (of, wheel) in planted::resistances_to_skidding() {
-            let value = of.of(&robot) * recipe.skid_factors[wheel];
-            of.set(&mut robot, value);
+        for (parameter, wheel) in planted::skid_resistances() {
+            let value = parameter.value_in(&robot) * recipe.skid_factors[wheel];
+            parameter.set(&mut robot, value);
         }
         let law =
             law.filter(|(model, laws)| (*model, *laws) != (Model::SKID_ROLL, Laws::SKID_ROLL));
         let law = law.map(|(model, Laws { skid, roll })| Law { model, skid, roll });
         campaigns.insert(name.clone(), CampaignTruth::new(law, laws, &robot, &gait));
-        let (of, is_tidy) = (&*campaign.robot, recipe.tidy.contains(&campaign.robot));
-        let (servo, variation) = match is_tidy {
-            true => Default::default(),
-            false => (recipe.servo, recipe.friction_variation),
-        };
+        let is_tidy = recipe.tidy.contains(&campaign.robot);
+        let (servo, variation) =
+            if is_tidy { Default::default() } else { (recipe.servo, recipe.friction_variation) };
+        let robot_name = &*campaign.robot;
         let frequencies = omegas_rad_s.iter().copied().enumerate();
         let trials = frequencies.flat_map(|(i, omega)| {
-            (0..recipe.repeats_of(of, omega)).map(move |nth| (i, omega, nth))
+            (0..recipe.repeats_of(robot_name, omega)).map(move |repeat| (i, omega, repeat))
         });
-        for (place, (i, omega_rad_s, nth)) in trials.enumerate() {
-            let id = format!("{name}-{omega_rad_s:.2}-r{}", nth + 1);
-            let (campaign, omega) = (Some(name.clone()), Some(omega_rad_s));
-            let trial = format.trial(id, TrialKind::Gait);
-            let trial = Trial { campaign, omega_rad_s: omega, ..trial };
-            let stream = first + 1 + i as u64 + REPEAT_STREAMS * nth as u64;
+        let trials: Vec<(usize, f64, usize)> = trials.collect();
+        let spread = LogNormal::new(0.0, if is_tidy { 0.0 } else { recipe.trial_variation });
+        let spread = spread.expect("a deviation that is not negative");
+        let unlike = if is_tidy { 0 } else { recipe.unlike };
+        let trial_count = trials.len();
+        for (index, (i, omega_rad_s, repeat)) in trials.into_iter().enumerate() {
+            let id = format!("{name}-{omega_rad_s:.2}-r{}", repeat + 1);
+            let stream = first + 1 + i as u64 + REPEAT_STREAMS * repeat as u64;
             let noise_seed = recipe.noise_seed.unwrap_or(seed);
-            let day = 1 + place % recipe.days.max(1);
+            let day = 1 + index % recipe.days.max(1);
+            let trial = Trial {
+                campaign: Some(name.clone()),
+                omega_rad_s: Some(omega_rad_s),
+                day: (recipe.days > 1).then(|| format!("day {day}")),
+                ..format.trial(id, TrialKind::Gait)
+            };
             let floor = days.get(&day).filter(|_| !is_tidy);
-            let robot = floor.map_or_else(|| robot.clone(), |floor| robot.resisted(*floor));
+            let mut friction = spread.sample(&mut random(noise_seed, TRIAL_STREAMS + stream));
+            // Spread over the trials.
+            if index * unlike / trial_count < (index + 1) * unlike / trial_count {
+                friction *= UNLIKE_FRICTION;
+            }
+            let robot = robot.with_friction_scaled(friction * floor.copied().unwrap_or(1.0));
             let source = Source::Gait(Box::new(Drive {
                 problem: Problem { robot: robot.clone(), gait, laws, omega_rad_s },
                 day: floor.map(|_| day),
+                friction,
                 servo,
                 variation,
                 cycles: random(noise_seed, CYCLE_STREAMS + stream),
@@ -170,9 +193,11 @@ pub(super) fn gaits(
     (plans, campaigns, days)
 }
 
-/// A coast-down of every robot that a campaign names, and a release of its passive joint.
+/// Returns the plans of the trials without a gait: for every robot named by a campaign, a coast-down (on a sloping
+/// floor one in each direction of [`Slope::HEADINGS_RAD`]) and, if the robot has a passive joint, a release of that
+/// joint.
 pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
-    // The passive joint of each robot: the first campaign that has one says which.
+    // The passive joint of each robot is that of the first of its campaigns to have one.
     let mut robots: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     for (name, campaign) in &config.campaign {
         let passive = config.campaign_setup(name).and_then(|(_, gait)| gait.passive_joint());
@@ -182,20 +207,30 @@ pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
     let mut plans = Vec::new();
     for (i, (name, passive)) in (0..).zip(robots) {
         let Some(robot) = config.robot.get(name).map(|robot| robot.to_robot()) else { continue };
-        // What resists a robot of which no law is named is what the configuration says of it.
-        let robot = match named(config, recipe, name) {
+        // If the recipe assigns no law, the robot has all its configured resistances.
+        let robot = match named_laws(config, recipe, name) {
             Some((_, laws)) => laws.effective(&robot),
             None => robot,
         };
         let rate_hz = config.vicon.rate_hz;
-        for (kind, stream) in [(TrialKind::JointRelease, 0), (TrialKind::CoastDown, 1)] {
-            let mut seed = random(recipe.seed, DECAY_STREAMS + 2 * i + stream);
+        let floors: Vec<Option<(Slope, f64)>> = match recipe.slope {
+            Some(slope) => Slope::HEADINGS_RAD.map(|heading_rad| Some((slope, heading_rad))).into(),
+            None => vec![None],
+        };
+        let coasts = (1..).zip(floors).map(|(repeat, floor)| (TrialKind::CoastDown, repeat, floor));
+        for (kind, repeat, floor) in
+            std::iter::once((TrialKind::JointRelease, 1, None)).chain(coasts)
+        {
+            let stream = DECAY_STREAMS + 2 * i + u64::from(kind == TrialKind::CoastDown);
+            let mut seed = random(recipe.seed, stream + REPEAT_STREAMS * (repeat - 1));
             let decay = match (kind, passive) {
-                (TrialKind::CoastDown, _) => decay::coasting(name, &robot, rate_hz, &mut seed),
+                (TrialKind::CoastDown, _) => {
+                    decay::coasting(name, &robot, rate_hz, floor, &mut seed)
+                }
                 (_, Some(joint)) => decay::released(name, &robot, joint, rate_hz, &mut seed),
                 _ => None,
             };
-            let id = format!("{name}-{}-r1", kind.name());
+            let id = format!("{name}-{}-r{repeat}", kind.name());
             let trial = Trial { robot: Some(name.to_owned()), ..recipe.format.trial(id, kind) };
             if let Some(noise_seed) = recipe.noise_seed {
                 let position = seed.get_word_pos();

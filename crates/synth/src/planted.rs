@@ -1,4 +1,4 @@
-//! What is planted, and the motion that follows from it.
+//! Draws true coefficients for the synthetic trials and computes the resulting motions.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -7,27 +7,29 @@ use trilink_mechanics::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Dry, Friction as _, Gait, Parameter, Quantity, Robot};
 
-/// The paper's fitted skid coefficients (Tables I and II) by campaign, kg/s.
+/// Skid coefficients fitted in the paper (Tables I and II), by campaign, kg/s.
 const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
     ("kinematic-skewed", [74.5, 91.0, 95.0]),
     ("kinematic-symmetric", [104.0, 34.0, 45.0]),
     ("semi-passive-symmetric", [420.0, 200.0, 70.0]),
 ];
-/// Planted coefficients differ from the paper's by at most this part.
+/// Maximum relative deviation of a true coefficient from its expected value, which is either the value fitted in the
+/// paper or the configured value.
 const SPREAD: f64 = 0.1;
-/// The servos' amplitudes differ from the command by this part, one joint's upwards and the
-/// other's downwards, so that the gait's area is about the commanded one.
+/// Relative amplitude errors of the servos. They have opposite signs in the two joints, so that the area that the gait
+/// encloses in shape space is close to the commanded one.
 const AMPLITUDE_ERROR: std::ops::Range<f64> = 0.015..0.03;
-/// The servos' offsets differ from the command by at most this, rad.
+/// Maximum offset error of the servos, rad.
 const OFFSET_ERROR_RAD: f64 = 0.015;
-/// Steady cycles in a trial.
+/// Number of steady-state cycles recorded in each trial.
 const STEADY_CYCLES: usize = 9;
-/// What is left of the transient when the steady cycles begin.
+/// Relative size of the transient that remains when the steady-state cycles begin.
 const TRANSIENT_LEFT: f64 = 3e-4;
-/// A trial has at least this many cycles of transient.
-const LEAST_TRANSIENT_CYCLES: usize = 2;
+/// Minimum number of transient cycles in a trial.
+const MIN_TRANSIENT_CYCLES: usize = 2;
 
-/// The robot with planted skid coefficients and the gait that its servos reach.
+/// Draws a campaign's true skid coefficients and servo errors; returns the robot with these coefficients, and the gait
+/// with these errors in amplitude and offset.
 pub(super) fn planted(
     campaign: &str,
     robot: &Robot,
@@ -36,7 +38,7 @@ pub(super) fn planted(
 ) -> (Robot, Gait) {
     let fitted = FITTED_SKID_KG_S.iter().find(|(name, _)| *name == campaign);
     let expected = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
-    let skid_kg_s = expected.map(|c| c * part(random));
+    let skid_kg_s = expected.map(|c| c * random_factor(random));
     let mut sign = if random.random::<bool>() { 1.0 } else { -1.0 };
     for joint in gait.joints.iter_mut().flatten() {
         joint.amplitude_rad *= 1.0 + sign * random.random_range(AMPLITUDE_ERROR);
@@ -46,39 +48,40 @@ pub(super) fn planted(
     (Robot { skid_kg_s, ..robot.clone() }, gait)
 }
 
-/// The robot with coefficients of its own: what resists skidding, dry and viscous.
-pub(super) fn floor(mut robot: Robot, random: &mut ChaCha8Rng) -> Robot {
-    let parts = robot.skid_kg_s.map(|_| [(); 2].map(|()| part(random)));
-    for (of, wheel) in resistances_to_skidding() {
-        let [viscous, dry] = parts[wheel];
-        let part = if of.quantity() == Quantity::Skid { viscous } else { dry };
-        let value = part * of.of(&robot);
-        of.set(&mut robot, value);
+/// Varies the viscous and dry skid resistances of a robot at random.
+pub(super) fn vary_coefficients(mut robot: Robot, random: &mut ChaCha8Rng) -> Robot {
+    let factors = robot.skid_kg_s.map(|_| [(); 2].map(|()| random_factor(random)));
+    for (parameter, wheel) in skid_resistances() {
+        let [viscous, dry] = factors[wheel];
+        let factor = if parameter.quantity() == Quantity::Skid { viscous } else { dry };
+        let value = factor * parameter.value_in(&robot);
+        parameter.set(&mut robot, value);
     }
     robot
 }
 
-/// What resists skidding, with the wheels that it is of.
-pub(super) fn resistances_to_skidding() -> impl Iterator<Item = (Parameter, usize)> {
-    let resists = |of: &&Parameter| of.quantity().definition().is_resistance;
-    Dry::SKID.iter().filter(resists).filter_map(|of| Some((*of, of.wheel_or_link()?)))
+/// Iterates over the parameters of skid resistance, each with the index of its wheel.
+pub(super) fn skid_resistances() -> impl Iterator<Item = (Parameter, usize)> {
+    let parameters = Dry::SKID.iter();
+    let resistances = parameters.filter(|one| one.quantity().definition().is_resistance);
+    resistances.filter_map(|one| Some((*one, one.number()?)))
 }
 
-/// By how much a planted coefficient differs from the expected one.
-fn part(random: &mut ChaCha8Rng) -> f64 {
+/// Draws the ratio of a true coefficient to its expected value.
+fn random_factor(random: &mut ChaCha8Rng) -> f64 {
     random.random_range(1.0 - SPREAD..1.0 + SPREAD)
 }
 
-/// The least number of frames of a trial.
-pub(super) fn least_frames(omega_rad_s: f64, rate_hz: f64) -> f64 {
-    let cycles = (LEAST_TRANSIENT_CYCLES + STEADY_CYCLES) as f64 + 0.5;
+/// Returns the minimum number of frames in a trial at a given frequency.
+pub(super) fn min_frames(omega_rad_s: f64, rate_hz: f64) -> f64 {
+    let cycles = (MIN_TRANSIENT_CYCLES + STEADY_CYCLES) as f64 + 0.5;
     cycles * std::f64::consts::TAU / omega_rad_s * rate_hz
 }
 
-/// The motion from rest until [`STEADY_CYCLES`] are over: `(x, y, theta, phi1, phi2)` of every
-/// frame, m and rad, and the metrics of the steady motion that is reached; there may be others.
-/// Friction varies from cycle to cycle by a relative standard deviation; the metrics are those of its
-/// mean.
+/// Simulates the motion from rest through the transient and [`STEADY_CYCLES`] steady-state cycles. Returns
+/// `(x, y, theta, phi1, phi2)` for every frame, m and rad, and the metrics of the attractor reached from rest.
+/// `variation` is the relative standard deviation of friction from cycle to cycle; the metrics are computed for the
+/// mean friction.
 pub(super) fn from_rest(
     problem: &Problem,
     variation: f64,
@@ -88,8 +91,8 @@ pub(super) fn from_rest(
     let steady = Solver::default().settle(problem, REFERENCE_ACCURACY)?.motion;
     let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
     let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
-    // Half a cycle more: the recording does not end with a cycle.
-    let cycles = (transient.max(LEAST_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
+    // A recording does not end exactly at the end of a cycle.
+    let cycles = (transient.max(MIN_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
     let mut random = random.clone();
     let friction = friction(variation, cycles.ceil() as usize, &mut random);
@@ -97,9 +100,9 @@ pub(super) fn from_rest(
     Ok((coordinates, steady.metrics))
 }
 
-/// Friction of each cycle as a part of its mean; of none where it does not vary.
+/// Draws the friction of each cycle relative to its mean; empty if `variation` is zero.
 fn friction(variation: f64, cycles: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
-    // Of the logarithm: factors of mean 1 that are above 0.
+    // Standard deviation of the logarithm that gives positive factors with mean 1.
     let spread = variation.mul_add(variation, 1.0).ln().sqrt();
     match LogNormal::new(-0.5 * spread * spread, spread) {
         Ok(factors) if spread > 0.0 => (0..cycles).map(|_| factors.sample(random)).collect(),

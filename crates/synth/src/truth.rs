@@ -1,4 +1,4 @@
-//! `truth.json`: what was planted.
+//! `truth.json`: the true values of a folder of synthetic trials.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,11 +10,11 @@ use trilink_robot::{Gait, JointCommand, Laws, Model, Quantity, Robot, RollLaw, S
 use trilink_tables::trial::TRUTH_FILE;
 
 use super::cameras::LabelError;
-use super::decay::DecayTruth;
+use super::decay::{DecayTruth, Slope};
 use super::servo::Servo;
 
-/// The models that made the campaigns of a folder, other than `skid-roll`; none where its truth cannot be
-/// read.
+/// Returns the models that generated the campaigns in a folder, by campaign; campaigns of the model `skid-roll` are
+/// left out. Empty if `truth.json` cannot be read.
 pub fn planted_models(folder: &Path) -> BTreeMap<String, Model> {
     #[derive(Default, Deserialize)]
     struct Known {
@@ -34,29 +34,32 @@ pub fn planted_models(folder: &Path) -> BTreeMap<String, Model> {
     campaigns.filter_map(|(campaign, planted)| Some((campaign, planted.law?.model))).collect()
 }
 
-/// What was planted in a folder.
+/// True values of a folder of synthetic trials, as written to `truth.json`.
 #[derive(Debug, Serialize)]
 pub struct Truth {
     pub synthetic: bool,
     pub seed: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub servo: Option<Servo>,
+    /// Slope of the floor in the coast-downs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slope: Option<Slope>,
     /// Relative standard deviation of friction from cycle to cycle.
     #[serde(skip_serializing_if = "is_none")]
     pub friction_variation: f64,
-    /// Friction of each day's floor as a part of the planted one, where there are several.
+    /// Friction of each day's floor relative to the true coefficients; empty if there is a single day.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub days: BTreeMap<usize, f64>,
-    /// Campaigns that know none of these.
+    /// Campaigns with ideal servos and constant friction.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tidy: Vec<String>,
     pub campaigns: BTreeMap<String, CampaignTruth>,
     pub trials: BTreeMap<String, TrialTruth>,
-    /// By the trial that shows them.
+    /// True robot parameters, by id of the joint-release or coast-down trial.
     pub robots: BTreeMap<String, DecayTruth>,
 }
 
-/// The model whose laws made a campaign.
+/// Model that generated a campaign's trials, with the model's laws.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Law {
     pub model: Model,
@@ -64,17 +67,18 @@ pub struct Law {
     pub roll: RollLaw,
 }
 
-/// Planted coefficients: of every quantity that the law and the gait know, as the configuration has it.
+/// True coefficients of a campaign: all quantities that fits can estimate and on which the motion depends under the
+/// campaign's friction laws and gait.
 #[derive(Debug, Serialize)]
 pub struct CampaignTruth {
-    /// `skid-roll` if it is not there.
+    /// Model that generated the trials, with its friction laws; `None` for the model `skid-roll`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<Law>,
     #[serde(flatten)]
     pub planted: BTreeMap<Quantity, Numbers>,
 }
 
-/// One number, or one a wheel.
+/// Single number, or one number for each wheel.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Numbers {
@@ -82,43 +86,55 @@ pub enum Numbers {
     Each(Vec<f64>),
 }
 
-/// The steady motion of one trial and the gait that its servos reached.
+/// Metrics of a trial's steady-state motion, and the gait that its servos performed.
 #[derive(Debug, Serialize)]
 pub struct TrialTruth {
     pub omega_rad_s: f64,
     #[serde(flatten)]
     pub metrics: GaitMetrics,
     pub gait: [Option<JointCommand>; 2],
-    /// From 1 on, where there are several.
+    /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub day: Option<usize>,
-    /// Frames in which a marker was not where its label says.
+    /// Friction of the trial relative to that of its day; left out if it is equal.
+    #[serde(skip_serializing_if = "is_one")]
+    pub friction: f64,
+    /// Label errors in the recording, at most one per frame.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub misplaced: Vec<LabelError>,
 }
 
 impl Truth {
-    /// The file's text.
+    /// Returns the content of `truth.json`.
     pub fn to_json(&self) -> String {
-        serde_json::to_string_pretty(self).expect("plain numbers and names") + "\n"
+        serde_json::to_string_pretty(self).expect("numbers and names can be serialised") + "\n"
     }
 }
 
 impl CampaignTruth {
     pub(super) fn new(law: Option<Law>, laws: Laws, robot: &Robot, gait: &Gait) -> Self {
-        let planted = Quantity::ALL.into_iter().filter(|of| {
-            let definition = of.definition();
-            definition.is_fitted && (definition.matters)(laws, gait)
-        });
-        let numbers = |of: Quantity| match of.numbers(robot) {
-            [one] => (of, Numbers::One(*one)),
-            each => (of, Numbers::Each(each.to_vec())),
-        };
-        Self { law, planted: planted.map(numbers).collect() }
+        let mut planted = BTreeMap::new();
+        for quantity in Quantity::ALL {
+            let definition = quantity.definition();
+            if definition.is_fitted && (definition.is_relevant)(laws, gait) {
+                let numbers = match quantity.numbers(robot) {
+                    [one] => Numbers::One(*one),
+                    each => Numbers::Each(each.to_vec()),
+                };
+                planted.insert(quantity, numbers);
+            }
+        }
+        Self { law, planted }
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+#[expect(clippy::float_cmp, reason = "a factor that is not drawn is exactly 1")]
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_none(variation: &f64) -> bool {
     *variation == 0.0
 }

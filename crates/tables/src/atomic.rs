@@ -1,4 +1,4 @@
-//! Files that are there whole or not at all.
+//! Atomic writing of files: either the complete file is written or none.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,17 +13,17 @@ use trilink_base::files;
 
 use super::{Stamp, StoreError, hash};
 
-/// How the names of files begin that are being written.
+/// Prefix of the names that files have while they are being written.
 pub const WRITING: &str = ".writing-";
 
-/// Files that may wait for the disk, and threads that wait for it: what is flushed at the same time
-/// takes hardly longer than one file.
-const MOST_PENDING: usize = 32;
-const FLUSHING: usize = 4;
-/// Waits for a file that another program has open, two seconds in all.
-const WAITS_MS: [u64; 8] = [8, 16, 32, 64, 128, 256, 512, 1024];
+/// Maximum number of files waiting to be flushed to disk.
+const MAX_PENDING: usize = 32;
+/// Number of threads that flush files: flushing several files at once takes barely longer than flushing one.
+const FLUSH_THREADS: usize = 4;
+/// Delays between attempts to replace a file that another program has open, ms; two seconds in total.
+const RETRY_DELAYS_MS: [u64; 8] = [8, 16, 32, 64, 128, 256, 512, 1024];
 
-/// A file that is written beside its place and not yet there.
+/// File that is written under a temporary name in its folder but not yet renamed.
 #[derive(Debug)]
 pub struct PendingFile {
     path: PathBuf,
@@ -32,100 +32,105 @@ pub struct PendingFile {
 }
 
 impl PendingFile {
-    /// Writes a file beside its place; creates the folder if need be.
+    /// Writes a temporary file in the folder of `path`; the folder is created if necessary.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn write(path: &Path, bytes: &[u8]) -> Result<Self, StoreError> {
-        let attempt = || {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            let folder = folder.unwrap_or(Path::new("."));
-            fs::create_dir_all(folder)?;
-            let mut builder = tempfile::Builder::new();
-            // Temporary files are private; results are for everybody who may read new files.
-            #[cfg(unix)]
-            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-            let mut file = builder.prefix(WRITING).tempfile_in(folder)?;
-            file.write_all(bytes)?;
-            Ok(Self { path: path.to_owned(), file, blake3: hash(bytes) })
-        };
-        attempt().map_err(|source| StoreError::Write { path: path.to_owned(), source })
+        match write_temporary(path, bytes) {
+            Ok(file) => Ok(Self { path: path.to_owned(), file, blake3: hash(bytes) }),
+            Err(source) => Err(StoreError::Write { path: path.to_owned(), source }),
+        }
     }
 
-    /// Where it will be.
+    /// Returns the final path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Flushes the file to the disk and renames it into its place.
+    /// Flushes the file to disk and renames it to its final path.
     ///
     /// # Errors
-    /// Either fails; then what was there before stays.
-    pub fn settle(self) -> Result<Stamp, StoreError> {
+    /// Returns an error if either step fails; an existing file at the final path is then left unchanged.
+    pub fn commit(self) -> Result<Stamp, StoreError> {
         let Self { path, file, blake3 } = self;
         let persist = |file: tempfile::NamedTempFile| {
             file.persist(&path).map_err(|tempfile::PersistError { error, file }| (error, file))
         };
-        let settled = file
+        let metadata = file
             .as_file()
             .sync_all()
-            .and_then(|()| while_held(file, persist, is_held, &WAITS_MS))
+            .and_then(|()| retry_while(is_in_use, file, persist, &RETRY_DELAYS_MS))
             .and_then(|file| file.metadata());
-        match settled {
+        match metadata {
             Ok(metadata) => Ok(Stamp::of_output(&metadata, blake3)),
             Err(source) => Err(StoreError::Write { path, source }),
         }
     }
 }
 
-/// Whether this is what Windows says of a file that another program, such as a virus scanner, has
-/// open: ERROR_ACCESS_DENIED or ERROR_SHARING_VIOLATION.
-fn is_held(error: &io::Error) -> bool {
+fn write_temporary(path: &Path, bytes: &[u8]) -> io::Result<tempfile::NamedTempFile> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let mut builder = tempfile::Builder::new();
+    // Temporary files are private by default, but results get the permissions of ordinary new files.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.prefix(WRITING).tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    Ok(file)
+}
+
+/// Returns whether a Windows error means that another program, such as a virus scanner, has the file open:
+/// ERROR_ACCESS_DENIED or ERROR_SHARING_VIOLATION.
+fn is_in_use(error: &io::Error) -> bool {
     cfg!(windows) && matches!(error.raw_os_error(), Some(5 | 32))
 }
 
-/// Tries with what the last try gave back, after each of the waits, while an error says that a file
-/// is held.
-fn while_held<F, T>(
+/// Calls `attempt`, and again after each delay as long as it fails with an error for which `is_temporary`
+/// holds. A failed attempt returns its argument together with the error.
+fn retry_while<F, T>(
+    is_temporary: impl Fn(&io::Error) -> bool,
     mut file: F,
     attempt: impl Fn(F) -> Result<T, (io::Error, F)>,
-    is_held: impl Fn(&io::Error) -> bool,
-    waits_ms: &[u64],
+    delays_ms: &[u64],
 ) -> io::Result<T> {
-    for wait_ms in waits_ms {
+    for delay_ms in delays_ms {
         match attempt(file) {
-            Err((error, back)) if is_held(&error) => file = back,
-            done => return done.map_err(|(error, _)| error),
+            Err((error, returned)) if is_temporary(&error) => file = returned,
+            result => return result.map_err(|(error, _)| error),
         }
-        thread::sleep(Duration::from_millis(*wait_ms));
+        thread::sleep(Duration::from_millis(*delay_ms));
     }
     attempt(file).map_err(|(error, _)| error)
 }
 
-/// Writes bytes at hand beside their place, flushes them to the disk and renames them into place;
-/// creates the folder if need be. An error leaves what was there before.
+/// Writes a file atomically: under a temporary name in its folder (which is created if necessary), then
+/// flushed to disk and renamed. If an error occurs, an existing file is left unchanged.
 ///
 /// # Errors
-/// The file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
-    PendingFile::write(path, bytes)?.settle()
+    PendingFile::write(path, bytes)?.commit()
 }
 
-/// [`write_bytes`], unless the file has these bytes already: then it is left alone.
+/// Writes a file as [`write_bytes`] does, but leaves the file untouched if it already contains exactly these
+/// bytes.
 ///
 /// # Errors
-/// The file cannot be written.
+/// Returns an error if the file cannot be written.
 pub fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<Stamp, StoreError> {
-    unchanged(path, bytes).map_or_else(|| write_bytes(path, bytes), Ok)
+    stamp_if_unchanged(path, bytes).map_or_else(|| write_bytes(path, bytes), Ok)
 }
 
-/// The stamp of a file that has these bytes.
-fn unchanged(path: &Path, bytes: &[u8]) -> Option<Stamp> {
-    let (found, metadata) = files::read(path, bytes.len() as u64).ok()?;
-    (found == bytes).then(|| Stamp::of_output(&metadata, hash(bytes)))
+/// Returns the stamp of a file if it already contains exactly these bytes; otherwise `None`.
+fn stamp_if_unchanged(path: &Path, bytes: &[u8]) -> Option<Stamp> {
+    let (current, metadata) = files::read(path, bytes.len() as u64).ok()?;
+    (current == bytes).then(|| Stamp::of_output(&metadata, hash(bytes)))
 }
 
-/// Files on their way to the disk, which is waited for while the next ones are computed.
+/// Queue of files that background threads flush to disk while further files are computed.
 #[derive(Debug)]
 pub struct ToDisk {
     pending: SyncSender<PendingFile>,
@@ -133,49 +138,51 @@ pub struct ToDisk {
 }
 
 impl ToDisk {
-    /// Does `work`, which may give files to be written from any thread, and waits until all of
-    /// them are in their places. Gives the files' stamps, too.
+    /// Runs `work`, which may queue files from any thread, and waits until all of them are at their final
+    /// paths. Returns the result of `work`, and the stamps of the files.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// The second result is an error if a file cannot be written.
     pub fn during<T>(
         work: impl FnOnce(&Self) -> T,
     ) -> (T, Result<BTreeMap<PathBuf, Stamp>, StoreError>) {
         thread::scope(|scope| {
-            let (pending, files) = mpsc::sync_channel(MOST_PENDING);
+            let (pending, files) = mpsc::sync_channel(MAX_PENDING);
             let files = Arc::new(Mutex::new(files));
-            let flushing = [(); FLUSHING].map(|()| {
+            let flushers = [(); FLUSH_THREADS].map(|()| {
                 let files = Arc::clone(&files);
-                scope.spawn(move || settle_all(&files))
+                scope.spawn(move || commit_all(&files))
             });
-            // Who works has to learn if nobody takes files any more.
+            // Only the flushing threads may own the receiver: if all of them fail, sending must fail, too.
             drop(files);
             let to_disk = Self { pending, unchanged: Mutex::default() };
-            let done = work(&to_disk);
+            let result = work(&to_disk);
             let Self { pending, unchanged } = to_disk;
             drop(pending);
             let mut stamps = Ok(unchanged.into_inner().unwrap_or_else(PoisonError::into_inner));
-            for settled in flushing {
-                let settled = settled.join();
-                let settled = settled.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-                stamps = stamps.and_then(|stamps| Ok(stamps.into_iter().chain(settled?).collect()));
+            for flusher in flushers {
+                let committed = flusher.join();
+                let committed = committed.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+                stamps =
+                    stamps.and_then(|stamps| Ok(stamps.into_iter().chain(committed?).collect()));
             }
-            (done, stamps)
+            (result, stamps)
         })
     }
 
-    /// A file that is written beside its place.
+    /// Queues a file to be flushed to disk and renamed.
     pub fn send(&self, file: PendingFile) {
-        // If nobody takes it any more, whoever did has the reason.
+        // Sending fails only if all flushing threads have failed, and those report why.
         let _ = self.pending.send(file);
     }
 
-    /// Bytes at hand, unless the file has them already: then it is left alone.
+    /// Writes a file and queues it to be flushed and renamed, but leaves an existing file untouched if it
+    /// already contains exactly these bytes.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn write_if_changed(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-        match unchanged(path, bytes) {
+        match stamp_if_unchanged(path, bytes) {
             Some(stamp) => {
                 let mut unchanged = self.unchanged.lock().unwrap_or_else(PoisonError::into_inner);
                 unchanged.insert(path.to_owned(), stamp);
@@ -186,30 +193,39 @@ impl ToDisk {
     }
 }
 
-fn settle_all(files: &Mutex<Receiver<PendingFile>>) -> Result<Vec<(PathBuf, Stamp)>, StoreError> {
-    let next = || files.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
-    let settle = |file: PendingFile| Ok((file.path().to_owned(), file.settle()?));
-    std::iter::from_fn(next).map(settle).collect()
+/// Flushes and renames queued files until the channel is closed. The lock on `files` is held only while the
+/// next file is received.
+fn commit_all(files: &Mutex<Receiver<PendingFile>>) -> Result<Vec<(PathBuf, Stamp)>, StoreError> {
+    let receive = || files.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
+    let mut committed = Vec::new();
+    while let Some(file) = receive() {
+        committed.push((file.path().to_owned(), file.commit()?));
+    }
+    Ok(committed)
 }
 
-/// What writers that were killed left in these folders, or are writing just now.
+/// Returns the temporary files in the given folders, which killed processes have left or other processes are
+/// still writing.
 pub fn unfinished(folders: &[PathBuf]) -> Vec<PathBuf> {
     let entries = folders.iter().flat_map(fs::read_dir).flatten().flatten();
-    let is_unfinished = |entry: &fs::DirEntry| {
-        entry.file_name().to_string_lossy().starts_with(WRITING)
-            && entry.file_type().is_ok_and(|kind| kind.is_file())
-    };
     entries.filter(is_unfinished).map(|entry| entry.path()).collect()
 }
 
-/// Removes what writers that were killed left in these folders, where nobody is writing.
+fn is_unfinished(entry: &fs::DirEntry) -> bool {
+    entry.file_name().to_string_lossy().starts_with(WRITING)
+        && entry.file_type().is_ok_and(|kind| kind.is_file())
+}
+
+/// Removes the temporary files that killed processes left in the given folders. No process may be writing to
+/// these folders.
 ///
 /// # Errors
-/// A file cannot be removed.
+/// Returns an error if a temporary file cannot be removed.
 pub fn remove_unfinished(folders: &[PathBuf]) -> Result<(), StoreError> {
     for path in unfinished(folders) {
         match fs::remove_file(&path) {
-            // Who waits for the results has looked whether a file can be made here.
+            // The file may be gone: a process that waits for the lock creates and removes one to test whether
+            // the folder is writable.
             Err(source) if source.kind() == io::ErrorKind::NotFound => {}
             removed => removed.map_err(|source| StoreError::Remove { path, source })?,
         }
@@ -222,7 +238,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_files_are_in_their_places_when_the_work_is_over_and_same_ones_are_left_alone() {
+    fn all_files_are_committed_after_the_work_and_unchanged_ones_are_left_untouched() {
         let folder = tempfile::tempdir().unwrap();
         let paths: Vec<PathBuf> =
             (0..100).map(|i| folder.path().join(format!("{i}/file"))).collect();
@@ -239,48 +255,54 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_its_writer_removes_meanwhile_is_no_error() {
+    fn a_file_that_its_writer_removes_in_the_meantime_is_no_error() {
         let folder = tempfile::tempdir().unwrap();
-        let make = || drop(tempfile::Builder::new().prefix(WRITING).tempfile_in(folder.path()));
         thread::scope(|scope| {
-            let makers = [(); 4].map(|()| scope.spawn(|| (0..500).for_each(|_| make())));
-            while !makers.iter().all(thread::ScopedJoinHandle::is_finished) {
-                remove_unfinished(&[folder.path().to_owned()]).expect("what is gone is removed");
+            let writers = [(); 4].map(|()| {
+                scope.spawn(|| {
+                    for _ in 0..500 {
+                        drop(tempfile::Builder::new().prefix(WRITING).tempfile_in(folder.path()));
+                    }
+                })
+            });
+            while !writers.iter().all(thread::ScopedJoinHandle::is_finished) {
+                remove_unfinished(&[folder.path().to_owned()]).expect("missing files are no error");
             }
         });
     }
 
     #[test]
-    fn a_file_that_is_held_is_tried_again_for_a_while_and_others_once() {
-        let held = |error: &io::Error| error.kind() == io::ErrorKind::ResourceBusy;
-        let tried = |attempts: usize, kind: io::ErrorKind| {
+    fn replacing_a_file_in_use_is_retried_and_other_errors_are_not() {
+        let is_busy = |error: &io::Error| error.kind() == io::ErrorKind::ResourceBusy;
+        let succeed_at = |attempts: usize, kind: io::ErrorKind| {
             let count = std::cell::Cell::new(0);
             let attempt = |file| {
                 count.set(count.get() + 1);
                 if count.get() < attempts { Err((kind.into(), file)) } else { Ok(file) }
             };
-            let result = while_held("file", attempt, held, &[0; 3]);
+            let result = retry_while(is_busy, "file", attempt, &[0; 3]);
             (result.map_err(|error| error.kind()), count.get())
         };
-        let (busy, full) = (io::ErrorKind::ResourceBusy, io::ErrorKind::StorageFull);
-        assert_eq!(tried(1, busy), (Ok("file"), 1));
-        assert_eq!(tried(4, busy), (Ok("file"), 4));
-        assert_eq!(tried(5, busy), (Err(busy), 4));
-        assert_eq!(tried(2, full), (Err(full), 1));
-        assert!(!is_held(&full.into()));
-        assert_eq!(is_held(&io::Error::from_raw_os_error(32)), cfg!(windows));
+        let busy = io::ErrorKind::ResourceBusy;
+        let full = io::ErrorKind::StorageFull;
+        assert_eq!(succeed_at(1, busy), (Ok("file"), 1));
+        assert_eq!(succeed_at(4, busy), (Ok("file"), 4));
+        assert_eq!(succeed_at(5, busy), (Err(busy), 4));
+        assert_eq!(succeed_at(2, full), (Err(full), 1));
+        assert!(!is_in_use(&full.into()));
+        assert_eq!(is_in_use(&io::Error::from_raw_os_error(32)), cfg!(windows));
     }
 
     #[test]
-    fn files_that_cannot_be_put_in_their_places_are_an_error_and_nobody_waits_for_them() {
+    fn files_that_cannot_be_renamed_are_an_error_and_block_nobody() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("taken");
         fs::create_dir(&path).unwrap();
         let (sent, stamps) = ToDisk::during(|to_disk| {
-            let all = 0..3 * MOST_PENDING;
+            let all = 0..3 * MAX_PENDING;
             all.map(|_| to_disk.send(PendingFile::write(&path, b"content").unwrap())).count()
         });
-        assert!(sent == 3 * MOST_PENDING && matches!(stamps, Err(StoreError::Write { .. })));
+        assert!(sent == 3 * MAX_PENDING && matches!(stamps, Err(StoreError::Write { .. })));
         assert!(unfinished(&[folder.path().to_owned()]).is_empty());
     }
 }

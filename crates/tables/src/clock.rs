@@ -1,8 +1,8 @@
-//! The time of day, for results that name it.
+//! Current time, for results that state when they were computed.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Now, UTC, to the second.
+/// Returns the current UTC time to the second, such as `2026-11-12T02:31:07Z`.
 pub fn utc_now() -> String {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     let seconds = since.map_or(0, |since| since.as_secs() as i64);

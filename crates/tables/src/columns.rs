@@ -1,4 +1,5 @@
-//! What a value is in a table: one column, or several of which each has a part of it.
+//! Conversion between values and table columns: a value occupies one column, or one column for each of its
+//! parts.
 
 use polars::prelude::{
     ChunkFull, ChunkSet, Column, DataType, Float64Chunked, IntoColumn, NewChunkedArray,
@@ -14,48 +15,50 @@ use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
 
 use super::{
-    ContradictionKind, Fill, FitStatus, KnownFrom, LabelFault, LawKind, MapPoint, NoIntervalReason,
-    NotTestedReason, Objective, Outcome, PredictionSource, Resistance, RunStatus, Severity,
-    Sharing, Side, Stopped, StoreError, Table, TrialStatus,
+    ContradictionKind, Fill, FitStatus, KnownFrom, LabelFault, LawKind, LawStatus, MapPoint,
+    NoIntervalReason, NoPrecisionReason, NotTestedReason, Objective, Outcome, PredictionSource,
+    Resistance, RunStatus, Severity, Sharing, Side, SlopeStatus, Stopped, StoreError, Table,
+    TrialStatus, UndecidedReason,
 };
 use crate::config::GaitInput;
 use crate::trial::TrialKind;
 
-/// A value that a table keeps in one column or in several, such as a row.
+/// Type whose values a table stores in one or several columns, such as a struct for a row.
 ///
-/// A pattern names them: in the place of its `{}` comes the name that a part has within the value.
+/// A pattern determines the column names: its `{}` is replaced by the name of each part of the value.
 pub trait Columns: Sized {
-    /// The pattern of a field of this type that names none.
+    /// Default column-name pattern for a field of this type; `{field}` stands for the field's name.
     const PATTERN: &'static str = "{field}";
 
-    /// Nothing: numbers missing, counts 0, texts empty, of an enumeration its first value.
+    /// Returns an empty value: a missing number, a count of 0, empty text, or the first value of an
+    /// enumeration.
     fn blank() -> Self;
 
-    /// Adds the columns of one value a row.
+    /// Appends the columns that store `values`, with one value in each row.
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>);
 
-    /// [`Columns::write`] of values that are not needed any more.
+    /// Appends columns as [`Columns::write`] does, but consumes the values.
     fn write_all(values: Vec<Self>, pattern: &str, columns: &mut Vec<Column>) {
         Self::write(&values.iter().collect::<Vec<_>>(), pattern, columns);
     }
 
-    /// One value a row.
+    /// Reads the value in each row of a table.
     ///
     /// # Errors
-    /// A column is not there, or holds something else.
+    /// Returns an error if a column is missing or has the wrong type.
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError>;
 
-    /// The table of these rows, in order.
+    /// Builds a table from the given rows, in their order.
     fn to_table(rows: &[Self]) -> Table {
         let mut columns = Vec::new();
         Self::write(&rows.iter().collect::<Vec<_>>(), "{}", &mut columns);
         Table::new(columns)
     }
 
-    /// The rows of a table.
+    /// Reads all rows of a table.
     ///
     /// # Errors
-    /// A column is missing or of another type.
+    /// Returns an error that names all columns that are missing or have the wrong type.
     fn from_table(table: &Table) -> Result<Vec<Self>, StoreError> {
         Self::read(table, "{}").map_err(|error| match error {
             StoreError::Column { .. } => all_problems::<Self>(table).unwrap_or(error),
@@ -64,14 +67,16 @@ pub trait Columns: Sized {
     }
 }
 
-/// All columns of a table that are missing or of another type; `None` if none is.
+/// Returns an error that lists all columns of a table that are missing or have the wrong type; `None` if
+/// there are none.
 fn all_problems<T: Columns>(table: &Table) -> Option<StoreError> {
-    let sound = T::to_table(&[]).frame;
+    let correct = T::to_table(&[]).frame;
     let mut rest = Table { frame: table.frame.clear(), ..table.clone() };
-    let (mut missing, mut problems) = (Vec::new(), Vec::new());
-    // Each is found with those before it as they should be.
+    let mut missing = Vec::new();
+    let mut problems = Vec::new();
+    // Reading stops at the first wrong column: replace it by a correct one to find the next.
     while let Err(StoreError::Column { column, found, needed, .. }) = T::read(&rest, "{}") {
-        rest.frame.with_column(sound.column(&column).ok()?.clone()).ok()?;
+        rest.frame.with_column(correct.column(&column).ok()?.clone()).ok()?;
         match table.frame.column(&column) {
             Err(_) => missing.push(column),
             Ok(_) => problems.push(format!("column `{column}`: found {found}, needed {needed}")),
@@ -79,31 +84,35 @@ fn all_problems<T: Columns>(table: &Table) -> Option<StoreError> {
     }
     match &missing[..] {
         [] => {}
-        [one] => problems.insert(0, format!("column `{one}`: found no such column")),
+        [one] => problems.insert(0, format!("column `{one}` is missing")),
         all => {
             let all = all.join("`, `");
-            problems.insert(0, format!("columns `{all}`: found none of them, needed all"));
+            problems.insert(0, format!("columns `{all}` are missing"));
         }
     }
     if !missing.is_empty() {
-        problems.push("`trilink run` makes the tables of an older version anew".to_owned());
+        problems.push("`trilink run` recomputes the tables of an older version".to_owned());
     }
-    let (path, problems) = (table.path.clone(), problems.join("; "));
-    (!problems.is_empty()).then_some(StoreError::Columns { path, problems })
+    if problems.is_empty() {
+        return None;
+    }
+    Some(StoreError::Columns { path: table.path.clone(), problems: problems.join("; ") })
 }
 
-/// The pattern of a field: its `own`, or its type's.
+/// Returns the column-name pattern of a field: the first entry of `own` or, if there is none, the default for
+/// the field's type, inserted into the pattern `outer`.
 pub fn pattern_of<T: Columns>(outer: &str, field: &str, own: &[&str]) -> String {
     fill(outer, &own.first().unwrap_or(&T::PATTERN).replace("{field}", field))
 }
 
-/// A pattern with the name of a part, or with the part's own pattern.
+/// Replaces the `{}` in a column-name pattern by the name, or the pattern, of a part.
 pub fn fill(pattern: &str, part: &str) -> String {
     pattern.replacen("{}", part, 1)
 }
 
-/// Moves the columns from `first` on, each behind the column that `after` names with the same
-/// part, or all behind one column.
+/// Moves the columns from index `first` on, whose names follow `pattern`, to places after earlier columns. If
+/// `after` contains `{}`, it is the name pattern of the earlier columns, and each column is placed after the
+/// one for the same part; otherwise all columns are placed after the column named `after`.
 pub fn interleave(columns: &mut Vec<Column>, first: usize, pattern: &str, after: &str) {
     let (start, end) = pattern.split_once("{}").unwrap_or((pattern, ""));
     for (nth, column) in columns.split_off(first).into_iter().enumerate() {
@@ -115,8 +124,8 @@ pub fn interleave(columns: &mut Vec<Column>, first: usize, pattern: &str, after:
     }
 }
 
-/// Implements [`Columns`] for a struct by its fields; a field can have a pattern (`as`) and stand
-/// behind columns of earlier ones (`after`).
+/// Implements [`Columns`] for a struct from its fields. A field can have a column-name pattern (`as`), and
+/// its columns can be placed after those of earlier fields (`after`).
 #[macro_export]
 macro_rules! columns {
     ($name:ident $(as $outer:literal)? {
@@ -130,7 +139,6 @@ macro_rules! columns {
             }
 
             fn write(values: &[&Self], pattern: &str, columns: &mut Vec<$crate::Column>) {
-
                 $({
                     let own = $crate::pattern_of::<$type>(pattern, stringify!($field), &[$($pattern)?]);
                     let parts: Vec<&$type> = values.iter().map(|value| &value.$field).collect();
@@ -144,7 +152,6 @@ macro_rules! columns {
                 table: &$crate::Table,
                 pattern: &str,
             ) -> Result<Vec<Self>, $crate::StoreError> {
-
                 $(
                     let own = $crate::pattern_of::<$type>(pattern, stringify!($field), &[$($pattern)?]);
                     let mut $field = <$type as $crate::Columns>::read(table, &own)?.into_iter();
@@ -155,7 +162,7 @@ macro_rules! columns {
     };
 }
 
-/// Defines a struct whose fields are columns, see [`columns!`].
+/// Defines a struct whose fields are table columns; for the syntax see [`columns!`].
 #[macro_export]
 macro_rules! rows {
     ($(#[$meta:meta])* pub struct $name:ident {
@@ -165,7 +172,7 @@ macro_rules! rows {
         )*
     }) => {
         $(#[$meta])*
-        // Whether another crate sees it depends on where it stands.
+        // Whether other crates can use the struct depends on the visibility of its module.
         #[allow(unreachable_pub)]
         #[derive(Debug, Clone, PartialEq)]
         pub struct $name { $($(#[$field_meta])* pub $field: $type,)* }
@@ -183,7 +190,7 @@ columns! {
     }
 }
 
-/// Links and wheels are 0, 1, 2; joints are 1 and 2.
+/// The columns of an array are numbered 0, 1, 2 for links and wheels, and 1, 2 for joints.
 impl<T: Columns, const N: usize> Columns for [T; N] {
     fn blank() -> Self {
         std::array::from_fn(|_| T::blank())
@@ -198,6 +205,8 @@ impl<T: Columns, const N: usize> Columns for [T; N] {
     }
 }
 
+/// Returns the column-name patterns for the elements of an array, numbered from 1 if there are two elements,
+/// otherwise from 0.
 pub(super) fn numbered<const N: usize>(pattern: &str) -> impl Iterator<Item = String> {
     (0..N).map(move |i| fill(pattern, &(i + usize::from(N == 2)).to_string()))
 }
@@ -264,9 +273,9 @@ fn read_parts<T: Columns, const N: usize>(
     Ok((0..table.len()).map(row).collect())
 }
 
-/// Implements [`Columns`] for a column of booleans: what nothing is, and how values are read; `None` if some
-/// are missing.
-macro_rules! booleans {
+/// Implements [`Columns`] for a boolean type, given its blank value and a conversion from a cell. The
+/// conversion returns `None` for a missing cell that the type cannot represent.
+macro_rules! impl_boolean_columns {
     ($type:ty, $blank:expr, $read:expr) => {
         impl Columns for $type {
             fn blank() -> Self {
@@ -296,8 +305,8 @@ where
     Column::new(name.into(), values)
 }
 
-booleans!(bool, false, |value| value);
-booleans!(Option<bool>, None, Some);
+impl_boolean_columns!(bool, false, |value| value);
+impl_boolean_columns!(Option<bool>, None, Some);
 
 impl Columns for f64 {
     fn blank() -> Self {
@@ -326,7 +335,7 @@ impl Columns for f64 {
     }
 }
 
-/// Values that stand in tables by their names.
+/// Enumeration whose values are stored in tables by their names.
 pub trait NamedCell: Named {}
 
 macro_rules! named_cells {
@@ -345,12 +354,16 @@ named_cells![
     KnownFrom,
     LabelFault,
     LawKind,
+    LawStatus,
+    SlopeStatus,
     MapPoint,
     Metric,
     Model,
     MotionStatus,
     NoIntervalReason,
+    NoPrecisionReason,
     NotTestedReason,
+    UndecidedReason,
     Objective,
     Outcome,
     Parameter,
@@ -366,10 +379,11 @@ named_cells![
     TrialStatus,
 ];
 
-/// No whole number of a table is larger, so that the sum of a column can be taken.
-const LARGEST_WHOLE: u64 = 1_000_000_000_000;
+/// Maximum magnitude of an integer in a table, so that the sum of a column does not overflow.
+const MAX_INTEGER: u64 = 1_000_000_000_000;
 
-/// Other programs turn whole numbers into floating-point ones where some are missing.
+/// Integers are also read from floating-point columns, because other programs convert integer columns with
+/// missing values to floating point.
 impl Columns for Option<i64> {
     fn blank() -> Self {
         None
@@ -383,24 +397,25 @@ impl Columns for Option<i64> {
         const NEEDED: &str = "whole numbers";
         let values: Vec<Self> =
             if table.frame.column(name).is_ok_and(|column| column.dtype().is_float()) {
-                let whole = |number: f64| match number.fract() {
+                let to_integer = |number: f64| match number.fract() {
                     0.0 => Ok(Some(number as i64)),
                     _ if number.is_nan() => Ok(None),
                     _ => Err(table.wrong(name, &number.to_string(), NEEDED)),
                 };
-                f64::read(table, name)?.into_iter().map(whole).collect::<Result<_, _>>()?
+                f64::read(table, name)?.into_iter().map(to_integer).collect::<Result<_, _>>()?
             } else {
-                let whole = table.column(name, (NEEDED, DataType::is_integer), &DataType::Int64)?;
-                whole.i64().map_err(|error| table.error(&error))?.iter().collect()
+                let needed = (NEEDED, DataType::is_integer as fn(&DataType) -> bool);
+                let column = table.column(name, needed, &DataType::Int64)?;
+                column.i64().map_err(|error| table.error(&error))?.iter().collect()
             };
-        match values.iter().flatten().find(|value| value.unsigned_abs() > LARGEST_WHOLE) {
+        match values.iter().flatten().find(|value| value.unsigned_abs() > MAX_INTEGER) {
             Some(value) => Err(table.wrong(name, &value.to_string(), "whole numbers up to 1e12")),
             None => Ok(values),
         }
     }
 }
 
-/// What is missing counts 0.
+/// A missing value is read as 0.
 impl Columns for i64 {
     fn blank() -> Self {
         0
@@ -431,7 +446,7 @@ impl<T: NamedCell> Columns for T {
     }
 }
 
-/// Text that is empty where there is no value.
+/// A missing value is stored as empty text.
 impl<T: NamedCell> Columns for Option<T> {
     fn blank() -> Self {
         None
@@ -444,67 +459,74 @@ impl<T: NamedCell> Columns for Option<T> {
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
         let column = table.column(name, ("text", DataType::is_string), &DataType::String)?;
-        let of_name =
-            |text: &str| if text.is_empty() { Some(None) } else { T::of_name(text).map(Some) };
-        named(table, name, column.str(), of_name)
+        named(table, name, column.str(), |text| {
+            if text.is_empty() { Some(None) } else { T::of_name(text).map(Some) }
+        })
     }
 }
 
-/// Names in one text, as a line of CSV with a blank after each comma: many readers know no lists.
+/// A list is stored as text in one column, because many programs cannot read lists: the text is a line of CSV
+/// with a space after each comma.
 impl<T: NamedCell> Columns for Vec<T> {
     fn blank() -> Self {
         Self::new()
     }
 
     fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        let text = |list: &&Self| {
-            let names = list.iter().map(|value| csv::field(value.as_name()));
-            names.collect::<Vec<_>>().join(", ")
-        };
-        let joined: Vec<String> = values.iter().map(text).collect();
-        columns.push(texts(name, joined.iter().map(String::as_str)));
+        let mut lines = Vec::new();
+        for list in values {
+            let names: Vec<_> = list.iter().map(|value| csv::field(value.as_name())).collect();
+            lines.push(names.join(", "));
+        }
+        columns.push(texts(name, lines.iter().map(String::as_str)));
     }
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
         let column = table.column(name, ("text", DataType::is_string), &DataType::String)?;
-        let values = |text: &str| csv::fields(text).iter().map(|name| T::of_name(name)).collect();
-        named(table, name, column.str(), values)
+        named(table, name, column.str(), |text| {
+            csv::fields(text).iter().map(|name| T::of_name(name)).collect()
+        })
     }
 }
 
-/// Values by their names; a missing name is empty.
+/// Converts the text in each cell of a column to a value; missing text is read as empty text.
 fn named<T>(
     table: &Table,
     column: &str,
     texts: PolarsResult<&StringChunked>,
     of_name: impl Fn(&str) -> Option<T>,
 ) -> Result<Vec<T>, StoreError> {
-    let value = |text: Option<&str>| {
+    let mut values = Vec::new();
+    for text in texts.map_err(|error| table.error(&error))?.iter() {
         let text = text.unwrap_or_default();
-        of_name(text).ok_or_else(|| table.wrong(column, &format!("`{text}`"), "a known name"))
-    };
-    texts.map_err(|error| table.error(&error))?.iter().map(value).collect()
+        let value = of_name(text);
+        values
+            .push(value.ok_or_else(|| table.wrong(column, &format!("`{text}`"), "a known name"))?);
+    }
+    Ok(values)
 }
 
-/// A column of numbers; missing ones, which are NaN, become nulls.
+/// Builds a column of numbers; NaN is stored as null.
 pub fn numbers(name: &str, values: Vec<f64>) -> Column {
     let values = Float64Chunked::from_vec(name.into(), values);
     let missing = values.is_nan();
-    let nulls = missing.any().then(|| values.set(&missing, None).expect("as long as the values"));
+    let nulls = missing
+        .any()
+        .then(|| values.set(&missing, None).expect("the mask is as long as the values"));
     nulls.unwrap_or(values).into_column()
 }
 
-/// A column of what is true, false or not known.
-pub fn truths(name: &str, values: Vec<Option<bool>>) -> Column {
+/// Builds a column of booleans; `None` is stored as null.
+pub fn booleans(name: &str, values: Vec<Option<bool>>) -> Column {
     plain(name, values)
 }
 
-/// A column of text.
+/// Builds a column of text.
 pub fn texts<'t>(name: &str, values: impl Iterator<Item = &'t str>) -> Column {
     StringChunked::from_iter_values(name.into(), values).into_column()
 }
 
-/// A column with the same text in every row.
+/// Builds a column with the same text in every row.
 pub fn repeated(name: &str, value: &str, rows: usize) -> Column {
     StringChunked::full(name.into(), value, rows).into_column()
 }

@@ -1,6 +1,7 @@
 //! `pipeline.toml`: the robots, gaits, campaigns and settings of a run.
 //!
-//! `defaults.toml` is the paper's experiment; the repository's `pipeline.toml` begins as its copy.
+//! `defaults.toml` holds the default of every key, which is the paper's experiment; the repository's `pipeline.toml`
+//! has the same values.
 
 mod check;
 mod compare;
@@ -35,12 +36,12 @@ use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic, 
 
 use strict::Strict;
 
-/// The configuration file that is used when none is named.
+/// Name of the configuration file that is used if no other is given.
 pub const CONFIG_FILE: &str = "pipeline.toml";
 
-/// Everything `pipeline.toml` can say. A key that is left out has the paper's value; naming
-/// any entry of `robot`, `gait`, `campaign` or `markers` replaces that whole family; models stand
-/// beside the default ones.
+/// Configuration read from `pipeline.toml`. A key that is left out has its default value. Any entry of
+/// `robot`, `gait`, `campaign` or `markers` replaces the whole default table of that name, whereas entries of
+/// `model` are added to the default models.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
@@ -58,116 +59,124 @@ pub struct Config {
     pub optimise: Optimise,
 }
 
-/// Which gaits `optimise` searches.
+/// Search space of `trilink optimise`, and limits on the motions that it accepts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Optimise {
-    /// Frequencies, rad/s.
+    /// Range of frequencies, rad/s.
     pub omega_rad_s: [f64; 2],
-    /// Amplitudes of commanded joints, degrees.
+    /// Range of amplitudes of commanded joints, degrees.
     pub amplitude_deg: [f64; 2],
-    /// Most of |offset| + amplitude, degrees.
+    /// Maximum joint angle |offset| + amplitude, degrees.
     pub angle_deg: f64,
-    /// Most of amplitude times omega, degrees/s.
+    /// Maximum joint rate (amplitude times omega), degrees/s.
     pub rate_deg_s: f64,
-    /// Most of the actuators' mean power, W.
+    /// Maximum mean power of the actuators, W; `None` for no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub power_w: Option<f64>,
-    /// Most of an actuator's torque, N m.
+    /// Maximum torque of an actuator, N m; `None` for no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_nm: Option<f64>,
-    /// Places where searches begin.
+    /// Number of starting points of the search.
     pub starts: usize,
 }
 
-/// What is known of the cameras.
+/// Properties of the marker files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vicon {
-    /// Frame rate that the marker files must have, Hz; also that of files that do not say one.
+    /// Frame rate that the marker files must have, Hz; it is also assumed for files that do not state a frame
+    /// rate.
     pub rate_hz: f64,
-    /// Take each file's own rate instead; then each must say one.
+    /// Whether to use the frame rate stated in each file instead of `rate_hz`; every file must then state
+    /// one.
     pub rate_from_file: bool,
-    /// Unit of the coordinates in files that do not say theirs.
+    /// Unit of the coordinates in files that do not state a unit.
     pub unit: LengthUnit,
-    /// Labels of markers that are left out, such as virtual ones: `*` stands for any characters,
-    /// `?` for one; with or without the subject.
+    /// Labels of markers to ignore, such as virtual markers, with or without the subject name; `*` stands for
+    /// any number of characters, `?` for exactly one.
     pub ignore: Vec<String>,
 }
 
-/// How markers become velocities and cycles.
+/// Settings for computing velocities and gait cycles from marker coordinates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ingest {
     pub poses: Poses,
     pub smoothing_window: Smoothing,
-    /// Longest gap that is filled, s. Cycles that touch a longer one are left out.
+    /// Maximum duration of a gap that is filled, s. Cycles that overlap a longer gap are not used.
     pub max_gap_s: f64,
     /// Mean residual of the rigid fit above which a trial is flagged, mm.
     pub max_residual_mm: f64,
-    /// Cycles of transient left out at least.
+    /// Minimum number of initial cycles that are not used because the motion is still settling.
     pub skip_cycles: usize,
 }
 
-/// How the links' poses are found in a frame.
+/// Method of estimating the poses of the links in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Poses {
-    /// Each link's from its own markers.
+    /// The pose of each link is estimated from its own markers.
     Links,
-    /// All from all markers at once, with the joints at the robot's h and l.
+    /// All poses are estimated from all markers at once, with the links connected at the joints according to
+    /// the robot's lengths h and l (multibody optimisation).
     Chain,
 }
 
-/// Width of the moving average.
+/// Width of the moving average that smooths a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Smoothing {
-    /// Chosen per trial from its frequency.
+    /// Chosen for each trial from its frequency.
     Auto,
-    /// Samples, 5 to 30.
+    /// Fixed number of samples, 5 to 30.
     Window(usize),
 }
 
-/// Search for the free coefficients.
+/// Settings for the fits of the free parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fit {
-    /// Bounds of every free skid coefficient, kg/s.
+    /// Bounds on each free skid coefficient, kg/s.
     pub skid_bounds_kg_s: [f64; 2],
-    /// Bounds of every free roll coefficient, or of their sum, kg/s.
+    /// Bounds on each free roll coefficient, or on their sum, kg/s.
     pub roll_bounds_kg_s: [f64; 2],
-    /// Bounds of every free coefficient of dry friction, N.
+    /// Bounds on each free parameter that is a force of dry, static or power-law friction, N.
     pub dry_bounds_n: [f64; 2],
-    /// Bounds of the transition speed where it is free, m/s.
+    /// Bounds on the transition speed if it is a free parameter, m/s.
     pub transition_bounds_m_s: [f64; 2],
-    /// Bounds of the Stribeck speed where it is free, m/s.
+    /// Bounds on the Stribeck speed if it is a free parameter, m/s.
     pub stribeck_bounds_m_s: [f64; 2],
-    /// Bounds of the passive joint's stiffness where it is free, N m/rad.
+    /// Bounds on the passive joint's stiffness if it is a free parameter, N m/rad.
     pub stiffness_bounds_nm_rad: [f64; 2],
-    /// Bounds of the passive joint's damping where it is free, N m s/rad.
+    /// Bounds on the passive joint's damping if it is a free parameter, N m s/rad.
     pub damping_bounds_nm_s_rad: [f64; 2],
-    /// Starting points, spread over the bounds.
+    /// Number of starting points of each fit, spread over the region within the bounds.
     pub starts: usize,
-    /// Replicates of the bootstrap that gives confidence intervals; 0 for none.
+    /// Number of bootstrap replicates for the confidence intervals; 0 for none.
     pub bootstrap: usize,
-    /// Of the bootstrap's random numbers.
+    /// Relative standard deviation of friction between days, from experience, for campaigns recorded on a single
+    /// day; 0 if the fitted coefficients are to be those of that day.
+    pub day_sd: f64,
+    /// Seed of the random numbers for the bootstrap.
     pub seed: u64,
-    /// Whether to follow the objective along every free coefficient.
+    /// Whether to compute the profile of the objective along each free parameter.
     pub profiles: bool,
-    /// Which measured skid ratios the models are compared with.
+    /// Kind of measured skid ratio to which the models are fitted.
     pub sigma: SigmaKind,
-    /// Which gait drives the models at the trials' frequencies.
+    /// Gait that drives the models at the trials' frequencies: the commanded or the measured gait.
     pub gait_input: GaitInput,
-    /// Where k_tau, c_tau and the roll coefficients that are not fitted come from.
+    /// Source of the joint stiffness k_tau, the joint damping c_tau and the roll coefficients, for those of
+    /// them that a fit does not estimate.
     pub robot_parameters: ParameterSource,
-    /// What campaigns have in common.
+    /// Fits of shared coefficients to all campaigns of a robot; `None` if not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared: Option<SharedFits>,
 }
 
 impl Fit {
-    /// Bounds of the free parameters of a quantity, which other quantities may share; `None` where no
-    /// key gives any: the quantity's range bounds it then.
+    /// Returns a mutable reference to the bounds on the free parameters of a quantity; several quantities may
+    /// share them. Returns `None` if no key sets these bounds; the bounds are then the permitted range of the
+    /// quantity.
     pub fn bounds_mut(&mut self, quantity: Quantity) -> Option<&mut [f64; 2]> {
         match quantity {
             Quantity::Skid => Some(&mut self.skid_bounds_kg_s),
@@ -182,15 +191,15 @@ impl Fit {
     }
 }
 
-/// Fits of one set of coefficients to several campaigns.
+/// Settings for fits of one set of coefficients to several campaigns.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SharedFits {
-    /// The robots of which all campaigns are fitted together.
+    /// Robots for which all campaigns are fitted together, with one set of coefficients for each robot.
     pub robot: Robots,
 }
 
-/// Names of robots: a list, or one.
+/// Names of robots; a list or a single name in the configuration file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Robots(pub Vec<String>);
 
@@ -208,49 +217,49 @@ impl<'de> Deserialize<'de> for Robots {
     }
 }
 
-/// What is written beside the page.
+/// Settings of the report.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
-    /// Most trials of which all get a page.
+    /// Maximum number of trial pages in the report, apart from requested ones; if there are more trials, only
+    /// some have a page.
     pub trial_pages: usize,
-    /// Width of every figure in print.
+    /// Width of each figure in print.
     pub width_mm: FigureWidth,
-    /// Size of the text of figures in print, points.
+    /// Font size of the figures in print, points.
     pub font_pt: f64,
 }
 
-/// How wide figures are in print.
+/// Width of figures in print.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FigureWidth {
-    /// As wide as a figure's panels need.
+    /// Width that the figure's panels need.
     Auto,
-    /// mm.
+    /// Width in mm.
     Mm(f64),
 }
 
-/// Where the robots' own parameters come from.
+/// Source of the robot parameters that trials can measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ParameterSource {
-    /// The configuration.
+    /// The values in the configuration.
     Configured,
-    /// The trials of kind `joint-release` and `coast-down`, where the folder has them for the
-    /// robot; else the configuration.
+    /// The trials of kind `joint-release` and `coast-down`; if there are none for a robot, the configuration.
     Measured,
 }
 
-/// Measured skid ratios.
+/// Kind of measured skid ratio: as defined by eq. 20 of the paper, or corrected for marker noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SigmaKind {
-    /// Eq. 20 as it stands; the markers' noise counts as skid.
+    /// Skid ratio as defined by eq. 20 of the paper, which has a positive bias due to marker noise.
     Raw,
-    /// Without what the markers' noise makes of it.
+    /// Skid ratio as defined by eq. 20 of the paper, corrected for the bias due to marker noise.
     Debiased,
 }
 
-/// What the joints are commanded to do; a joint without a command is passive.
+/// Gait in the configuration: the commands of the joints; a joint without a command is passive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GaitConfig {
@@ -260,7 +269,8 @@ pub struct GaitConfig {
     pub joint2: Option<JointConfig>,
 }
 
-/// `phi = offset + amplitude cos(omega t + phase) + amplitude2 cos(2 omega t + phase2)`.
+/// Command of a joint in the configuration: `phi = offset + amplitude cos(omega t + phase) + amplitude2 cos(2
+/// omega t + phase2)`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointConfig {
@@ -269,7 +279,7 @@ pub struct JointConfig {
     pub amplitude_deg: f64,
     #[serde(default)]
     pub phase_deg: f64,
-    /// Of the second harmonic; without it there is none.
+    /// Amplitude of the second harmonic, degrees; `None` if the command has no second harmonic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amplitude2_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -277,38 +287,38 @@ pub struct JointConfig {
 }
 
 impl JointConfig {
-    /// The command in radians.
+    /// Converts the command to radians.
     fn to_command(&self) -> JointCommand {
         let phase2_rad = self.phase2_deg.unwrap_or(0.0).to_radians();
-        let second =
-            |amplitude_deg: f64| SecondHarmonic::new(amplitude_deg.to_radians(), phase2_rad);
         JointCommand {
             offset_rad: self.offset_deg.to_radians(),
             amplitude_rad: self.amplitude_deg.to_radians(),
             phase_rad: self.phase_deg.to_radians(),
-            second: self.amplitude2_deg.map(second),
+            second: self
+                .amplitude2_deg
+                .map(|deg| SecondHarmonic::new(deg.to_radians(), phase2_rad)),
         }
     }
 }
 
-/// One robot with one gait, swept over frequency.
+/// Campaign: all trials of one robot and gait, over a range of frequencies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Campaign {
-    /// Name of a `[robot.*]`.
+    /// Name of the robot, an entry `[robot.NAME]` of the configuration.
     pub robot: String,
-    /// Name of a `[gait.*]`.
+    /// Name of the gait, an entry `[gait.NAME]` of the configuration.
     pub gait: String,
-    /// Names of `[model.*]` that compete.
+    /// Names of the models that are compared, entries `[model.NAME]` of the configuration.
     pub models: Vec<Model>,
-    /// Weights of the objective (Table III).
+    /// Weights of the metrics in the objective (Table III of the paper).
     pub weights: Weights,
-    /// What models leave free, if not what they say themselves.
+    /// Free parameters by model, which replace those given in `[model.NAME]` for this campaign.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub free: BTreeMap<Model, Free>,
 }
 
-/// Weights of eq. 22.
+/// Weights of the objective's terms (eq. 22 of the paper).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
@@ -319,8 +329,8 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// That of a metric's term; 0 of one that has none.
-    pub fn of(self, metric: Metric) -> f64 {
+    /// Returns the weight of a metric's term in the objective; 0 if the metric has no term.
+    pub fn for_metric(self, metric: Metric) -> f64 {
         match metric.definition().weight {
             Some(WeightKey::D) => self.d,
             Some(WeightKey::V) => self.v,
@@ -331,8 +341,9 @@ impl Weights {
     }
 }
 
-/// Marker positions by label, mm in each link's own frame: origin at the link's wheel axle,
-/// x along t_i, y along n_i, z up from the floor.
+/// Marker layout of each link: positions of the markers by label, mm, in a link frame with its origin on the
+/// floor below the wheel axle, x along the wheel's rolling direction t_i, y along n_i (across it) and z
+/// upwards.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Markers {
@@ -342,13 +353,13 @@ pub struct Markers {
 }
 
 impl Markers {
-    /// The layouts of links 0, 1, 2.
+    /// Returns the marker layouts of links 0, 1, 2.
     pub fn links(&self) -> [&BTreeMap<String, [f64; 3]>; 3] {
         [&self.link0, &self.link1, &self.link2]
     }
 }
 
-/// One entry of a family of the configuration, such as `[robot.kinematic]`.
+/// Entry of a configuration table with its name, such as `[robot.kinematic]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedEntry<T, N = String> {
     pub name: N,
@@ -356,45 +367,44 @@ pub struct NamedEntry<T, N = String> {
 }
 
 impl<T: Clone, N: Ord + Clone> NamedEntry<T, N> {
-    /// The entry of a family that has this name.
-    pub fn of(family: &BTreeMap<N, T>, name: &N) -> Option<Self> {
-        family.get(name).map(|value| Self { name: name.clone(), value: value.clone() })
+    /// Finds the entry with the given name; `None` if there is none.
+    pub fn find(entries: &BTreeMap<N, T>, name: &N) -> Option<Self> {
+        entries.get(name).map(|value| Self { name: name.clone(), value: value.clone() })
     }
 }
 
-/// As the configuration has it: a table with the name as its key.
+/// Serializes the entry as in the configuration: as a table with the name as its key.
 impl<T: Serialize, N: Serialize> Serialize for NamedEntry<T, N> {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map([(&self.name, &self.value)])
     }
 }
 
-/// The default of every key.
+/// Default of every key, as TOML.
 const DEFAULTS: &str = include_str!("config/defaults.toml");
-/// Families of which naming one entry replaces all.
-const FAMILIES: [&str; 4] = ["robot", "gait", "campaign", "markers"];
+/// Tables whose defaults are all dropped if the configuration file contains an entry of the table.
+const REPLACED_TABLES: [&str; 4] = ["robot", "gait", "campaign", "markers"];
 
 impl Default for Config {
     fn default() -> Self {
-        static PARSED: LazyLock<Config> = LazyLock::new(|| {
-            Config::parse("").expect("the configuration that comes with the program is complete")
-        });
+        static PARSED: LazyLock<Config> =
+            LazyLock::new(|| Config::parse("").expect("the defaults are a complete configuration"));
         PARSED.clone()
     }
 }
 
-/// Completes a table by the defaults of keys that it does not name, so many tables deep.
-fn complete<'t>(table: &mut DeTable<'t>, defaults: DeTable<'t>, depth: usize) {
+/// Adds the defaults of keys that are missing in a table or, down to the level `depth`, in its subtables.
+fn add_defaults<'t>(table: &mut DeTable<'t>, defaults: DeTable<'t>, depth: usize) {
     for (key, default) in defaults {
         match (table.get_mut(&key).map(Spanned::get_mut), default.get_ref()) {
             (None, _) => {
                 table.insert(key, default);
             }
             (Some(DeValue::Table(named)), DeValue::Table(_))
-                if depth > 0 && !FAMILIES.contains(&&**key.get_ref()) =>
+                if depth > 0 && !REPLACED_TABLES.contains(&&**key.get_ref()) =>
             {
                 if let DeValue::Table(default) = default.into_inner() {
-                    complete(named, default, depth - 1);
+                    add_defaults(named, default, depth - 1);
                 }
             }
             _ => {}
@@ -402,24 +412,25 @@ fn complete<'t>(table: &mut DeTable<'t>, defaults: DeTable<'t>, depth: usize) {
     }
 }
 
-/// A configuration; keys that it leaves out have their defaults. In `compare`, names of columns
-/// stand beside the default ones.
-fn with_defaults(text: &str) -> Result<Spanned<DeTable<'_>>, toml::de::Error> {
+/// Parses the text of a configuration file and adds the defaults of missing keys, including the default
+/// tolerances of columns that the tables of `[compare]` do not list.
+fn parse_with_defaults(text: &str) -> Result<Spanned<DeTable<'_>>, toml::de::Error> {
     let mut table = DeTable::parse(text)?;
-    complete(table.get_mut(), DeTable::parse(DEFAULTS)?.into_inner(), 2);
+    add_defaults(table.get_mut(), DeTable::parse(DEFAULTS)?.into_inner(), 2);
     Ok(table)
 }
 
 impl Config {
     fn parse(text: &str) -> Result<Self, toml::de::Error> {
-        Self::deserialize(Strict(toml::Deserializer::from(with_defaults(text)?)))
+        Self::deserialize(Strict(toml::Deserializer::from(parse_with_defaults(text)?)))
     }
 
-    /// Reads and checks a configuration file and makes its paths relative to where it lies.
+    /// Reads and checks a configuration file. Paths in the file are relative to its folder.
     ///
     /// # Errors
-    /// The file cannot be read, is not TOML, has an unknown key (the nearest known one is
-    /// named), or a value that makes no sense (key, found and needed are named).
+    /// Returns an error if the file cannot be read, is not TOML, has an unknown key (the error suggests the
+    /// most similar one), or has an invalid value (the error names the key, what was found and what is
+    /// needed).
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = trilink_base::files::read_text(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
@@ -430,57 +441,69 @@ impl Config {
         Ok(config)
     }
 
-    /// Loads a configuration file; without a `path` [`CONFIG_FILE`] of the current folder, or the
-    /// defaults if there is none.
+    /// Loads the configuration file `path`. If `path` is `None`, loads [`CONFIG_FILE`] in the current folder,
+    /// or the defaults if that file does not exist.
     ///
     /// # Errors
-    /// As [`Config::load`].
+    /// Returns an error in the same cases as [`Config::load`].
     pub fn load_or_default(path: Option<&Path>) -> Result<Self, ConfigError> {
         Self::file(path).map_or_else(|| Ok(Self::default()), Self::load)
     }
 
-    /// The file that [`Config::load_or_default`] loads; `None` where it takes the defaults.
+    /// Returns the file that [`Config::load_or_default`] loads; `None` if it returns the defaults.
     pub fn file(path: Option<&Path>) -> Option<&Path> {
-        let own = Path::new(CONFIG_FILE);
-        // Only without a file the defaults count: not where it cannot be read.
-        let is_absent = |error: std::io::Error| error.kind() == std::io::ErrorKind::NotFound;
-        match path {
-            None if own.symlink_metadata().is_err_and(is_absent) => None,
-            path => Some(path.unwrap_or(own)),
+        if path.is_some() {
+            return path;
+        }
+        let file = Path::new(CONFIG_FILE);
+        // A file that exists but cannot be read must be an error, so that the defaults do not replace it silently.
+        match file.symlink_metadata() {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+            _ => Some(file),
         }
     }
 
-    /// The defaults, but with the passive joint of the paper's simulations (Figs. 3 to 5), which is
-    /// another than its experiments' (Table II has both).
+    /// Returns the default configuration, but with the stiffness and damping of the passive joint in the
+    /// paper's simulations (Figs. 3 to 5) instead of those in its experiments; Table II of the paper lists
+    /// both.
     pub fn of_simulations() -> Self {
-        let (mut config, simulated) = (Self::default(), Robot::semi_passive());
-        for robot in config.robot.values_mut().filter(|of| of.get(Quantity::Stiffness).is_some()) {
-            robot.set(Quantity::Stiffness, [simulated.stiffness_nm_rad]);
-            robot.set(Quantity::Damping, [simulated.damping_nm_s_rad]);
+        let mut config = Self::default();
+        let simulated = Robot::semi_passive();
+        for robot in config.robot.values_mut() {
+            if robot.get(Quantity::Stiffness).is_some() {
+                robot.set(Quantity::Stiffness, [simulated.stiffness_nm_rad]);
+                robot.set(Quantity::Damping, [simulated.damping_nm_s_rad]);
+            }
         }
         config
     }
 
-    /// The campaigns of a robot, and the models that all of them list and that have something free in
-    /// one of them.
+    /// Returns the campaigns of a robot, and the models that all these campaigns list and that have a free
+    /// parameter in at least one of them.
     pub fn common(&self, robot: &str) -> (Vec<&String>, Vec<Model>) {
         let campaigns = self.campaign.iter().filter(|(_, campaign)| campaign.robot == robot);
         let (names, campaigns): (Vec<&String>, Vec<&Campaign>) = campaigns.unzip();
-        let has_free = |campaign: &Campaign, model: &Model| {
-            let (own, gait) = (&self.model[model], self.gait[&campaign.gait].to_gait());
-            let free = campaign.free.get(model).map_or_else(|| own.free(), |Free(of)| of.clone());
-            free.iter().any(|parameter| own.laws().know(*parameter, &gait))
-        };
-        let is_common = |model: &&Model| {
+        let mut models = campaigns.first().map_or(Vec::new(), |first| first.models.clone());
+        models.retain(|model| {
             campaigns.iter().all(|campaign| campaign.models.contains(model))
-                && campaigns.iter().any(|campaign| has_free(campaign, model))
-        };
-        let first = campaigns.first().map_or(&[][..], |campaign| &campaign.models);
-        let models = first.iter().filter(is_common).copied().collect();
+                && campaigns.iter().any(|campaign| self.has_free_parameter(campaign, *model))
+        });
         (names, models)
     }
 
-    /// The robot and gait of a campaign, in SI units. `None` if there is no such campaign.
+    /// Returns whether a model has a free parameter in a campaign.
+    fn has_free_parameter(&self, campaign: &Campaign, model: Model) -> bool {
+        let config = &self.model[&model];
+        let gait = self.gait[&campaign.gait].to_gait();
+        let free = match campaign.free.get(&model) {
+            Some(Free(parameters)) => parameters.clone(),
+            None => config.free(),
+        };
+        free.iter().any(|parameter| config.laws().is_relevant(*parameter, &gait))
+    }
+
+    /// Returns the robot and the gait of a campaign, in SI units; `None` if there is no campaign with this
+    /// name.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
         let campaign = self.campaign.get(campaign)?;
         let robot = self.robot.get(&campaign.robot)?.to_robot();
@@ -490,15 +513,15 @@ impl Config {
 }
 
 impl GaitConfig {
-    /// The gait in radians.
+    /// Converts the gait to radians.
     pub fn to_gait(&self) -> Gait {
-        let command = |joint: &Option<JointConfig>| joint.as_ref().map(JointConfig::to_command);
-        Gait { joints: [command(&self.joint1), command(&self.joint2)] }
+        let joints = [&self.joint1, &self.joint2];
+        Gait { joints: joints.map(|joint| joint.as_ref().map(JointConfig::to_command)) }
     }
 }
 
-/// A key that is a number or `"auto"`: how it stands in a file.
-fn auto_or<T: Serialize, S: Serializer>(
+/// Serializes a value, or `"auto"` for `None`.
+fn serialize_or_auto<T: Serialize, S: Serializer>(
     value: Option<T>,
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
@@ -516,7 +539,7 @@ impl Serialize for Smoothing {
             Self::Auto => None,
             Self::Window(samples) => Some(samples),
         };
-        auto_or(samples, serializer)
+        serialize_or_auto(samples, serializer)
     }
 }
 
@@ -534,7 +557,7 @@ impl<'de> Deserialize<'de> for Smoothing {
 
 impl Serialize for FigureWidth {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        auto_or(self.mm(), serializer)
+        serialize_or_auto(self.mm(), serializer)
     }
 }
 
@@ -545,14 +568,14 @@ impl<'de> Deserialize<'de> for FigureWidth {
             toml::Value::Integer(mm) => Ok(Self::Mm(mm as f64)),
             toml::Value::Float(mm) => Ok(Self::Mm(mm)),
             other => Err(serde::de::Error::custom(format!(
-                "invalid value: {other}, expected \"auto\" or a number of millimetres"
+                "invalid value: {other}, expected \"auto\" or a number (in millimetres)"
             ))),
         }
     }
 }
 
 impl FigureWidth {
-    /// The width if it is a number, mm.
+    /// Returns the width in mm; `None` if it is automatic.
     pub fn mm(self) -> Option<f64> {
         match self {
             Self::Auto => None,

@@ -1,4 +1,4 @@
-//! Tables that are kept column by column, as they have a row for each frame of a recording.
+//! Tables with one row per frame of a recording, which are held column by column in memory.
 
 use std::collections::BTreeMap;
 
@@ -7,18 +7,22 @@ use polars::prelude::{Column, DataType};
 use crate::columns::{numbered, repeated, texts};
 use crate::{Columns, StoreError, Table};
 
-/// Columns that are kept as such: a series, or several whose names have a pattern.
+/// Type whose values are stored in one or several columns with one row per frame; a pattern determines the
+/// column names (see [`Columns`]).
 pub trait Frames: Sized {
-    /// The pattern of a field of this type that names none.
+    /// Default column-name pattern for a field of this type; `{field}` stands for the field's name.
     const PATTERN: &'static str = "{field}";
 
+    /// Appends the columns that store the value.
     fn write(self, pattern: &str, columns: &mut Vec<Column>);
 
+    /// Reads a value from its columns in a table.
+    ///
     /// # Errors
-    /// A column is not there, or holds something else.
+    /// Returns an error if a column is missing or has the wrong type.
     fn read(table: &Table, pattern: &str) -> Result<Self, StoreError>;
 
-    /// The table of a trial, which begins with its name.
+    /// Builds the table of a trial; its first column, `trial`, contains the trial's name in every row.
     fn into_table(self, trial: &str) -> Table {
         let mut columns = Vec::new();
         self.write("{}", &mut columns);
@@ -26,8 +30,10 @@ pub trait Frames: Sized {
         Table::new(columns)
     }
 
+    /// Reads a value from the table of a trial.
+    ///
     /// # Errors
-    /// A column is not there, or holds something else.
+    /// Returns an error if a column is missing or has the wrong type.
     fn from_table(table: &Table) -> Result<Self, StoreError> {
         Self::read(table, "{}")
     }
@@ -43,40 +49,43 @@ impl<T: Columns> Frames for Vec<T> {
     }
 }
 
-/// Links and wheels are 0, 1, 2; joints are 1 and 2.
+/// The columns of an array are numbered 0, 1, 2 for links and wheels, and 1, 2 for joints.
 impl<S: Frames, const N: usize> Frames for [S; N] {
     fn write(self, pattern: &str, columns: &mut Vec<Column>) {
-        self.into_iter().zip(numbered::<N>(pattern)).for_each(|(of, own)| of.write(&own, columns));
+        for (element, pattern) in self.into_iter().zip(numbered::<N>(pattern)) {
+            element.write(&pattern, columns);
+        }
     }
 
     fn read(table: &Table, pattern: &str) -> Result<Self, StoreError> {
-        let all = numbered::<N>(pattern).map(|own| S::read(table, &own));
+        let all = numbered::<N>(pattern).map(|pattern| S::read(table, &pattern));
         let all: Vec<S> = all.collect::<Result<_, _>>()?;
-        Ok(all.try_into().unwrap_or_else(|_| unreachable!("one for each")))
+        Ok(all.try_into().unwrap_or_else(|_| unreachable!("one for each pattern")))
     }
 }
 
-/// A text for each frame, of which there are few: each is kept once, as of a long recording there
-/// are millions. None in a table of an older version that does not have the column.
+/// Text for each frame. Equal texts are stored only once, because a long recording has millions of frames but few
+/// different texts. Empty if the table comes from an older version of the program and lacks the column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FrameTexts {
-    known: Vec<String>,
-    /// Which of them each frame has.
+    distinct: Vec<String>,
+    /// Index into `distinct`, for each frame.
     frames: Vec<u32>,
 }
 
 impl FrameTexts {
-    /// The text of each key.
-    pub fn of<K: Ord + Copy>(keys: impl Iterator<Item = K>, text: impl Fn(K) -> String) -> Self {
-        let (mut known, mut numbers) = (Vec::new(), BTreeMap::new());
-        let number = |key| {
-            *numbers.entry(key).or_insert_with(|| {
-                known.push(text(key));
-                known.len() as u32 - 1
-            })
-        };
-        let frames = keys.map(number).collect();
-        Self { known, frames }
+    /// Computes the text for each frame from the frame's key; frames with equal keys get equal texts.
+    pub fn new<K: Ord + Copy>(keys: impl Iterator<Item = K>, text: impl Fn(K) -> String) -> Self {
+        let mut distinct = Vec::new();
+        let mut indices = BTreeMap::new();
+        let mut frames = Vec::new();
+        for key in keys {
+            frames.push(*indices.entry(key).or_insert_with(|| {
+                distinct.push(text(key));
+                distinct.len() as u32 - 1
+            }));
+        }
+        Self { distinct, frames }
     }
 
     pub fn is_empty(&self) -> bool {
@@ -84,14 +93,14 @@ impl FrameTexts {
     }
 
     pub fn get(&self, frame: usize) -> Option<&str> {
-        Some(&self.known[*self.frames.get(frame)? as usize])
+        Some(&self.distinct[*self.frames.get(frame)? as usize])
     }
 }
 
 impl Frames for FrameTexts {
     fn write(self, name: &str, columns: &mut Vec<Column>) {
-        let of_frames = self.frames.iter().map(|text| self.known[*text as usize].as_str());
-        columns.push(texts(name, of_frames));
+        let frames = self.frames.iter().map(|index| self.distinct[*index as usize].as_str());
+        columns.push(texts(name, frames));
     }
 
     fn read(table: &Table, name: &str) -> Result<Self, StoreError> {
@@ -100,11 +109,12 @@ impl Frames for FrameTexts {
         }
         let column = table.column(name, ("text", DataType::is_string), &DataType::String)?;
         let texts = column.str().map_err(|error| table.error(&error))?;
-        Ok(Self::of(texts.iter().map(Option::unwrap_or_default), str::to_owned))
+        Ok(Self::new(texts.iter().map(Option::unwrap_or_default), str::to_owned))
     }
 }
 
-/// Defines a struct whose fields are columns of all frames, see [`Frames`]; a field can have a pattern (`as`).
+/// Defines a struct whose fields are columns with one row per frame (see [`Frames`]); a field can have a
+/// column-name pattern (`as`).
 #[macro_export]
 macro_rules! frames {
     ($(#[$meta:meta])* pub struct $name:ident {

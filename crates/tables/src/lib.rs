@@ -1,23 +1,22 @@
-//! What the stages share on disk: `pipeline.toml` and `trials.toml`, read strictly, and the tables of
-//! `derived/`, written whole or not at all.
+//! Files that the stages share: `pipeline.toml` and `trials.toml`, which are parsed strictly, and the tables in
+//! `derived/`, which are written atomically.
 //!
-//! - What is asked for: [`config`] (`pipeline.toml`; its `Default` is the paper's experiment) and
-//!   [`trial`] (`trials.toml`).
-//! - What is in the tables: `rows`, a struct for each kind of row, such as [`TrialRow`], in a file for
-//!   the stage that writes them; `status`, the names in their columns; `verdict`, what fits and comparisons
-//!   found; `explanations`, what each check means.
-//! - How they are stored: `columns` ([`Columns`], from rows to columns and back), `frames` ([`Frames`],
-//!   what has a row for each frame), `table` ([`Table`], Parquet with its [`Provenance`]), `table_set`
-//!   ([`table_set!`], the tables that a stage reads and writes together), [`checksum`].
-//! - How they are kept consistent: `atomic` (a file is there whole or not at all), `stamp` ([`Reader`],
-//!   which refuses a file that changed since it was looked at).
-//! - [`clock`]: now; `time` ([`UtcTime`]): a time as a column.
+//! - Input: [`config`] (`pipeline.toml`; its `Default` is the paper's experiment) and [`trial`] (`trials.toml`).
+//! - Content of the tables: `rows`, a struct for each kind of row, such as [`TrialRow`], grouped by the stage
+//!   that writes it; `status`, enumerations in columns; `verdict`, findings of fits and comparisons;
+//!   `explanations`, the meaning of each check.
+//! - Storage: `columns` ([`Columns`], conversion between rows and columns), `frames` ([`Frames`], tables with a row for
+//!   each frame), `table` ([`Table`], Parquet with its [`Provenance`]), `table_set` ([`table_set!`], the tables
+//!   that a stage reads and writes together), [`checksum`].
+//! - Consistency: `atomic` (a file is written completely or not at all), `stamp` ([`Reader`], which rejects a
+//!   file that has changed since it was last checked).
+//! - Time: [`clock`], the current time; `time` ([`UtcTime`]), a time in a column.
 //!
 //! ```
 //! use trilink_tables::{Provenance, Table, config::Config, numbers, texts};
 //!
 //! let (robot, _) = Config::default().campaign_setup("kinematic-symmetric").unwrap();
-//! assert_eq!(robot.h_m, 0.144);
+//! assert_eq!(robot.h_m, [0.144; 2]);
 //!
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("distances.parquet");
@@ -35,6 +34,7 @@ pub mod config;
 mod explanations;
 mod frames;
 mod objective;
+mod repeats;
 mod rows;
 mod stamp;
 mod status;
@@ -47,14 +47,17 @@ mod verdict;
 pub use atomic::{
     PendingFile, ToDisk, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
 };
-pub use columns::{Columns, NamedCell, numbers, repeated, texts, truths};
+pub use columns::{Columns, NamedCell, booleans, numbers, repeated, texts};
 #[doc(hidden)]
 pub use columns::{fill, interleave, pattern_of};
 pub use explanations::Explanation;
 pub use frames::{FrameTexts, Frames};
 pub use polars::prelude::Column;
+pub use repeats::{MAX_DEVIATIONS, SAME_FREQUENCY, UnlikeRepeats};
 pub use rows::extrapolation::Extrapolation;
-pub use rows::fits::{BootstrapRow, ComparisonRow, FitRow, ProfileRow, SharedFitRow, StartRow};
+pub use rows::fits::{
+    BootstrapRow, ComparisonRow, FitRow, PrecisionRow, ProfileRow, SharedFitRow, StartRow,
+};
 pub use rows::motions::{BranchRow, TrajectoryRow};
 pub use rows::optima::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use rows::predictions::{PredictionRow, ResidualRow};
@@ -66,13 +69,16 @@ pub use rows::robot_parameters::{DecayFit, RobotParameterRow, RobotQuantity};
 pub use rows::sensitivities::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};
 pub use rows::trials::{CheckRow, JointGait, TrialRow};
 pub use stamp::{Reader, Stamp, hash, is_there, tables_in};
-pub use status::{FitStatus, PredictionSource, RunStatus, Severity, Sharing, Stopped, TrialStatus};
+pub use status::{
+    FitStatus, LawStatus, PredictionSource, RunStatus, Severity, Sharing, SlopeStatus, Stopped,
+    TrialStatus,
+};
 pub use table::{Provenance, Table, guarded, hush_damaged_tables, is_own_table, row_names};
 pub use time::{UtcTime, time_text};
 pub use verdict::{
     Comparison, Contradiction, ContradictionKind, FitNotes, LINEAR_PART, LawKind, LawLike, Misfit,
-    MisfitRms, MisfitRun, NoInterval, NoIntervalReason, NotTested, NotTestedReason, Outcome,
-    Reason, Resistance, Side, Why,
+    MisfitRms, MisfitRun, NoInterval, NoIntervalReason, NoPrecisionReason, NotTested,
+    NotTestedReason, Outcome, Reason, Resistance, Side, Undecided, UndecidedReason, Why,
 };
 
 use std::io::ErrorKind;
@@ -80,7 +86,7 @@ use std::path::PathBuf;
 
 use trilink_base::cancel::Cancelled;
 
-/// Why a table or file could not be written or read.
+/// Error while reading, writing or removing a table or another file.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     #[error(transparent)]
@@ -89,15 +95,15 @@ pub enum StoreError {
     Write { path: PathBuf, source: std::io::Error },
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
-    #[error("{}: is not as it was when it was written or looked at", path.display())]
+    #[error("{}: has changed since it was written or last checked", path.display())]
     Changed { path: PathBuf },
-    #[error("{}: damaged: its bytes are not those that trilink wrote", path.display())]
+    #[error("{}: damaged: the content does not match the checksum that trilink wrote", path.display())]
     Damaged { path: PathBuf },
     #[error("{}: not a Parquet table: {message}", path.display())]
     Parquet { path: PathBuf, message: String },
-    #[error("{}: not a Parquet table of trilink: {message}", path.display())]
+    #[error("{}: not a Parquet table written by trilink: {message}", path.display())]
     Table { path: PathBuf, message: String },
-    #[error("{}: not there; `trilink ingest` makes it", path.display())]
+    #[error("{}: does not exist; `trilink ingest` creates it", path.display())]
     NotIngested { path: PathBuf },
     #[error("{}: found {found}, needed {needed}", path.display())]
     Place { path: PathBuf, found: &'static str, needed: &'static str },
@@ -112,20 +118,21 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// Whether there is no such file.
+    /// Returns whether the error means that the file does not exist.
     pub fn is_not_there(&self) -> bool {
         let Self::Read { source, .. } = self else { return false };
         match source.kind() {
-            // An invalid name cannot exist.
+            // A file with an invalid name cannot exist.
             ErrorKind::NotFound | ErrorKind::InvalidFilename => true,
-            // NUL is refused by std before any system call (no OS error); EINVAL from the system proves
-            // nothing.
+            // The standard library rejects a name that contains NUL before any system call (so there is no OS
+            // error), whereas EINVAL from the system proves nothing.
             ErrorKind::InvalidInput => source.raw_os_error().is_none(),
             _ => false,
         }
     }
 
-    /// Whether it is a table, but with columns of another version.
+    /// Returns whether the error means that the columns of a table are not as expected, as happens if another
+    /// version of the program wrote it.
     pub fn is_schema_mismatch(&self) -> bool {
         matches!(self, Self::Column { .. } | Self::Columns { .. })
     }
@@ -136,10 +143,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_system_finds_invalid_is_not_taken_for_absent() {
+    fn a_path_that_the_system_rejects_is_not_taken_for_absent() {
         let is_not_there = |source| StoreError::Read { path: "a".into(), source }.is_not_there();
-        let of_a_name_with_nul = std::fs::metadata("a\0b").expect_err("no file has that name");
-        assert!(is_not_there(of_a_name_with_nul));
+        let error_of_nul = std::fs::metadata("a\0b").expect_err("no file has that name");
+        assert!(is_not_there(error_of_nul));
         assert!(is_not_there(ErrorKind::NotFound.into()));
         #[cfg(unix)]
         for number in [5, 13, 22] {

@@ -1,4 +1,4 @@
-//! What a file was when it was last looked at, so that unchanged ones are not read again.
+//! File stamps (size, modification time and hash), which avoid reading unchanged files again.
 
 use std::collections::HashMap;
 use std::fs::Metadata;
@@ -9,64 +9,67 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use trilink_base::files;
 
-use super::table::most_rows;
+use super::table::max_rows;
 use super::{Columns, CycleRow, StoreError, Table, cycles_path};
 
-/// Clocks of file systems tick this coarsely at most; those that count whole seconds are told by
-/// their times.
+/// Coarsest resolution of modification times in file systems that store fractions of a second.
 const TICK: Duration = Duration::from_millis(20);
+/// Coarsest resolution of modification times in file systems that store whole seconds.
 const COARSE_TICK: Duration = Duration::from_secs(2);
 
-/// Size, time and content of a file.
+/// Size, modification time and hash of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stamp {
     pub bytes: u64,
-    /// Of the last change, ns since 1970. Missing where a later change might have the same time:
-    /// then the file is read again the next time.
+    /// Modification time, ns since the Unix epoch. `None` if a later change to the file could have the same
+    /// modification time, so that the file must be read again.
     pub modified_ns: Option<u64>,
-    /// Of the content, in hexadecimal.
+    /// BLAKE3 hash of the content, hexadecimal.
     pub blake3: String,
 }
 
 impl Stamp {
-    /// The stamp of a file somebody else may write, of which `content` was read after `metadata`.
+    /// Returns the stamp of a file that other programs may modify. `content` must have been read after
+    /// `metadata`.
     pub fn of_input(metadata: &Metadata, content: &[u8]) -> Self {
         let is_whole = metadata.len() == content.len() as u64;
         let modified_ns = modified_ns(metadata).filter(|ns| is_whole && is_past(*ns));
         Self { bytes: metadata.len(), modified_ns, blake3: hash(content) }
     }
 
-    /// The stamp of a file in a folder that only who holds its lock writes to: however young the
-    /// file is, a later change has another time.
+    /// Returns the stamp of a file in a folder whose lock this process holds. As no other process writes to
+    /// the folder, the modification time is trusted even if the file is very recent.
     pub(super) fn of_output(metadata: &Metadata, blake3: String) -> Self {
         Self { bytes: metadata.len(), modified_ns: modified_ns(metadata), blake3 }
     }
 
-    /// Whether it says the same as an earlier one, or only more of the file's time.
+    /// Returns whether this stamp equals the `earlier` one. Modification times are compared only if the earlier stamp
+    /// has one.
     pub fn confirms(&self, earlier: &Self) -> bool {
         (self.bytes, &self.blake3) == (earlier.bytes, &earlier.blake3)
             && (earlier.modified_ns.is_none() || earlier.modified_ns == self.modified_ns)
     }
 
-    /// The stamp of a file that was known as `known`, which is read only if its size or time
-    /// differ, or to `verify` it. The program's `own` are of folders that only who holds their
-    /// lock writes to.
+    /// Returns the current stamp of the file at `path`. The file is read only if there is no `earlier` stamp, if its
+    /// size or modification time differs from that stamp, or if `verify` is set. `own` states that no process writes to
+    /// the file without holding the lock on its folder.
     ///
     /// # Errors
-    /// It cannot be read.
-    pub fn renew(path: &Path, known: Option<&Self>, own: bool, verify: bool) -> io::Result<Self> {
-        if let Some(known) = known.filter(|known| !verify && known.is_current(path)) {
-            return Ok(known.clone());
+    /// Returns an error if the file cannot be read.
+    pub fn renew(path: &Path, earlier: Option<&Self>, own: bool, verify: bool) -> io::Result<Self> {
+        if let Some(earlier) = earlier.filter(|earlier| !verify && earlier.is_current(path)) {
+            return Ok(earlier.clone());
         }
         let (content, metadata) = files::read(path, files::DATA_BYTES)?;
-        Ok(match own {
-            true => Self::of_output(&metadata, hash(&content)),
-            false => Self::of_input(&metadata, &content),
-        })
+        if own {
+            Ok(Self::of_output(&metadata, hash(&content)))
+        } else {
+            Ok(Self::of_input(&metadata, &content))
+        }
     }
 
-    /// Whether a file has this size and time.
+    /// Returns whether a file has the size and the modification time in this stamp.
     pub fn is_current(&self, path: &Path) -> bool {
         let Ok(metadata) = std::fs::metadata(path) else { return false };
         metadata.is_file()
@@ -75,79 +78,85 @@ impl Stamp {
             && modified_ns(&metadata) == self.modified_ns
     }
 
-    /// Whether a file is as it was; to `verify` that, it is read.
+    /// Returns whether a file is unchanged, judged by its size and modification time or, if `verify` is set,
+    /// by the hash of its content.
     pub fn is_intact(&self, path: &Path, verify: bool) -> bool {
         if verify { self.content_of(path).is_some() } else { self.is_current(path) }
     }
 
-    /// The content of a file that still has this one.
+    /// Reads a file; `None` if its content differs from this stamp or cannot be read.
     pub fn content_of(&self, path: &Path) -> Option<Vec<u8>> {
         let (content, _) = files::read(path, self.bytes).ok()?;
         (hash(&content) == self.blake3).then_some(content)
     }
 }
 
-/// Whether there is something at a path.
+/// Returns whether a file or folder exists at a path.
 ///
 /// # Errors
-/// That cannot be found out.
+/// Returns an error if this cannot be determined.
 pub fn is_there(path: &Path) -> Result<bool, StoreError> {
     path.try_exists().map_err(|source| StoreError::Read { path: path.to_owned(), source })
 }
 
-/// Reads files that were looked at before: what is read is what was seen, or an error.
+/// Reader that rejects a file that differs from its stamp; files without a stamp are read as they are.
 #[derive(Debug, Clone, Default)]
 pub struct Reader(pub HashMap<PathBuf, Stamp>);
 
 impl Reader {
-    /// Of files in a folder as they were written.
-    pub fn of<'s>(folder: &Path, files: impl IntoIterator<Item = (&'s String, &'s Stamp)>) -> Self {
+    /// Creates a reader from the stamps of files in a folder, given with the files' names.
+    pub fn new<'s>(
+        folder: &Path,
+        files: impl IntoIterator<Item = (&'s String, &'s Stamp)>,
+    ) -> Self {
         Self(files.into_iter().map(|(name, stamp)| (folder.join(name), stamp.clone())).collect())
     }
 
-    /// The bytes of a file.
+    /// Reads the bytes of a file.
     ///
     /// # Errors
-    /// It cannot be read, or is not what it was.
+    /// Returns an error if the file cannot be read or differs from its stamp.
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, StoreError> {
         let (bytes, _) = files::read(path, files::DATA_BYTES)
             .map_err(|source| StoreError::Read { path: path.to_owned(), source })?;
         match self.0.get(path) {
-            Some(seen) if seen.blake3 != hash(&bytes) => {
+            Some(stamp) if stamp.blake3 != hash(&bytes) => {
                 Err(StoreError::Changed { path: path.to_owned() })
             }
             _ => Ok(bytes),
         }
     }
 
-    /// A table.
+    /// Reads a table.
     ///
     /// # Errors
-    /// As [`Reader::bytes`], or it is not a table that trilink writes.
+    /// Returns an error in the same cases as [`Reader::bytes`], or if the file is not a table that trilink writes.
     pub fn table(&self, path: &Path) -> Result<Table, StoreError> {
         Table::parse(path, self.bytes(path)?)
     }
 
-    /// A table that is not absurdly long.
+    /// Reads a table after checking that it has no more rows than are permitted for tables of its name.
     ///
     /// # Errors
-    /// As [`Reader::table`], or it has more rows than a table of its name may have, or two with one name.
-    pub fn bearable_table(&self, path: &Path) -> Result<Table, StoreError> {
-        Table::parse_at_most(path, self.bytes(path)?, most_rows(path))?.each_row_once()
+    /// Returns an error in the same cases as [`Reader::table`], if the table has too many rows, or if two rows agree in
+    /// all columns that identify a row.
+    pub fn bounded_table(&self, path: &Path) -> Result<Table, StoreError> {
+        Table::parse_at_most(path, self.bytes(path)?, max_rows(path))?.each_row_once()
     }
 
-    /// The rows of a table.
+    /// Reads the rows of a table.
     ///
     /// # Errors
-    /// As [`Reader::table`], or a column is missing or of another type, or two rows have one name.
+    /// Returns an error in the same cases as [`Reader::table`], if a column is missing or has the wrong type, or if two
+    /// rows agree in all columns that identify a row.
     pub fn rows<R: Columns>(&self, path: &Path) -> Result<Vec<R>, StoreError> {
         R::from_table(&self.table(path)?.each_row_once()?)
     }
 
-    /// The rows of a table; none if it is not there.
+    /// Reads the rows of a table; `None` if there is no such file.
     ///
     /// # Errors
-    /// As [`Reader::rows`], but for a table that is not there.
+    /// Returns an error in the same cases as [`Reader::rows`], except if the file does not exist.
     pub fn rows_if_there<R: Columns>(&self, path: &Path) -> Result<Option<Vec<R>>, StoreError> {
         match self.rows(path) {
             Err(error) if error.is_not_there() => Ok(None),
@@ -155,10 +164,10 @@ impl Reader {
         }
     }
 
-    /// The cycles of a trial in their order; none if there is no table of them.
+    /// Reads the cycles of a trial in chronological order; `None` if the trial has no table of cycles.
     ///
     /// # Errors
-    /// As [`Reader::rows`], but for a table that is not there, or a cycle does not follow the one before.
+    /// Returns an error in the same cases as [`Reader::rows_if_there`], or if the cycle numbers do not increase.
     pub fn cycles_if_there(
         &self,
         derived: &Path,
@@ -171,14 +180,14 @@ impl Reader {
         };
         let found = format!("{} after {}", pair[1].cycle, pair[0].cycle);
         let column = "cycle".to_owned();
-        Err(StoreError::Column { path, column, found, needed: "cycles that rise" })
+        Err(StoreError::Column { path, column, found, needed: "increasing cycle numbers" })
     }
 }
 
-/// The tables in a folder, in order; none if it is not there.
+/// Lists the Parquet files in a folder, sorted by name; empty if the folder does not exist.
 ///
 /// # Errors
-/// The folder cannot be read.
+/// Returns an error if the folder cannot be read.
 pub fn tables_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let error = |source| StoreError::Read { path: folder.to_owned(), source };
     let entries = match std::fs::read_dir(folder) {
@@ -190,12 +199,12 @@ pub fn tables_in(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
     let paths = entries.map(|entry| entry.map(|entry| entry.path()));
     let mut paths = paths.collect::<io::Result<Vec<_>>>().map_err(error)?;
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "parquet"));
-    // Of one folder: their parts need not be compared.
+    // Within one folder, comparing whole paths as text is enough.
     paths.sort_unstable_by(|a, b| a.as_os_str().cmp(b.as_os_str()));
     Ok(paths)
 }
 
-/// blake3 in hexadecimal.
+/// Computes the BLAKE3 hash of `content`, hexadecimal.
 pub fn hash(content: &[u8]) -> String {
     blake3::hash(content).to_hex().to_string()
 }
@@ -205,11 +214,11 @@ fn modified_ns(metadata: &Metadata) -> Option<u64> {
     u64::try_from(since.as_nanos()).ok()
 }
 
-/// Whether a change that is made now has another time.
+/// Returns whether a change made now would get a modification time other than `modified_ns`.
 fn is_past(modified_ns: u64) -> bool {
     let tick = if modified_ns.is_multiple_of(1_000_000_000) { COARSE_TICK } else { TICK };
     let modified = UNIX_EPOCH + Duration::from_nanos(modified_ns);
-    // A time to come tells nothing of the past.
+    // A modification time in the future is not past.
     SystemTime::now().duration_since(modified).is_ok_and(|age| age > tick)
 }
 
@@ -228,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_again_when_its_size_or_time_differs_or_is_too_young_to_tell() {
+    fn a_file_is_read_again_if_its_size_or_time_differs_or_is_too_recent() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         fs::write(&path, "one").unwrap();

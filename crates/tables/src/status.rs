@@ -1,37 +1,38 @@
-//! What became of a trial, a check, a fit or a prediction.
+//! Statuses of trials, runs, checks, fits and searches.
 
-use trilink_base::{Named, named};
+use trilink_base::named;
 
 named! {
-    /// What became of a trial.
+    /// Status of a trial.
     pub enum TrialStatus {
         Ok = "ok",
-        /// A check warns.
+        /// A check warns about the trial, but the trial has metrics.
         Flagged = "flagged",
-        /// It has no metrics.
+        /// The trial has no metrics.
         Failed = "failed",
     }
 }
 
 named! {
-    /// How a run ended.
+    /// Status of a run.
     pub enum RunStatus {
-        /// It has not, or it was killed.
+        /// The run has not ended, or was killed.
         Running = "running",
         Ok = "ok",
-        /// Something needs a person.
+        /// The run is complete, but its results need human review: a trial failed, or a finding concerns a whole
+        /// campaign or folder.
         Attention = "attention",
-        /// It did not come to its end.
+        /// The run stopped with an error.
         Failed = "failed",
         Interrupted = "interrupted",
     }
 }
 
 named! {
-    /// How bad it is what a check found.
+    /// Severity of a check's finding.
     pub enum Severity {
         Ok = "ok",
-        /// Something was found that needs nobody.
+        /// The finding needs no action.
         Info = "info",
         Warning = "warning",
         Error = "error",
@@ -41,28 +42,29 @@ named! {
 named! {
     /// Whether one set of coefficients describes all campaigns of a robot.
     pub enum Sharing {
-        /// Nothing speaks against it.
+        /// The trials do not contradict the shared coefficients.
         Kept = "kept",
-        /// The campaigns' own coefficients are nearer by more than chance.
+        /// Separate coefficients fit significantly better.
         Refused = "refused",
     }
 }
 
 named! {
-    /// Where a model predicts.
+    /// Origin of the frequency at which a model's metrics are predicted.
     pub enum PredictionSource {
-        /// At the trials' frequencies.
+        /// Predicted at the frequency of a trial.
         Trial = "trial",
-        /// On a fine grid.
+        /// Predicted at a frequency of a fine grid, for a curve.
         Curve = "curve",
     }
 }
 
 named! {
-    /// Why a search ended.
+    /// Reason why one of the searches of a multi-start fit ended.
     pub enum Stopped {
         Converged = "converged",
-        /// Another search with a lower number goes on from the same point, and both end there.
+        /// The search approached the same point as the search from an earlier start, so only the earlier one was
+        /// completed; its result counts for both starts.
         Joined = "joined an earlier start",
         NothingFree = "nothing is free",
         NoMotion = "no motion exists here",
@@ -71,62 +73,62 @@ named! {
 }
 
 impl Stopped {
-    /// Whether the search has not found a minimum.
+    /// Returns whether the search ended without finding a minimum.
     pub fn is_failure(self) -> bool {
         matches!(self, Self::NoMotion | Self::TooManySteps)
     }
 }
 
-/// What became of a fit.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum FitStatus {
-    Ok,
-    /// Why there is none.
-    Failed(String),
-}
-
-impl FitStatus {
-    /// Whether there is a fit.
-    pub fn is_ok(&self) -> bool {
-        *self == Self::Ok
+named! {
+    /// Status of a fit.
+    pub enum FitStatus {
+        Ok = "ok",
+        /// The gait of a trial passes through a singular shape, so that the model has no motion for this trial.
+        Singular = "singular",
+        /// The solver found no periodic motion of the model for a trial.
+        Diverged = "diverged",
+        /// There is nothing to fit, or the gait of a trial is not known.
+        Failed = "failed",
     }
 }
 
 impl FitStatus {
-    /// What there is, or nothing and why.
-    pub fn split<T>(found: Result<T, String>) -> (Option<T>, Self) {
-        match found {
-            Ok(found) => (Some(found), Self::Ok),
-            Err(reason) => (None, Self::Failed(reason)),
-        }
+    /// Returns whether there is a fit.
+    pub fn is_ok(self) -> bool {
+        self == Self::Ok
     }
 }
 
-impl Named for FitStatus {
-    fn first() -> Self {
-        Self::Failed(String::new())
-    }
-
-    fn as_name(&self) -> &str {
-        match self {
-            Self::Ok => "ok",
-            Self::Failed(reason) => reason,
-        }
-    }
-
-    fn of_name(name: &str) -> Option<Self> {
-        Some(if name == Self::Ok.as_name() { Self::Ok } else { Self::Failed(name.to_owned()) })
+named! {
+    /// Whether a joint release or a coast-down identifies the law of its decay.
+    pub enum LawStatus {
+        Ok = "ok",
+        /// Every law is rejected.
+        NoneFits = "no law fits",
+        /// Neither the viscous nor the dry law is rejected in favour of the law with both terms.
+        NotDistinguished = "laws not distinguished",
+        /// A constant force acts on the coasting robot, and no coast-down in the opposite direction tells whether it is
+        /// dry friction or gravity along a sloping floor.
+        DryOrSlope = "dry friction or slope",
     }
 }
 
-impl serde::Serialize for FitStatus {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.as_name())
+named! {
+    /// Whether coast-downs determine the slope of the floor along the direction of travel.
+    pub enum SlopeStatus {
+        Ok = "ok",
+        /// No robot coasted in opposite directions, so that the slope cannot be separated from dry friction.
+        OneDirection = "one direction",
+        /// The coast-downs scatter too much, or their directions differ too little.
+        Imprecise = "imprecise",
+        /// The motion follows no combination of viscous resistance and a constant force.
+        NoneFits = "no law fits",
     }
 }
 
-impl std::fmt::Display for FitStatus {
-    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.pad(self.as_name())
+impl LawStatus {
+    /// Returns whether the law is identified.
+    pub fn is_ok(self) -> bool {
+        self == Self::Ok
     }
 }

@@ -1,4 +1,4 @@
-//! Tables as Parquet files.
+//! Tables in Parquet files.
 
 use std::cell::Cell;
 use std::collections::HashSet;
@@ -18,12 +18,11 @@ use trilink_base::files;
 
 use super::{Columns, PendingFile, Reader, Stamp, StoreError, checksum, write_if_changed};
 
-/// Numbers with noise in them hardly shrink, however long that takes. Statistics, too, would take
-/// time: they tell a reader which parts of a table to skip, and these tables have one part.
+/// Level of zstd compression; noisy numbers barely shrink further at higher levels.
 const ZSTD_LEVEL: i32 = 1;
 
-/// Most rows of the tables that are read as a whole, by their names: an absurd table costs no gigabytes.
-const MOST_ROWS: [(&str, usize); 13] = [
+/// Maximum number of rows, by table name, for tables that are read into memory completely.
+const MAX_ROWS: [(&str, usize); 14] = [
     ("trials", 20_000),
     ("checks", 1_000_000),
     ("fits", 1_000),
@@ -31,6 +30,7 @@ const MOST_ROWS: [(&str, usize); 13] = [
     ("shared_fits", 1_000),
     ("predictions", 50_000),
     ("comparison", 1_000),
+    ("precision", 10_000),
     ("starts", 100_000),
     ("profiles", 100_000),
     ("bootstrap", 1_000_000),
@@ -39,7 +39,8 @@ const MOST_ROWS: [(&str, usize); 13] = [
     ("optimum_maps", 1_000_000),
 ];
 
-/// Columns that name a row, of tables in which each has a name of its own.
+/// Columns that together identify a row, by table name, for tables in which no two rows may have the same
+/// identity.
 const ROW_NAMES: [(&str, &[&str]); 5] = [
     ("trials", &["trial"]),
     ("robot_parameters", &["trial"]),
@@ -48,50 +49,47 @@ const ROW_NAMES: [(&str, &[&str]); 5] = [
     ("comparison", &["campaign", "model"]),
 ];
 
-/// What is known of the table with this file.
-fn known<T: Copy>(path: &Path, of_tables: &[(&str, T)]) -> Option<T> {
+/// Returns the entry of `by_table` for the table in the file at `path`, whose name without the extension is the table's
+/// name; `None` if there is no such entry.
+fn lookup<T: Copy>(path: &Path, by_table: &[(&str, T)]) -> Option<T> {
     let name = path.file_stem()?.to_str()?;
-    of_tables.iter().find(|(known, _)| *known == name).map(|(_, of_table)| *of_table)
+    by_table.iter().find(|(table, _)| *table == name).map(|(_, entry)| *entry)
 }
 
-/// Most rows of the table with this file.
-pub(super) fn most_rows(path: &Path) -> usize {
-    known(path, &MOST_ROWS).unwrap_or(usize::MAX)
+/// Returns the maximum number of rows of the table in the file at `path`; `usize::MAX` for tables without a limit.
+pub(super) fn max_rows(path: &Path) -> usize {
+    lookup(path, &MAX_ROWS).unwrap_or(usize::MAX)
 }
 
-/// The columns that name a row of the table with this file; none if its rows have no names.
+/// Returns the columns that together identify a row of the table in the file at `path`; empty if the table has no such
+/// columns.
 pub fn row_names(path: &Path) -> &'static [&'static str] {
-    known(path, &ROW_NAMES).unwrap_or_default()
+    lookup(path, &ROW_NAMES).unwrap_or_default()
 }
 
-/// Key of the fingerprint in a file's metadata.
+/// Key of the input fingerprint in the key-value metadata of a Parquet file.
 const INPUT_KEY: &str = "trilink.input";
 
 thread_local! {
     static READING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether this thread is reading a table: a panic then is an error of the file, and a panic
-/// hook need not speak of it.
-fn is_reading() -> bool {
-    READING.with(Cell::get)
-}
-
-/// From now on a panic over a damaged table is only the error of its file, and prints nothing.
+/// Installs a panic hook that prints nothing for panics inside [`guarded`], which are reported as errors
+/// about the file that is read.
 pub fn hush_damaged_tables() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        let before = std::panic::take_hook();
+        let previous = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
-            if !is_reading() {
-                before(panic);
+            if !READING.with(Cell::get) {
+                previous(panic);
             }
         }));
     });
 }
 
-/// Reads with polars; `None` if the file is damaged such that the reader panics instead of giving
-/// an error.
+/// Calls a function that reads a file with polars; `None` if polars panics instead of returning an error, as it does
+/// for some damaged files.
 pub fn guarded<T>(read: impl FnOnce() -> T) -> Option<T> {
     READING.with(|reading| {
         reading.set(true);
@@ -101,43 +99,46 @@ pub fn guarded<T>(read: impl FnOnce() -> T) -> Option<T> {
     })
 }
 
-/// What a table was made from; goes into the file's key-value metadata.
+/// Origin of a table, which is written to the key-value metadata of its file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provenance {
-    /// Fingerprint of everything that the table was computed from.
+    /// Fingerprint of all inputs from which the table was computed.
     pub input: String,
 }
 
-/// A table: named columns of equal length.
+/// Table of named columns of equal length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// The file that it was read from.
+    /// File from which the table was read; empty for a new table.
     pub path: PathBuf,
-    /// [`Provenance::input`] of that file, if it has one.
+    /// [`Provenance::input`] stored in the file, if there is one.
     pub input: Option<String>,
     pub frame: DataFrame,
 }
 
 impl Table {
-    /// A table of `columns`, all of one length and each of another name, in this order.
+    /// Builds a table from `columns`, in the given order.
+    ///
+    /// # Panics
+    /// Panics if the columns differ in length or two have the same name.
     pub fn new(columns: Vec<Column>) -> Self {
         let frame = DataFrame::new_infer_height(columns).expect("columns of a table");
         Self { path: PathBuf::new(), input: None, frame }
     }
 
-    /// Writes Parquet (zstd) in one piece.
+    /// Writes a Parquet file (zstd) atomically.
     ///
     /// # Errors
-    /// The file cannot be written; what was there before stays.
+    /// Returns an error if the file cannot be written; an existing file is then left unchanged.
     pub fn write(&self, path: &Path, provenance: &Provenance) -> Result<(), StoreError> {
-        self.write_beside(path, provenance)?.settle().map(|_| ())
+        self.write_pending(path, provenance)?.commit().map(|_| ())
     }
 
-    /// [`Table::write`] but for the last step: the file is not yet in its place.
+    /// Writes a Parquet file under a temporary name; [`PendingFile::commit`] renames it to `path`.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn write_beside(
+    /// Returns an error if the file cannot be written.
+    pub fn write_pending(
         &self,
         path: &Path,
         provenance: &Provenance,
@@ -145,10 +146,11 @@ impl Table {
         PendingFile::write(path, &self.to_parquet(path, provenance)?)
     }
 
-    /// [`Table::write`], unless the file is this table already: then it is left alone.
+    /// Writes a Parquet file as [`Table::write`] does, but leaves an existing file untouched if it already
+    /// contains exactly the same bytes.
     ///
     /// # Errors
-    /// The file cannot be written; what was there before stays.
+    /// Returns an error if the file cannot be written; an existing file is then left unchanged.
     pub fn write_if_changed(
         &self,
         path: &Path,
@@ -157,49 +159,51 @@ impl Table {
         write_if_changed(path, &self.to_parquet(path, provenance)?)
     }
 
-    /// The bytes of the file.
+    /// Encodes the table as the bytes of a Parquet file, with `provenance` in its metadata; `path` is named in errors.
     fn to_parquet(&self, path: &Path, provenance: &Provenance) -> Result<Vec<u8>, StoreError> {
         let types = arrow_schema(&self.frame);
         let metadata = KeyValueMetadata::from_static(vec![
             (types.key, types.value.unwrap_or_default()),
             ("trilink.version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             (INPUT_KEY.to_owned(), provenance.input.clone()),
-            (checksum::KEY.to_owned(), checksum::NONE.to_owned()),
+            (checksum::KEY.to_owned(), checksum::PLACEHOLDER.to_owned()),
         ]);
         let mut bytes = Vec::new();
-        let write = |level| {
-            ParquetWriter::new(&mut bytes)
-                .set_parallel(false)
-                .with_compression(ParquetCompression::Zstd(Some(level)))
-                .with_statistics(StatisticsOptions::empty())
-                .with_key_value_metadata(Some(metadata))
-                .finish(&mut self.frame.clone())
-        };
-        ZstdLevel::try_new(ZSTD_LEVEL)
-            .and_then(write)
+        let level = ZstdLevel::try_new(ZSTD_LEVEL).map_err(|error| table_error(path, &error))?;
+        ParquetWriter::new(&mut bytes)
+            .set_parallel(false)
+            .with_compression(ParquetCompression::Zstd(Some(level)))
+            // Column statistics only help to skip row groups, and these tables have a single row group.
+            .with_statistics(StatisticsOptions::empty())
+            .with_key_value_metadata(Some(metadata))
+            .finish(&mut self.frame.clone())
             .map_err(|error| table_error(path, &error))?;
-        assert!(checksum::put(&mut bytes), "the metadata has a place for it");
+        assert!(checksum::insert(&mut bytes), "the metadata has a placeholder for the checksum");
         Ok(bytes)
     }
 
     /// Reads a Parquet file.
     ///
     /// # Errors
-    /// The file cannot be read, is damaged or is not Parquet, or holds types that trilink does not write.
+    /// Returns an error if the file cannot be read, is damaged, is not a Parquet file, or has column types
+    /// that trilink does not write.
     pub fn read(path: &Path) -> Result<Self, StoreError> {
         Reader::default().table(path)
     }
 
-    /// [`Table::read`] of bytes at hand.
+    /// Parses the bytes of a Parquet file; `path` is named in errors.
+    ///
+    /// # Errors
+    /// Returns an error in the same cases as [`Table::read`].
     pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Self, StoreError> {
         Self::parse_at_most(path, bytes, usize::MAX)
     }
 
-    /// [`Table::parse`] of a table that has so many rows at most.
+    /// Parses a table as [`Table::parse`] does, but rejects one with more than `max_rows` rows.
     pub(super) fn parse_at_most(
         path: &Path,
         bytes: Vec<u8>,
-        most: usize,
+        max_rows: usize,
     ) -> Result<Self, StoreError> {
         let table_error = |message: String| StoreError::Table { path: path.to_owned(), message };
         checksum::check(path, &bytes)?;
@@ -207,8 +211,9 @@ impl Table {
             ParquetReader::new(Cursor::new(bytes)).read_parallel(ParallelStrategy::None);
         let read = || {
             let metadata = reader.get_metadata()?;
-            if metadata.num_rows > most {
-                let message = format!("found {} rows, needed at most {most}", metadata.num_rows);
+            let rows = metadata.num_rows;
+            if rows > max_rows {
+                let message = format!("found {rows} rows, but at most {max_rows} are allowed");
                 return Err(PolarsError::ComputeError(message.into()));
             }
             let pairs = metadata.key_value_metadata().iter().flatten();
@@ -217,50 +222,56 @@ impl Table {
             PolarsResult::Ok((reader.finish()?, input))
         };
         let (frame, input) = guarded(read)
-            .ok_or_else(|| table_error("it is damaged".to_owned()))?
+            .ok_or_else(|| table_error("the file is damaged".to_owned()))?
             .map_err(|error| table_error(error.to_string()))?;
         Ok(Self { path: path.to_owned(), input, frame })
     }
 
-    /// The same table, if no two of its rows have one name.
+    /// Returns the table, or an error if two rows agree in all columns that identify a row (see
+    /// [`row_names`]).
     pub(super) fn each_row_once(self) -> Result<Self, StoreError> {
         let names = row_names(&self.path);
         let texts = names.iter().map(|name| self.frame.column(name).ok()?.str().ok());
-        // A column that is not there is missed by name where it is needed.
+        // A missing column is reported later by the code that reads the column.
         let Some(texts) = texts.collect::<Option<Vec<_>>>().filter(|texts| !texts.is_empty())
         else {
             return Ok(self);
         };
         let mut seen = HashSet::new();
-        let name = |row| texts.iter().map(|text| text.get(row).unwrap_or("")).collect::<Vec<_>>();
-        match (0..self.len()).map(name).find(|name| !seen.insert(name.clone())) {
-            Some(again) => {
-                let found = format!("`{}` twice", again.join(" "));
-                Err(self.wrong(&names.join(", "), &found, "each once"))
+        for row in 0..self.len() {
+            let name: Vec<_> = texts.iter().map(|text| text.get(row).unwrap_or("")).collect();
+            let text = name.join(" ");
+            if !seen.insert(name) {
+                return Err(self.wrong(
+                    &names.join(", "),
+                    &format!("`{text}` twice"),
+                    "each value once",
+                ));
             }
-            None => Ok(self),
         }
+        Ok(self)
     }
 
-    /// Number of rows.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.frame.height()
     }
 
-    /// Whether there is no row.
+    /// Returns whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Values of a column, or of several whose names have a pattern.
+    /// Reads the values in a column, or in several columns if `name` is a pattern (see [`Columns`]).
     ///
     /// # Errors
-    /// A column is not there, or holds something else.
+    /// Returns an error if a column is missing or has a type from which `T` cannot be read.
     pub fn values<T: Columns>(&self, name: &str) -> Result<Vec<T>, StoreError> {
         T::read(self, name)
     }
 
-    /// A column of a type that is `needed` (what it is called, and whether one is it), as `dtype`.
+    /// Returns a column converted to `dtype`. `is_needed` tests whether the column's type is of the required
+    /// kind, which `needed` names in errors.
     pub(super) fn column(
         &self,
         name: &str,
@@ -273,13 +284,17 @@ impl Table {
             found if is_needed(found) => {
                 column.strict_cast(dtype).map_err(|error| self.error(&error))
             }
-            found => Err(self.wrong(name, &kind(found), needed)),
+            found => Err(self.wrong(name, &type_name(found), needed)),
         }
     }
 
     pub(super) fn wrong(&self, column: &str, found: &str, needed: &'static str) -> StoreError {
-        let (path, column) = (self.path.clone(), column.to_owned());
-        StoreError::Column { path, column, found: found.to_owned(), needed }
+        StoreError::Column {
+            path: self.path.clone(),
+            column: column.to_owned(),
+            found: found.to_owned(),
+            needed,
+        }
     }
 
     pub(super) fn error(&self, error: &PolarsError) -> StoreError {
@@ -287,8 +302,8 @@ impl Table {
     }
 }
 
-/// What a type is called in errors.
-fn kind(dtype: &DataType) -> String {
+/// Returns the name of a column type for errors.
+fn type_name(dtype: &DataType) -> String {
     match dtype {
         dtype if dtype.is_float() => "numbers".to_owned(),
         dtype if dtype.is_integer() => "whole numbers".to_owned(),
@@ -302,15 +317,16 @@ fn table_error(path: &Path, error: &PolarsError) -> StoreError {
     StoreError::Table { path: path.to_owned(), message: error.to_string() }
 }
 
-/// Whether a file is a table that this program wrote.
+/// Returns whether a file is a table that trilink wrote.
 pub fn is_own_table(path: &Path) -> bool {
     const KEY: &[u8] = INPUT_KEY.as_bytes();
     files::read(path, files::DATA_BYTES)
         .is_ok_and(|(bytes, _)| bytes.windows(KEY.len()).any(|part| part == KEY))
 }
 
-/// The types that Arrow's readers are to make of the columns: text and lists of text as they have
-/// always been. pandas cannot take a list of views, which is what polars would name.
+/// Returns the metadata entry that declares the Arrow types of the columns to other programs. It declares the classic
+/// layout for text and for lists of text, because pandas cannot read the lists of string views that polars would
+/// declare.
 fn arrow_schema(frame: &DataFrame) -> KeyValue {
     schema_to_metadata_key(&frame.schema().to_arrow(CompatLevel::oldest()))
 }
@@ -325,7 +341,7 @@ mod tests {
     use crate::Columns;
 
     crate::rows! {
-        /// A row with columns of all types.
+        /// Row with columns of all types.
         pub struct Row {
             pub number: f64,
             pub count: i64,
@@ -345,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_that_another_program_wrote_with_gaps_are_whole_numbers() {
+    fn integers_that_another_program_wrote_with_gaps_are_read_as_integers() {
         let table = |count: Column| {
             let mut table = Row::to_table(&[row("a"), row("b")]);
             for name in ["count", "some"] {
@@ -369,28 +385,28 @@ mod tests {
     }
 
     #[test]
-    fn whole_numbers_of_which_a_sum_would_be_none_are_refused() {
+    fn integers_whose_sum_could_overflow_are_rejected() {
         let read = |counts: Column| {
             let mut table = Row::to_table(&[row("a"), row("b")]);
             table.frame.with_column(counts.with_name("count".into())).expect("two rows");
             Row::from_table(&table).map(|rows| rows[0].count)
         };
-        let most = 1_000_000_000_000;
-        assert_eq!(read(Column::new("".into(), [most, -most])).unwrap(), most);
+        let max = 1_000_000_000_000;
+        assert_eq!(read(Column::new("".into(), [max, -max])).unwrap(), max);
         for counts in [
-            Column::new("".into(), [0, most + 1]),
+            Column::new("".into(), [0, max + 1]),
             Column::new("".into(), [0, i64::MIN]),
             numbers("", vec![0.0, -1e13]),
         ] {
             let message = read(counts).unwrap_err().to_string();
             assert!(message.ends_with("needed whole numbers up to 1e12"), "{message}");
         }
-        // Not null, which would count 0.
+        // An integer that is out of range must not be read as null, which would become 0.
         assert!(read(Column::new("".into(), [0, u64::MAX])).is_err());
     }
 
     #[test]
-    fn a_negative_standard_error_is_refused() {
+    fn a_negative_standard_error_is_rejected() {
         let of =
             |se: f64| Estimate::from_table(&Estimate::to_table(&[Estimate { value: -1.0, se }]));
         let message = of(-0.5).unwrap_err().to_string();
@@ -399,16 +415,16 @@ mod tests {
     }
 
     #[test]
-    fn missing_columns_are_named_all_at_once() {
+    fn one_error_names_all_missing_columns() {
         let table = Table::new(vec![numbers("number", vec![1.0]), repeated("name", "a", 1)]);
         let message = Row::from_table(&table).unwrap_err().to_string();
-        let missing = "columns `count`, `some`, `used`, `free`: found none of them";
+        let missing = "columns `count`, `some`, `used`, `free` are missing";
         assert!(message.contains(missing), "{message}");
-        assert!(message.ends_with("`trilink run` makes the tables of an older version anew"));
+        assert!(message.ends_with("`trilink run` recomputes the tables of an older version"));
     }
 
     #[test]
-    fn columns_of_other_types_are_named_all_at_once_with_those_that_are_missing() {
+    fn one_error_names_all_missing_columns_and_all_of_other_types() {
         let table = Table::new(vec![
             repeated("number", "x", 1),
             Column::new("count".into(), [true]),
@@ -419,15 +435,15 @@ mod tests {
         let message = Row::from_table(&table).unwrap_err().to_string();
         assert_eq!(
             message,
-            ": column `some`: found no such column; column `number`: found text, needed numbers; \
+            ": column `some` is missing; column `number`: found text, needed numbers; \
              column `count`: found booleans, needed whole numbers; column `name`: found numbers, \
              needed text; column `free`: found whole numbers, needed text; \
-             `trilink run` makes the tables of an older version anew"
+             `trilink run` recomputes the tables of an older version"
         );
     }
 
     #[test]
-    fn a_table_comes_back_as_it_was_written() {
+    fn a_table_is_read_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/table.parquet");
         let rows = vec![
@@ -460,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn a_column_that_is_not_there_is_named() {
+    fn an_error_names_the_missing_column() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let table = Table::new(vec![Column::new("count".into(), [1_i64])]);
@@ -473,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_table_is_refused_and_what_another_program_wrote_is_no_panic() {
+    fn a_damaged_table_is_rejected_and_one_of_another_program_causes_no_panic() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         let table = Table::new(vec![
@@ -482,9 +498,9 @@ mod tests {
         ]);
         table.write(&path, &provenance()).unwrap();
         let whole = std::fs::read(&path).unwrap();
-        let read = |bytes: &[u8], place: usize, bits: u8| {
+        let read = |bytes: &[u8], index: usize, bits: u8| {
             let mut damaged = bytes.to_vec();
-            damaged[place] ^= bits;
+            damaged[index] ^= bits;
             std::fs::write(&path, &damaged).unwrap();
             Table::read(&path)
         };
@@ -492,28 +508,29 @@ mod tests {
             whole.windows(checksum::KEY.len()).rposition(|part| part == checksum::KEY.as_bytes());
         let key = key.expect("a checksum");
         let value = key + checksum::KEY.len() + 2;
-        for place in 0..whole.len() {
-            // Without its name or the writer's there is no checksum, but nothing else is damaged.
-            let is_of_name =
-                (key..value).contains(&place) || (value + 64..value + 73).contains(&place);
-            match read(&whole, place, 1 << (place % 8)) {
-                Ok(found) => assert!(is_of_name && found.frame == table.frame, "{place}"),
+        for index in 0..whole.len() {
+            // With a damaged key or writer's name the checksum is not found, but nothing else is damaged.
+            let is_in_name =
+                (key..value).contains(&index) || (value + 64..value + 73).contains(&index);
+            match read(&whole, index, 1 << (index % 8)) {
+                Ok(found) => assert!(is_in_name && found.frame == table.frame, "{index}"),
                 Err(StoreError::Damaged { .. }) => {}
-                Err(error) => assert!(is_of_name, "{place}: {error}"),
+                Err(error) => assert!(is_in_name, "{index}: {error}"),
             }
         }
         let mut foreign = whole;
-        // A library that keeps the pairs of what it read.
+        // The file as another library would write it after copying the key-value pairs from the file that it
+        // read.
         foreign[value + 72] = b'z';
         std::fs::write(&path, &foreign).unwrap();
         assert_eq!(Table::read(&path).unwrap().frame, table.frame);
-        let refused =
-            (0..foreign.len()).filter(|&place| read(&foreign, place, 0x5a).is_err()).count();
-        assert!(refused > foreign.len() / 4, "{refused} of {}", foreign.len());
+        let rejected =
+            (0..foreign.len()).filter(|&index| read(&foreign, index, 0x5a).is_err()).count();
+        assert!(rejected > foreign.len() / 4, "{rejected} of {}", foreign.len());
     }
 
     #[test]
-    fn a_file_that_is_no_table_is_an_error() {
+    fn a_file_that_is_not_a_table_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("table.parquet");
         std::fs::write(&path, b"PAR1 but not really").unwrap();

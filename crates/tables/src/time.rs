@@ -1,4 +1,4 @@
-//! Times of day in tables.
+//! UTC times in tables.
 
 use std::fmt;
 use std::ops::Deref;
@@ -11,24 +11,23 @@ use polars::prelude::{
 
 use super::{Columns, StoreError, Table};
 
-/// A time such as `2026-11-12T02:31:07Z`, UTC; in tables a timestamp in milliseconds. Empty where
-/// none is known.
+/// UTC time such as `2026-11-12T02:31:07Z`, which is stored in tables as a timestamp in milliseconds; empty if unknown.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct UtcTime(String);
 
 impl UtcTime {
-    /// From text, if it is a time.
+    /// Parses an RFC 3339 time; `None` if the text is not one.
     pub fn parse(text: &str) -> Option<Self> {
-        Self::of_ms(DateTime::parse_from_rfc3339(text).ok()?.timestamp_millis())
+        Self::from_unix_ms(DateTime::parse_from_rfc3339(text).ok()?.timestamp_millis())
     }
 
-    /// Milliseconds since 1970.
-    fn of_ms(ms: i64) -> Option<Self> {
+    /// Returns the time `ms` milliseconds after the Unix epoch; `None` if it is out of range.
+    fn from_unix_ms(ms: i64) -> Option<Self> {
         let time = DateTime::from_timestamp_millis(ms)?;
         Some(Self(time.to_rfc3339_opts(SecondsFormat::AutoSi, true)))
     }
 
-    fn ms(&self) -> Option<i64> {
+    fn unix_ms(&self) -> Option<i64> {
         Some(DateTime::parse_from_rfc3339(&self.0).ok()?.timestamp_millis())
     }
 }
@@ -53,43 +52,44 @@ impl Columns for UtcTime {
     }
 
     fn write(values: &[&Self], name: &str, columns: &mut Vec<Column>) {
-        let ms = values.iter().map(|time| time.ms());
+        let ms = values.iter().map(|time| time.unix_ms());
         let times = Int64Chunked::from_iter_options(name.into(), ms);
         let times = times.into_datetime(TimeUnit::Milliseconds, Some(TimeZone::UTC));
         columns.push(times.into_series().into_column());
     }
 
-    /// Text, too, which such columns were.
+    /// Reads times from a column of timestamps, or from a column of text as written by older versions.
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
         const NEEDED: &str = "times";
+        let mut times = Vec::new();
         if table.frame.column(name).is_ok_and(|column| column.dtype().is_string()) {
-            let time = |text: String| {
-                if text.is_empty() { Some(Self::default()) } else { Self::parse(&text) }
-                    .ok_or_else(|| table.wrong(name, &format!("`{text}`"), NEEDED))
-            };
-            return String::read(table, name)?.into_iter().map(time).collect();
+            for text in String::read(table, name)? {
+                let time = if text.is_empty() { Some(Self::default()) } else { Self::parse(&text) };
+                times.push(time.ok_or_else(|| table.wrong(name, &format!("`{text}`"), NEEDED))?);
+            }
+            return Ok(times);
         }
         let dtype = DataType::Datetime(TimeUnit::Milliseconds, Some(TimeZone::UTC));
-        let times = table.column(name, (NEEDED, DataType::is_datetime), &dtype)?;
-        let ms = times.datetime().map_err(|error| table.error(&error))?.physical();
-        let time = |ms: Option<i64>| match ms {
-            None => Ok(Self::default()),
-            Some(ms) => Self::of_ms(ms).ok_or_else(|| table.wrong(name, &ms.to_string(), NEEDED)),
-        };
-        ms.iter().map(time).collect()
+        let column = table.column(name, (NEEDED, DataType::is_datetime), &dtype)?;
+        for ms in column.datetime().map_err(|error| table.error(&error))?.physical().iter() {
+            let time = ms.map_or_else(|| Some(Self::default()), Self::from_unix_ms);
+            let found = || ms.unwrap_or_default().to_string();
+            times.push(time.ok_or_else(|| table.wrong(name, &found(), NEEDED))?);
+        }
+        Ok(times)
     }
 }
 
-/// The text of a cell that is a time; one without a zone is taken as it is.
+/// Formats a cell that holds a time as RFC 3339 text, without `Z` if the cell has no time zone; `None` for other cells.
 pub fn time_text(cell: &AnyValue) -> Option<String> {
     let AnyValue::Datetime(ticks, unit, zone) = cell else { return None };
-    let (per_s, ns) = match unit {
+    let (ticks_per_s, ns_per_tick) = match unit {
         TimeUnit::Nanoseconds => (1_000_000_000, 1),
         TimeUnit::Microseconds => (1_000_000, 1_000),
         TimeUnit::Milliseconds => (1_000, 1_000_000),
     };
-    let part = ticks.rem_euclid(per_s) * ns;
-    let time = DateTime::from_timestamp(ticks.div_euclid(per_s), part as u32)?;
+    let ns = ticks.rem_euclid(ticks_per_s) * ns_per_tick;
+    let time = DateTime::from_timestamp(ticks.div_euclid(ticks_per_s), ns as u32)?;
     let text = time.to_rfc3339_opts(SecondsFormat::AutoSi, true);
     Some(if zone.is_some() { text } else { text.trim_end_matches('Z').to_owned() })
 }
@@ -99,14 +99,14 @@ mod tests {
     use super::*;
 
     crate::rows! {
-        /// A row with a time.
+        /// Row with a time.
         pub struct Row {
             pub time: UtcTime,
         }
     }
 
     #[test]
-    fn times_are_timestamps_in_milliseconds_and_come_back() {
+    fn times_are_stored_as_timestamps_in_milliseconds_and_read_back() {
         let times =
             ["2026-11-12T02:31:07Z", "1969-12-31T23:59:59.250Z", "2026-11-12T02:31:07.001Z"];
         let rows = times.map(|time| Row { time: UtcTime::parse(time).unwrap() });
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn times_of_other_programs_and_former_ones_are_read() {
+    fn times_written_by_other_programs_and_older_versions_are_read() {
         let column = |column: Column| Table::new(vec![column.with_name("time".into())]);
         let texts = super::super::texts("", ["2026-11-12T02:31:07Z", ""].into_iter());
         let rows = Row::from_table(&column(texts)).unwrap();

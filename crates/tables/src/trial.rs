@@ -1,4 +1,4 @@
-//! `trials.toml`: which recordings trial folders hold.
+//! `trials.toml`: the list of recordings in a trial folder.
 
 mod folders;
 
@@ -15,76 +15,82 @@ use trilink_base::files;
 use trilink_base::named;
 use trilink_base::pattern::matches_label;
 
-/// Name of the list inside a trial folder.
+/// Name of the trial list in a trial folder.
 pub const TRIALS_FILE: &str = "trials.toml";
 
-/// Frequencies that a gait may be commanded with, and how an error says it.
+/// Permitted range of commanded frequencies, rad/s.
 pub const OMEGA_RAD_S: RangeInclusive<f64> = 0.01..=1000.0;
+/// Permitted range of commanded frequencies as stated in error messages.
 pub const NEEDED_OMEGA: &str = "a frequency from 0.01 to 1000 rad/s";
 
-/// Where campaigns and robots are.
+/// File that defines the campaigns and robots, as named in error messages.
 const PIPELINE: &str = " of pipeline.toml";
 
-/// Name of the planted truth inside a folder of synthetic trials.
+/// Name of the file with the true (known) parameters in a folder of synthetic trials.
 pub const TRUTH_FILE: &str = "truth.json";
 
 named! {
-    /// What was recorded.
+    /// Kind of a trial.
     pub enum TrialKind {
-        /// The robot driven by its campaign's gait.
+        /// The robot is driven by its campaign's gait.
         Gait = "gait",
-        /// The passive joint let go from rest (Fig. 8b).
+        /// The passive joint is deflected and released (Fig. 8b of the paper), to measure its stiffness and damping.
         JointRelease = "joint-release",
-        /// The straight robot pushed; gives the roll resistance.
+        /// The straight robot is pushed and coasts, to measure its rolling resistance.
         CoastDown = "coast-down",
     }
 }
 
-/// One recording.
+/// Trial: one recording with its settings, an entry of `trials.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trial {
-    /// Unique name, `[A-Za-z0-9._-]{1,64}`.
+    /// Name of the trial, `[A-Za-z0-9._-]{1,64}`, which must be unique within the folder.
     pub id: String,
-    /// Marker file inside the folder; `.csv` or `.c3d`, or one of them with `.gz`.
+    /// Marker file in the folder: `.csv` or `.c3d`, or either with `.gz`.
     pub file: String,
     pub kind: TrialKind,
-    /// Name of a `[campaign.*]`; gait trials only.
+    /// Name of the campaign, an entry `[campaign.NAME]` of the configuration; only for trials of kind `gait`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub campaign: Option<String>,
-    /// Name of a `[robot.*]`; the other kinds only.
+    /// Name of the robot, an entry `[robot.NAME]` of the configuration; only for kinds other than `gait`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
-    /// Commanded frequency; gait trials only, rad/s.
+    /// Commanded frequency, rad/s; only for trials of kind `gait`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub omega_rad_s: Option<f64>,
-    /// Instead of `ingest.smoothing_window`, samples, 5 to 30.
+    /// Day of the recording, any text; the name of the folder if it is not given. Friction is assumed to differ between
+    /// days.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub day: Option<String>,
+    /// Smoothing window for this trial in place of `ingest.smoothing_window`, samples (5 to 30).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing_window: Option<usize>,
 }
 
-/// The list in `trials.toml`.
+/// Trial list, the content of `trials.toml`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialList {
-    /// Marker files of the folder that are no trials, or are to be none although they have an entry: `*`
-    /// stands for any characters, `?` for one.
+    /// Patterns for marker files that are not trials, or that are to be left out although they have an entry;
+    /// `*` stands for any number of characters, `?` for exactly one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore: Vec<String>,
     #[serde(default)]
     pub trial: Vec<Trial>,
-    /// Ids of entries whose files `ignore` names, which are not among `trial`.
+    /// Ids of the entries that [`TrialList::load`] has removed from `trial` because their files match `ignore`.
     #[serde(skip)]
     pub ignored: Vec<String>,
 }
 
 impl TrialList {
-    /// Reads the list of a trial folder, without the trials whose files it ignores. What is wrong with a
-    /// single trial, such as a missing file or an unknown campaign, is left to [`Trial::check`], so that
-    /// the others can go on.
+    /// Reads the trial list of a folder, without the trials whose files the list ignores. Errors in a single
+    /// trial, such as an unknown campaign, are left to [`Trial::check`], so that the other trials can be
+    /// processed.
     ///
     /// # Errors
-    /// The list cannot be read or parsed, an id is malformed or used twice, or no trial is left.
+    /// Returns an error if the list cannot be read or parsed, if an id is malformed or used twice, or if no
+    /// trial is left.
     pub fn load(folder: &Path) -> Result<Self, ConfigError> {
         let path = folder.join(TRIALS_FILE);
         let text = trilink_base::files::read_text(&path)
@@ -92,63 +98,68 @@ impl TrialList {
         let mut list: Self =
             parse_toml(&path, &text).map_err(|error| single_brackets(&path, &text, error))?;
         let error = |key: &str, found, needed: &str| {
-            let (path, key, needed) = (path.clone(), key.to_owned(), needed.to_owned());
-            Err(ConfigError::Value { path, key, found, needed })
+            Err(ConfigError::Value {
+                path: path.clone(),
+                key: key.to_owned(),
+                found,
+                needed: needed.to_owned(),
+            })
         };
         if list.trial.is_empty() {
             return error("trial", "an empty list".to_owned(), "at least one [[trial]]");
         }
         let mut ids = BTreeSet::new();
         for (i, Trial { id, .. }) in list.trial.iter().enumerate() {
-            let (key, found) = (format!("trial[{i}].id"), format!("{id:?}"));
+            let key = format!("trial[{i}].id");
+            let found = format!("{id:?}");
             if files::is_device_name(id) {
-                return error(
-                    &key,
-                    found,
-                    "another id, because Windows takes this one for a device",
-                );
+                let needed = "another id, because Windows reserves this name for a device";
+                return error(&key, found, needed);
             }
             if !is_valid_id(id) {
                 let characters = "A-Z a-z 0-9 . _ -, not starting with a dot";
                 return error(&key, found, &format!("1 to 64 of the characters {characters}"));
             }
-            // Some disks do not tell capitals from small letters.
+            // Some file systems ignore case.
             if !ids.insert(id.to_ascii_lowercase()) {
                 return error(&key, found, "an id that no other trial has");
             }
         }
-        let is_ignored = |trial: &Trial| {
-            let names = |pattern: &&String| matches_label(pattern, &trial.file);
-            list.ignore.iter().filter(names).any(|pattern| !is_catch_all(pattern))
-        };
-        let (ignored, kept): (Vec<Trial>, _) = list.trial.into_iter().partition(is_ignored);
-        if kept.is_empty() {
-            let found = format!("{:?}, which name the files of all trials", list.ignore);
-            return error("ignore", found, "at least one [[trial]] whose file none of them names");
+        let (ignored, trials): (Vec<Trial>, _) = list.trial.into_iter().partition(|trial| {
+            let mut patterns = list.ignore.iter();
+            patterns.any(|one| matches_label(one, &trial.file) && !is_catch_all(one))
+        });
+        if trials.is_empty() {
+            let found = format!("{:?}, which match the files of all trials", list.ignore);
+            return error(
+                "ignore",
+                found,
+                "at least one [[trial]] whose file none of these patterns matches",
+            );
         }
         list.ignored = ignored.into_iter().map(|trial| trial.id).collect();
-        list.trial = kept;
+        list.trial = trials;
         Ok(list)
     }
 
-    /// Whether a marker file of the folder is neither a trial nor named by `ignore`.
+    /// Returns whether the marker file `file` in the folder is neither listed nor ignored.
     pub fn lacks(&self, file: &str) -> bool {
         !self.trial.iter().any(|trial| trial.file == file)
             && !self.ignore.iter().any(|pattern| matches_label(pattern, file))
     }
 }
 
-/// Whether a pattern names no file in particular, as `*` and `*.csv`: it stands for the files without an
-/// entry.
+/// Returns whether a pattern, such as `*` or `*.csv`, matches all files or all files of one type. Such a
+/// pattern ignores only files without an entry in the list.
 fn is_catch_all(pattern: &str) -> bool {
     let stem = pattern.split('.').next().unwrap_or_default();
     !stem.is_empty() && stem.chars().all(|c| "*?".contains(c))
 }
 
-/// What is wrong with a list in which `[trial]` stands for `[[trial]]`, else the parser's error.
+/// Replaces the parser's error by a clearer one if the trial list contains `[trial]` instead of `[[trial]]`.
 fn single_brackets(path: &Path, text: &str, error: ConfigError) -> ConfigError {
-    let header = |line: &str| line.split('#').next().is_some_and(|line| line.trim() == "[trial]");
-    match text.lines().position(header) {
+    let mut lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+    match lines.position(|line| line.trim() == "[trial]") {
         Some(index) => ConfigError::Syntax {
             path: path.to_owned(),
             line: index + 1,
@@ -160,23 +171,24 @@ fn single_brackets(path: &Path, text: &str, error: ConfigError) -> ConfigError {
     }
 }
 
-/// Most characters of an id, and of a name that has a folder's in front.
-const MOST_ID: usize = 64;
-const MOST_NAME: usize = 2 * MOST_ID + 1;
+/// Maximum number of characters in a trial's id.
+const MAX_ID: usize = 64;
+/// Maximum number of characters in a trial's name, which is the id, possibly prefixed with the folder's name.
+const MAX_NAME: usize = 2 * MAX_ID + 1;
 
-/// Whether a text can be the id of a trial.
+/// Returns whether `id` is a valid id for a trial.
 pub fn is_valid_id(id: &str) -> bool {
-    id.len() <= MOST_ID && is_valid_name(id) && !files::is_device_name(id)
+    id.len() <= MAX_ID && is_valid_name(id) && !files::is_device_name(id)
 }
 
-/// Whether a text can name a trial and its tables.
+/// Returns whether `name` is a valid name for a trial and its tables.
 pub fn is_valid_name(name: &str) -> bool {
-    (1..=MOST_NAME).contains(&name.len())
+    (1..=MAX_NAME).contains(&name.len())
         && !name.starts_with('.')
         && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
 }
 
-/// What is wrong with one entry of `trials.toml`.
+/// Error in an entry of `trials.toml`.
 #[derive(Debug, Clone, thiserror::Error, PartialEq, Eq)]
 #[error("trials.toml, trial `{trial}`: key `{key}`: found {found}, needed {needed}")]
 pub struct TrialError {
@@ -187,17 +199,20 @@ pub struct TrialError {
 }
 
 impl Trial {
-    /// Checks the entry against the configuration.
+    /// Checks the trial's entry against the configuration.
     ///
     /// # Errors
-    /// Names the key, what was found and what was needed.
+    /// Returns an error that names the invalid key, what was found and what is needed.
     pub fn check(&self, config: &Config) -> Result<(), TrialError> {
         let error = |key, found: String, needed: &str| {
             Err(TrialError { trial: self.id.clone(), key, found, needed: needed.to_owned() })
         };
-        let mut inside = Path::new(&self.file).components();
-        if self.file.is_empty() || !inside.all(|part| matches!(part, Component::Normal(_))) {
+        let mut parts = Path::new(&self.file).components();
+        if self.file.is_empty() || !parts.all(|part| matches!(part, Component::Normal(_))) {
             return error("file", format!("{:?}", self.file), "a file inside the trial folder");
+        }
+        if self.day.as_ref().is_some_and(|day| day.trim().is_empty()) {
+            return error("day", "an empty text".to_owned(), "a text, such as \"2026-11-28\"");
         }
         if let Some(window) = self.smoothing_window.filter(|window| !(5..=30).contains(window)) {
             return error("smoothing_window", window.to_string(), "a whole number from 5 to 30");
@@ -209,26 +224,24 @@ impl Trial {
             ("omega_rad_s", !is_gait && self.omega_rad_s.is_some()),
         ];
         if let Some((key, _)) = foreign.into_iter().find(|(_, is_there)| *is_there) {
-            let needed = format!("no such key for a trial of kind {}", self.kind);
+            let needed = format!("none, because a trial of kind {} has no such key", self.kind);
             return error(key, "a value".to_owned(), &needed);
         }
-        let (key, name) =
-            if is_gait { ("campaign", &self.campaign) } else { ("robot", &self.robot) };
+        let name = if is_gait { &self.campaign } else { &self.robot };
         let name = name.as_deref().unwrap_or_default();
-        let (is_known, known) = match is_gait {
-            true => (config.campaign.contains_key(name), one_of(name, &config.campaign, PIPELINE)),
-            false => (config.robot.contains_key(name), one_of(name, &config.robot, PIPELINE)),
-        };
-        if !is_known {
-            let found = if name.is_empty() { "nothing".into() } else { format!("`{name}`") };
-            return error(key, found, &known);
+        let found = if name.is_empty() { "nothing".to_owned() } else { format!("`{name}`") };
+        if is_gait && !config.campaign.contains_key(name) {
+            return error("campaign", found, &one_of(name, &config.campaign, PIPELINE));
+        }
+        if !is_gait && !config.robot.contains_key(name) {
+            return error("robot", found, &one_of(name, &config.robot, PIPELINE));
         }
         match self.omega_rad_s {
             Some(omega) if !OMEGA_RAD_S.contains(&omega) => {
                 let units = [("Hz", omega * TAU), ("degrees per second", omega.to_radians())];
                 let unit = units.into_iter().find(|(_, right)| OMEGA_RAD_S.contains(right));
                 let unit = unit.map_or(String::new(), |(unit, right)| {
-                    format!(" (is it in {unit}? then {right:.4} is right)")
+                    format!(" (is the value in {unit}? then {right:.4} is correct)")
                 });
                 error("omega_rad_s", omega.to_string(), &format!("{NEEDED_OMEGA}{unit}"))
             }
@@ -252,14 +265,15 @@ mod tests {
     }
 
     #[test]
-    fn an_ignored_file_is_no_trial_although_it_has_an_entry() {
-        let ids = |list: &TrialList| list.trial.iter().map(|of| of.id.clone()).collect::<Vec<_>>();
+    fn an_ignored_file_is_not_a_trial_although_it_has_an_entry() {
+        let ids =
+            |list: &TrialList| list.trial.iter().map(|trial| trial.id.clone()).collect::<Vec<_>>();
         for (ignore, left, ignored) in [
             ("", &["a-1", "a-2", "b-1"][..], &[][..]),
             ("'a-2.csv'", &["a-1", "b-1"], &["a-2"]),
             ("'a-*.csv', 'wand*'", &["b-1"], &["a-1", "a-2"]),
             ("'?-1*'", &["a-2"], &["a-1", "b-1"]),
-            // They stand for the files that have no entry.
+            // These patterns ignore only files without an entry.
             ("'*'", &["a-1", "a-2", "b-1"], &[]),
             ("'*.csv', 'b-1.csv'", &["a-1", "a-2"], &["b-1"]),
         ] {
@@ -269,7 +283,11 @@ mod tests {
         }
         let message = loaded("'a-*', 'b-1.csv'").unwrap_err();
         assert!(message.contains("key `ignore`: found [\"a-*\", \"b-1.csv\"]"), "{message}");
-        assert!(message.ends_with("needed at least one [[trial]] whose file none of them names"));
+        assert!(
+            message.ends_with(
+                "needed at least one [[trial]] whose file none of these patterns matches"
+            )
+        );
     }
 
     fn own(ids: &[&str]) -> Vec<String> {
@@ -277,8 +295,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_a_list_and_should_be_none_is_refused_by_its_key() {
-        let said = |old: &str, new: &str| {
+    fn a_list_in_place_of_a_single_value_is_rejected_by_its_key() {
+        let error_with = |old: &str, new: &str| {
             let text = "ignore = ['x']\n[[trial]]\nid = 'a'\nfile = 'a.csv'\nkind = 'gait'\n\
                         omega_rad_s = 3.9\nsmoothing_window = 9\n";
             let text = text.replacen(old, new, 1);
@@ -296,7 +314,7 @@ mod tests {
             ("['x']", "'x'", "key `ignore`: invalid type: string \"x\", expected a list"),
             ("['x']", "[['x']]", "key `ignore`: invalid type: list, expected a string"),
         ] {
-            assert!(said(old, new).contains(message), "{}", said(old, new));
+            assert!(error_with(old, new).contains(message), "{}", error_with(old, new));
         }
         let listed = "trial = [['a', 'a.csv', 'gait']]\n";
         let error = parse_toml::<TrialList>(Path::new("t.toml"), listed).unwrap_err().to_string();

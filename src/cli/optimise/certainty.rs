@@ -1,8 +1,8 @@
-//! How sure the optima of a fitted model are.
+//! Uncertainty of the optima of a fitted model.
 
 use serde_json::json;
 use trilink_base::cancel::Cancelled;
-use trilink_fit::optimise::{Certainty, Command, Found, Search};
+use trilink_fit::optimise::{Command, Search, SearchResult, Uncertainty};
 use trilink_fit::simulate::{KnownFits, Setup};
 use trilink_tables::{NoInterval, NoIntervalReason, Objective, OptimumRow};
 
@@ -11,71 +11,73 @@ use crate::cli::output::write_text;
 use crate::cli::table::short;
 use crate::interrupt;
 
-/// Replicates that are searched where none are named.
-const MOST: usize = 200;
+/// Default maximum number of bootstrap replicates for which the search is repeated.
+const MAX_REPLICATES: usize = 200;
 
-/// How sure what was found is, by so many replicates of the fit at most, or why that is not known.
+/// Estimates the uncertainty of the optima from at most `max_replicates` (by default, [`MAX_REPLICATES`]) bootstrap
+/// replicates of the fit, or returns the reason why there is no estimate.
 ///
 /// # Errors
-/// The command was cancelled.
-pub(super) fn of(
+/// Returns an error if the command was cancelled.
+pub(super) fn estimate(
     setup: &Setup,
     fits: Option<&KnownFits>,
-    most: Option<usize>,
-    (search, found): (&Search, &Found),
-) -> Result<Result<Certainty, NoInterval>, Cancelled> {
-    let most = most.unwrap_or(MOST);
+    max_replicates: Option<usize>,
+    (search, found): (&Search, &SearchResult),
+) -> Result<Result<Uncertainty, NoInterval>, Cancelled> {
+    let max_replicates = max_replicates.unwrap_or(MAX_REPLICATES);
     let alternatives = match fits {
         None => Err(NoIntervalReason::NotFitted.into()),
-        Some(_) if most == 0 => Err(NoIntervalReason::NoReplicates.into()),
-        Some(fits) => setup.alternatives(fits, most),
+        Some(_) if max_replicates == 0 => Err(NoIntervalReason::NoReplicates.into()),
+        Some(fits) => setup.alternatives(fits, max_replicates),
     };
     Ok(match alternatives {
         Err(why) => Err(why),
         Ok(alternatives) => {
-            Certainty::new(search, &found.optima, &alternatives, interrupt::token())?
+            Uncertainty::new(search, &found.optima, &alternatives, interrupt::token())?
                 .ok_or_else(|| NoIntervalReason::NoOptimum.into())
         }
     })
 }
 
-/// Fills in what the rows say of it.
-pub(super) fn fill_in(rows: &mut [OptimumRow], certainty: &Result<Certainty, NoInterval>) {
+/// Adds to `rows` the uncertainty of the optima or, if it was not estimated, the reason.
+pub(super) fn fill_in(rows: &mut [OptimumRow], certainty: &Result<Uncertainty, NoInterval>) {
     match certainty {
         Ok(certainty) => certainty.fill(rows),
         Err(why) => rows.iter_mut().for_each(|row| row.no_interval = Some(why.clone())),
     }
 }
 
-/// Says it in lines.
-pub(super) fn print(objective: Objective, certainty: &Certainty) -> Result<(), Failure> {
-    let Certainty { replicates, without, value, commands, best_in, another, .. } = certainty;
-    let limits = |name: &str, [low, high]: [f64; 2], unit: &str| {
-        format!("{name} {} to {} {unit}", short(low), short(high))
-    };
-    let of_command = |(command, limits_of): &(Command, [f64; 2])| match command {
-        Command::Omega => limits("omega", *limits_of, "rad/s"),
+/// Prints the confidence intervals and, for each optimum, the number of replicates in which it is the best.
+pub(super) fn print(objective: Objective, certainty: &Uncertainty) -> Result<(), Failure> {
+    let Uncertainty { replicates, without, value, commands, best_in, another, .. } = certainty;
+    let mut intervals = vec![interval(objective.name(), *value, objective.unit())];
+    intervals.extend(commands.iter().map(|(command, limits)| match command {
+        Command::Omega => interval("omega", *limits, "rad/s"),
         Command::Joint(..) => {
-            limits(&command.to_string(), limits_of.map(f64::to_degrees), "degrees")
+            interval(&command.to_string(), limits.map(f64::to_degrees), "degrees")
         }
-    };
-    let mut parts = vec![limits(objective.name(), *value, objective.unit())];
-    parts.extend(commands.iter().map(of_command));
+    }));
     let counted = best_in.iter().enumerate().filter(|(_, count)| **count > 0);
     let mut best: Vec<String> =
-        counted.map(|(nth, count)| format!("{} in {count}", nth + 1)).collect();
-    for (name, count) in [("another", another), ("none", without)] {
+        counted.map(|(nth, count)| format!("gait {} in {count}", nth + 1)).collect();
+    for (name, count) in [("another gait", another), ("no gait", without)] {
         if *count > 0 {
             best.push(format!("{name} in {count}"));
         }
     }
     let text = json!({
         "replicates": replicates,
-        "limits": parts,
+        "limits": intervals,
         "best": best,
-        "regret": certainty.regret.map(|part| short(100.0 * part)),
+        "regret": certainty.regret.map(|loss| short(100.0 * loss)),
         "not_reached": certainty.not_reached,
         "over_limit": certainty.over_limit,
     });
     write_text(include_str!("../text/certainty.txt"), &text)
+}
+
+/// Formats the limits of a confidence interval.
+fn interval(name: &str, [low, high]: [f64; 2], unit: &str) -> String {
+    format!("{name} {} to {} {unit}", short(low), short(high))
 }

@@ -1,4 +1,4 @@
-//! The page that `simulate --page` writes.
+//! Page of `simulate --page`.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use trilink_tables::write_if_changed;
 
 use crate::cli::Failure;
 
-/// A page plays one motion.
+/// Returns an error unless exactly one model and one frequency are given, so that there is a single motion to animate.
 pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {
     for (what, count) in [("models", models), ("frequencies", frequencies)] {
         if count != 1 {
@@ -18,7 +18,8 @@ pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes the page of an answer, and gives its path or why it is not written.
+/// Writes the page that animates a solution; returns a message with the path, or with the reason why no page was
+/// written.
 pub(super) fn write(
     path: &Path,
     campaign: &str,

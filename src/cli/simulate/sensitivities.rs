@@ -1,7 +1,7 @@
-//! What `simulate --sensitivities` prints and writes.
+//! Output of `simulate --sensitivities`.
 
 use trilink_fit::simulate::{KnownFits, Setup};
-use trilink_report::{FigureFile, sensitivities_drawing};
+use trilink_report::sensitivities_drawing;
 use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
 use super::Simulate;
@@ -13,11 +13,11 @@ use crate::interrupt;
 use crate::template::fixed;
 
 #[derive(clap::Args)]
-#[command(mut_arg("table", |of| of.requires("sensitivities").help("Write the sensitivities: Parquet, CSV or JSON, by the file's ending")))]
-#[command(mut_arg("figure", |of| of.requires("sensitivities").help("Draw the elasticities of one motion: SVG, PNG or PDF, by the file's ending")))]
+#[command(mut_arg("table", |arg| arg.requires("sensitivities").help("Write the sensitivities to a file; its extension selects Parquet, CSV or JSON")))]
+#[command(mut_arg("figure", |arg| arg.requires("sensitivities").help("Draw the elasticities of one motion; the file extension selects SVG, PNG or PDF")))]
 pub(super) struct Sensitivities {
-    /// Answer with how d, v, sigma, alpha1 and the work answer to every number of the robot, the gait and the frequency, and with
-    /// what the uncertainty of each contributes.
+    /// Compute the sensitivities of d, v, sigma, alpha1 and the work to the frequency and to every parameter of the
+    /// robot and the gait, and the contribution of each parameter's uncertainty.
     #[arg(long, conflicts_with_all = ["trajectory", "page", "bands"])]
     pub sensitivities: bool,
     #[command(flatten)]
@@ -25,6 +25,8 @@ pub(super) struct Sensitivities {
 }
 
 impl Simulate {
+    /// Computes the sensitivities for all models and frequencies, prints them, and writes the requested table and
+    /// figure.
     pub(super) fn print_sensitivities(
         &self,
         context: &Context,
@@ -32,13 +34,16 @@ impl Simulate {
         omegas_rad_s: &[f64],
         fits: Option<&KnownFits>,
     ) -> Result<Outcome, Failure> {
-        let (campaign, files) = (&self.campaign, &self.sensitivities.files);
+        let campaign = &self.campaign;
+        let files = &self.sensitivities.files;
         let motions = setups.len() * omegas_rad_s.len();
         if files.figure.is_some() && motions != 1 {
             return Err(format!("--figure: found {motions} motions, needed one").into());
         }
         files.check()?;
-        let (mut all, mut outcome, mut input) = (Vec::new(), Outcome::Well, String::new());
+        let mut all = Vec::new();
+        let mut outcome = Outcome::Well;
+        let mut input = String::new();
         for setup in setups {
             let model = setup.model;
             let found =
@@ -60,8 +65,9 @@ impl Simulate {
         let rows = all.concat();
         files.write(context, &rows, &input, "rows")?;
         if !rows.is_empty() {
-            let drawn = |file: FigureFile| sensitivities_drawing(campaign, &rows, file);
-            files.draw(context, self.numbers.fitted, drawn)?;
+            files.draw(context, self.numbers.fitted, |file| {
+                sensitivities_drawing(campaign, &rows, file)
+            })?;
         }
         if !self.format.rows(&rows) {
             all.iter().for_each(|rows| print(rows));
@@ -70,71 +76,74 @@ impl Simulate {
     }
 }
 
-/// The metrics of one parameter, in order.
+/// Groups rows by parameter; each group has a row per metric, in the order of `rows`.
 fn by_parameter(rows: &[SensitivityRow]) -> Vec<Vec<&SensitivityRow>> {
     let first = rows.iter().filter(|row| row.metric == SENSITIVE_METRICS[0]);
-    let of = |parameter: &SensitivityRow| {
-        rows.iter().filter(|row| row.parameter == parameter.parameter).collect()
-    };
-    first.map(of).collect()
+    let groups =
+        first.map(|first| rows.iter().filter(|row| row.parameter == first.parameter).collect());
+    groups.collect()
 }
 
-/// The elasticities of one motion, and what is known of how far it may be off.
+/// Sorts groups of rows, one per parameter, by the largest magnitude of `number` in the group, in descending order.
+fn sort_by_size(parameters: &mut [Vec<&SensitivityRow>], number: fn(&SensitivityRow) -> f64) {
+    let size = |rows: &[&SensitivityRow]| {
+        rows.iter().map(|row| number(row).abs()).filter(|size| size.is_finite()).fold(0.0, f64::max)
+    };
+    parameters.sort_by(|a, b| size(b).total_cmp(&size(a)));
+}
+
+/// Returns the cells of a line: a name, and a number for each metric.
+fn total_line(name: &str, numbers: impl Iterator<Item = f64>) -> Vec<String> {
+    [name, "", ""].map(str::to_owned).into_iter().chain(numbers.map(short)).collect()
+}
+
+/// Prints the elasticities of one motion and the uncertainty budget of its metrics.
 fn print(rows: &[SensitivityRow]) {
     let Some(first) = rows.first() else { return };
     let mut parameters = by_parameter(rows);
-    let size = |of: &[&SensitivityRow], number: fn(&SensitivityRow) -> f64| {
-        of.iter().map(|row| number(row).abs()).filter(|size| size.is_finite()).fold(0.0, f64::max)
-    };
-    let by_size = |number: fn(&SensitivityRow) -> f64| {
-        move |a: &Vec<&SensitivityRow>, b: &Vec<&SensitivityRow>| {
-            size(b, number).total_cmp(&size(a, number))
-        }
-    };
-    parameters.sort_by(by_size(|row| row.elasticity));
+    sort_by_size(&mut parameters, |row| row.elasticity);
     say!(
-        "{} at {} rad/s: change of a metric per change of a parameter, both relative",
+        "{} at {} rad/s: elasticities (relative change of a metric per relative change of a parameter)",
         first.model,
         first.omega_rad_s
     );
     if first.extrapolation.extrapolated == Some(true) {
         say!("extrapolated: {}", first.extrapolation.beyond_trials);
     }
-    let number = |value: f64| if value.is_nan() { "-".to_owned() } else { fixed(value, 4) };
-    let mut table = Table::of(&parameters)
-        .left("parameter", |of| of[0].parameter.clone())
-        .right("value", |of| short(of[0].parameter_value));
+    let mut table = Table::new(&parameters)
+        .left("parameter", |rows| rows[0].parameter.clone())
+        .right("value", |rows| short(rows[0].parameter_value));
     for (i, name) in SENSITIVE_METRICS.into_iter().enumerate() {
-        table = table.right(name, |of| number(of[i].elasticity));
+        table = table.right(name, |rows| match rows[i].elasticity {
+            value if value.is_nan() => "-".to_owned(),
+            value => fixed(value, 4),
+        });
     }
     table.print();
 
     let (mut known, exact): (Vec<_>, Vec<_>) =
-        parameters.into_iter().partition(|of| of[0].known_from.is_some());
+        parameters.into_iter().partition(|rows| rows[0].known_from.is_some());
     if known.is_empty() {
         say!("no parameter has a standard deviation: all are taken as exact\n");
         return;
     }
-    known.sort_by(by_size(|row| row.variance_part));
-    say!("\nstandard deviations, and what part of each metric's variance they make:");
-    let part = |row: &&SensitivityRow| match row.variance_part.is_nan() {
-        true => "-".to_owned(),
-        false => format!("{:.1} %", 100.0 * row.variance_part),
-    };
-    let line = |of: &Vec<&SensitivityRow>| {
-        let from = of[0].known_from.map_or("", |source| source.name());
-        let begin = [of[0].parameter.clone(), short(of[0].standard_deviation), from.to_owned()];
-        begin.into_iter().chain(of.iter().map(part)).collect()
-    };
-    let mut lines: Vec<Vec<String>> = known.iter().map(line).collect();
-    let whole = |what: &str, of: fn(&SensitivityRow) -> f64| {
-        let begin = [what, "", ""].map(str::to_owned).into_iter();
-        begin.chain(known[0].iter().map(|row| short(of(row)))).collect()
-    };
-    lines.push(whole("standard deviation", |row| row.metric_deviation));
-    lines.push(whole("of", |row| row.metric_value));
+    sort_by_size(&mut known, |row| row.variance_part);
+    say!("\nstandard deviations of the parameters and their shares of each metric's variance:");
+    let mut lines: Vec<Vec<String>> = Vec::new();
+    for rows in &known {
+        let source = rows[0].known_from.map_or("", |source| source.name());
+        let mut line =
+            vec![rows[0].parameter.clone(), short(rows[0].standard_deviation), source.to_owned()];
+        line.extend(rows.iter().map(|row| match row.variance_part {
+            share if share.is_nan() => "-".to_owned(),
+            share => format!("{:.1} %", 100.0 * share),
+        }));
+        lines.push(line);
+    }
+    lines.push(total_line("standard deviation", known[0].iter().map(|row| row.metric_deviation)));
+    lines.push(total_line("of", known[0].iter().map(|row| row.metric_value)));
     let headings = ["parameter", "deviation", "from"].into_iter().chain(SENSITIVE_METRICS);
-    let mut table = Table::of(&lines);
+    let mut table = Table::new(&lines);
     for (i, name) in headings.enumerate() {
         table = table.column(name, i != 0 && i != 2, |line| line[i].clone());
     }

@@ -1,4 +1,4 @@
-//! The table that `simulate --trajectory` writes.
+//! Table of `simulate --trajectory`.
 
 use std::path::Path;
 
@@ -7,8 +7,8 @@ use trilink_fit::simulate::{Answer, Setup};
 use crate::cli::Failure;
 use crate::cli::results::write_rows;
 
-/// Writes one steady cycle of every answer, or the transient from rest and one cycle more. Gives a sentence on what
-/// is in the file.
+/// Writes one steady-state cycle of every solution or, with `from_rest`, the transient from rest and one further cycle.
+/// Each cycle has `samples` rows. Returns a message about the content of the file.
 pub(super) fn write(
     path: &Path,
     solved: &[(&Setup, Answer)],
@@ -16,7 +16,9 @@ pub(super) fn write(
     samples: usize,
 ) -> Result<String, Failure> {
     let mut rows = Vec::new();
-    let (mut absent, mut unbounded, mut input) = (0, 0, String::new());
+    let mut absent = 0;
+    let mut unbounded = 0;
+    let mut input = String::new();
     for (setup, answer) in solved {
         let problem = setup.problem(answer.omega_rad_s);
         input += &format!("{problem:?} {from_rest} {samples}");
@@ -29,14 +31,16 @@ pub(super) fn write(
         }
     }
     write_rows(path, &rows, &input)?;
-    let mut message = format!("{}: {} moments", path.display(), rows.len());
+    let mut message = format!("{}: {} samples", path.display(), rows.len());
     if absent > 0 {
-        message += &format!("; {absent} frequencies have no motion and no rows");
+        message += &format!(
+            "; no motion was found at {absent} frequencies, so the file has no rows for them"
+        );
     }
     if unbounded > 0 {
         message += &format!(
-            "; at {unbounded} of them the shape is singular (det W_b = 0) and the constraint \
-             forces are unbounded: left empty"
+            "; in {unbounded} of the samples, the shape is singular (det W_b = 0), so the constraint forces are \
+             unbounded and left empty"
         );
     }
     Ok(message)

@@ -1,4 +1,4 @@
-//! Histories of made-up runs.
+//! Tests of histories of synthetic runs.
 
 use std::path::Path;
 
@@ -12,8 +12,8 @@ use trilink_tables::{
     Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
 };
 
-use crate::compare::history::{ACCEPTED, CAME, GONE, HistoryRow, history_path};
-use crate::compare::remember;
+use crate::compare::history::{ACCEPTED, HistoryRow, TRIAL_ADDED, TRIAL_REMOVED, history_path};
+use crate::compare::record_run;
 use crate::compare::trend;
 
 fn config(folder: &Path) -> Config {
@@ -23,7 +23,8 @@ fn config(folder: &Path) -> Config {
     config
 }
 
-/// A run of 12 November 2026 and the nights after it.
+/// Returns a history row for a run. Run 1 is dated 12 November 2026, and each later run is one day after the previous
+/// one.
 fn run(number: i64) -> HistoryRow {
     let start = chrono::NaiveDate::from_ymd_opt(2026, 11, 11).unwrap();
     let day = start + chrono::Days::new(number as u64);
@@ -38,8 +39,8 @@ fn run(number: i64) -> HistoryRow {
     }
 }
 
-/// Runs of a coefficient of 100 with a standard error of 0.5, and of one that has another level
-/// from a run on.
+/// Returns history rows for `count` runs with two coefficients of 100 with a standard error of 0.5. If `step` gives a
+/// run and a shift, the second coefficient shifts from that run on.
 fn runs(count: i64, seed: u64, step: Option<(i64, f64)>) -> Vec<HistoryRow> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(100.0, 0.5).unwrap();
@@ -72,7 +73,7 @@ fn event(number: i64, quantity: &str, note: &str) -> HistoryRow {
     HistoryRow { quantity: quantity.to_owned(), note: note.to_owned(), value: 3.0, ..run(number) }
 }
 
-/// The page of a history, with single spaces.
+/// Renders the page for a history, with each run of white space replaced by a single space.
 fn page(rows: &[HistoryRow]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let config = config(folder.path());
@@ -81,10 +82,10 @@ fn page(rows: &[HistoryRow]) -> String {
     page.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-const NO_STEP: &str = "No figure of merit has gone to another level";
+const NO_STEP: &str = "No figure of merit has shifted by more than";
 
 #[test]
-fn a_planted_step_is_named_with_its_run_and_what_changed_with_it() {
+fn a_planted_step_is_reported_with_its_run_and_the_changes() {
     let mut rows = runs(40, 1, Some((21, 10.0)));
     let step = |rows: &[HistoryRow]| {
         let page = page(rows);
@@ -92,11 +93,11 @@ fn a_planted_step_is_named_with_its_run_and_what_changed_with_it() {
         steps.split_once("</section>").unwrap().0.to_owned()
     };
     let unchanged = step(&rows);
-    for said in [
+    for text in [
         "<strong>skid-roll: skid1_kg_s</strong> of skewed rose by ",
         "On 2026-12-02 in <a href=\"#run-21\">run 21</a> (neither the program, the configuration nor the trials changed)",
     ] {
-        assert!(unchanged.contains(said), "{unchanged}");
+        assert!(unchanged.contains(text), "{unchanged}");
     }
     assert_eq!(unchanged.matches("<li>").count(), 1, "{unchanged}");
     let from = rows.iter().position(|row| row.run == 21).unwrap();
@@ -109,30 +110,30 @@ fn a_planted_step_is_named_with_its_run_and_what_changed_with_it() {
     change(|row| row.program = "another".to_owned(), "run 21</a> (the program changed)");
     let both = "(the program changed; the configuration changed)";
     change(|row| row.configuration = "another".to_owned(), both);
-    let newer = "(trilink 0.2.0 in place of 0.1.0; the configuration changed)";
+    let newer = "(trilink 0.2.0 replaced trilink 0.1.0; the configuration changed)";
     change(|row| row.version = "0.2.0".to_owned(), newer);
     change(
         |row| {
             (row.program, row.configuration, row.version) =
                 (String::new(), String::new(), "0.1.0".to_owned())
         },
-        "(what changed was not kept)",
+        "(the cause is unknown, because the history has no hash of the program)",
     );
 
-    // Files alone, and trials.
+    // Files alone, then trials.
     let mut rows = runs(40, 1, Some((21, 10.0)));
     rows.iter_mut().for_each(|row| row.input = if row.run < 21 { "one" } else { "two" }.to_owned());
-    assert!(step(&rows).contains("(files of the trials changed)"));
-    rows.extend(["a", "b", "<c>", "d"].map(|trial| event(21, CAME, trial)));
-    rows.push(event(21, GONE, "e"));
-    let named = "(4 trials came: a, b, &lt;c&gt;, ...; 1 trial went: e)";
+    assert!(step(&rows).contains("(the marker files of the trials changed)"));
+    rows.extend(["a", "b", "<c>", "d"].map(|trial| event(21, TRIAL_ADDED, trial)));
+    rows.push(event(21, TRIAL_REMOVED, "e"));
+    let named = "(4 trials added: a, b, &lt;c&gt;, ...; 1 trial removed: e)";
     assert!(step(&rows).contains(named), "{}", step(&rows));
 }
 
 #[test]
-fn noise_alone_names_no_step() {
+fn noise_alone_is_no_step() {
     let wrong = (0..200).filter(|seed| !page(&runs(30, *seed, None)).contains(NO_STEP)).count();
-    println!("{wrong} of 200 histories of 30 runs name a step that is none");
+    println!("{wrong} of 200 histories of 30 runs report a false step");
     assert_eq!(wrong, 0);
 }
 
@@ -157,12 +158,12 @@ fn the_page_marks_baselines_their_tolerance_and_every_run() {
             "<tr id=\"run-{number}\" tabindex=\"-1\"><th scope=\"row\"><a href=\"#run-{number}\">run {number}, {day} 02:31</a>"
         );
         assert!(page.contains(&row), "{row}");
-        // The same name stands at the point, for the script.
+        // The marker of the run has the same name, for the script.
         assert!(number == 31 || page.contains(&format!(" run {number}, {day} 02:31 ")), "{number}");
     }
     assert!(page.contains(">12 ok</td>") && page.contains("trials.toml: gone"));
     assert!(page.contains("out of tolerance</span> since <a href=\"#run-25\">run 25</a>"));
-    // Days stand on the axis, and no parts of runs.
+    // The axis shows days, and no fractional run numbers.
     assert!(page.contains(" Dec</text>") && !page.contains(">0.5</text>"));
     let one = self::page(&runs(1, 1, None));
     assert!(one.contains(">12 Nov</text>") && !one.contains(">0.9995<") && one.contains(NO_STEP));
@@ -182,7 +183,7 @@ fn a_thousand_runs_are_one_page_of_bounded_size() {
 }
 
 #[test]
-fn runs_with_and_without_intervals_are_not_told_apart_by_a_legend() {
+fn runs_with_and_without_intervals_share_a_legend_entry() {
     let mut rows = runs(5, 3, None);
     for row in rows.iter_mut().filter(|row| row.quantity == "skid0_kg_s") {
         (row.lower, row.upper) = (f64::NAN, f64::NAN);
@@ -192,7 +193,7 @@ fn runs_with_and_without_intervals_are_not_told_apart_by_a_legend() {
 }
 
 #[test]
-fn a_history_of_former_columns_goes_on() {
+fn a_history_with_fewer_columns_is_continued() {
     let folder = tempfile::tempdir().unwrap();
     let config = config(folder.path());
     let rows = runs(3, 1, None);
@@ -217,11 +218,11 @@ fn a_history_of_former_columns_goes_on() {
         ..TrialRow::blank()
     };
     let of_skid0 = |value: f64| {
-        ByParameter::from_fn(|of| if of == Quantity::Skid.of(0) { value } else { f64::NAN })
+        ByParameter::from_fn(|of| if of == Quantity::Skid.parameter(0) { value } else { f64::NAN })
     };
     let fit = FitRow {
         campaign: "skewed".to_owned(),
-        free: vec![Quantity::Skid.of(0)],
+        free: vec![Quantity::Skid.parameter(0)],
         parameters: of_skid0(101.0),
         lower: of_skid0(99.0),
         upper: of_skid0(103.0),
@@ -233,7 +234,7 @@ fn a_history_of_former_columns_goes_on() {
     TrialRow::to_table(&trials).write(&derived.join("trials.parquet"), &made).unwrap();
     FitRow::to_table(&[fit]).write(&derived.join("fits.parquet"), &made).unwrap();
     let start = std::time::Instant::now();
-    assert_eq!(remember(&config).unwrap(), None, "it is not damaged");
+    assert_eq!(record_run(&config).unwrap(), None, "it is not damaged");
     println!("ten thousand trials are remembered in {:?}", start.elapsed());
     assert!(start.elapsed().as_secs() < 10);
     let table = Table::read(&path).unwrap();
@@ -252,7 +253,7 @@ fn a_history_of_former_columns_goes_on() {
     let fourth: Vec<&HistoryRow> = all.iter().filter(|row| row.run == 4).collect();
     let trials = fourth.iter().filter(|row| row.quantity == "trial").count();
     assert_eq!(trials, 10_000, "the trials that there are");
-    assert!(!fourth.iter().any(|row| row.quantity == CAME), "no trial came");
+    assert!(!fourth.iter().any(|row| row.quantity == TRIAL_ADDED), "no trial came");
     let fitted = fourth.iter().find(|row| row.quantity == "skid0_kg_s").unwrap();
     assert!(fitted.lower < fitted.value && fitted.upper > fitted.value && fitted.value_se > 0.0);
 }

@@ -1,4 +1,4 @@
-//! A browser that a test drives as a reader would, through Chrome's DevTools protocol on two pipes.
+//! Browser driver that uses Chrome's DevTools protocol over two pipes.
 
 use std::any::Any;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -13,10 +13,10 @@ use tempfile::TempDir;
 
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 
-/// Longer than anything takes on a busy machine.
+/// Timeout for browser operations, longer than any of them takes on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// The keys that tests press: name, code, number, text.
+/// Keys that tests press: name, code, number and text of each.
 const KEYS: [(&str, &str, u32, &str); 10] = [
     ("Enter", "Enter", 13, "\r"),
     (" ", "Space", 32, " "),
@@ -30,26 +30,27 @@ const KEYS: [(&str, &str, u32, &str); 10] = [
     ("End", "End", 35, ""),
 ];
 
-/// Every open browser holds it for reading; that of a test which measures durations holds it for writing.
+/// Lock that keeps other browsers closed while a test measures durations: the browser of such a test holds it for
+/// writing, every other browser for reading.
 static OPEN: RwLock<()> = RwLock::new(());
 
-/// A browser with one page in it.
+/// Browser with one open page.
 pub struct Browser {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
     session: Option<String>,
     last_id: u64,
-    /// What happened and was not asked for.
+    /// Events received while waiting for a result.
     events: Vec<Value>,
     _profile: TempDir,
-    /// The lock on [`OPEN`], until the browser has ended.
+    /// Guard of [`OPEN`], released when the browser has ended.
     _open: Box<dyn Any>,
 }
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // Its other processes end when the first one does.
+        // The other processes of the browser end when the first one is killed.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -65,14 +66,13 @@ fn place() -> Option<PathBuf> {
 }
 
 impl Browser {
-    /// The browser that `TRILINK_BROWSER` names, or the first that is found; without one the test
-    /// is to pass and says so.
+    /// Starts the browser that the environment variable `TRILINK_BROWSER` names, or the first one in `PATH`. If there
+    /// is no browser, prints a message and returns `None`; the test then passes.
     pub fn start() -> Option<Self> {
         Self::locked(|| Box::new(OPEN.read().unwrap_or_else(PoisonError::into_inner)))
     }
 
-    /// As [`Browser::start`], but waits until no other test has a browser open and keeps others from
-    /// opening one: for tests that measure durations.
+    /// Starts a browser like [`Browser::start`], but only while no other test has one open; for tests of durations.
     pub fn start_alone() -> Option<Self> {
         Self::locked(|| Box::new(OPEN.write().unwrap_or_else(PoisonError::into_inner)))
     }
@@ -139,7 +139,7 @@ impl Browser {
         self.last_id
     }
 
-    /// The next message; a dialog is closed, so that the page goes on.
+    /// Returns the next message from the browser; dialogs are closed, so that the page continues.
     fn message(&mut self) -> Value {
         let message = self.from.recv_timeout(PATIENCE).expect("the browser answers");
         if message["method"] == "Page.javascriptDialogOpening" {
@@ -148,7 +148,7 @@ impl Browser {
         message
     }
 
-    /// A command of the protocol and its result.
+    /// Sends a command of the DevTools protocol and returns its result.
     #[track_caller]
     pub fn call(&mut self, method: &str, params: Value) -> Value {
         let id = self.send(method, params);
@@ -162,7 +162,7 @@ impl Browser {
         }
     }
 
-    /// Waits until that event happens.
+    /// Waits for a DevTools event.
     pub fn wait_for(&mut self, method: &str) {
         loop {
             let message = self.message();
@@ -174,16 +174,16 @@ impl Browser {
         }
     }
 
-    /// Opens a file and waits until it is loaded.
+    /// Opens a page and waits until it is loaded.
     pub fn open(&mut self, page: &Path) {
-        // Another part of the page that is shown would not be loaded again.
+        // A link to another part of the current page would not reload the page.
         self.send("Page.navigate", json!({ "url": "about:blank" }));
         self.wait_for("Page.loadEventFired");
         self.send("Page.navigate", json!({ "url": format!("file://{}", page.display()) }));
         self.wait_for("Page.loadEventFired");
     }
 
-    /// What an expression of JavaScript gives in the page; a promise is waited for.
+    /// Evaluates a JavaScript expression in the page and returns its value; promises are awaited.
     #[track_caller]
     pub fn evaluate(&mut self, expression: &str) -> Value {
         let params =
@@ -200,14 +200,14 @@ impl Browser {
         self.call("Emulation.setDeviceMetricsOverride", size);
     }
 
-    /// As for a reader who prefers dark pages, or who does not.
+    /// Emulates a user preference for a dark or a light colour scheme.
     pub fn dark(&mut self, is_dark: bool) {
         let scheme = if is_dark { "dark" } else { "light" };
         let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
         self.call("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 
-    /// Pages opened from now on run scripts, or do not.
+    /// Enables or disables scripts on pages that are opened later.
     pub fn scripts(&mut self, run: bool) {
         self.call("Emulation.setScriptExecutionDisabled", json!({ "value": !run }));
     }
@@ -218,7 +218,7 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", event);
     }
 
-    /// Moves the pointer to a place in the window.
+    /// Moves the pointer to a position in the window.
     pub fn point(&mut self, at: [f64; 2]) {
         self.mouse("mouseMoved", at);
     }
@@ -229,7 +229,7 @@ impl Browser {
         }
     }
 
-    /// A finger taps on a place in the window.
+    /// Taps on a position in the window.
     pub fn tap(&mut self, [x, y]: [f64; 2]) {
         let touch = json!({ "enabled": true, "maxTouchPoints": 1 });
         self.call("Emulation.setTouchEmulationEnabled", touch);
@@ -240,7 +240,7 @@ impl Browser {
         }
     }
 
-    /// Scrolls to the first element of that selector and gives its middle in the window.
+    /// Scrolls to the first element that matches a selector and returns the position of its centre in the window.
     #[track_caller]
     pub fn middle_of(&mut self, selector: &str) -> [f64; 2] {
         let selector = json!(selector);
@@ -252,13 +252,13 @@ impl Browser {
         ))
     }
 
-    /// A place in the window, from an expression that gives x and y.
+    /// Evaluates a JavaScript expression that gives a position in the window as x and y.
     #[track_caller]
     pub fn place(&mut self, expression: &str) -> [f64; 2] {
         serde_json::from_value(self.evaluate(expression)).expect("x and y")
     }
 
-    /// Presses a key of [`KEYS`] and lets it go.
+    /// Presses and releases a key of [`KEYS`].
     pub fn key(&mut self, key: &str) {
         let known = KEYS.iter().find(|(name, ..)| *name == key);
         let (_, code, number, text) = known.unwrap_or_else(|| panic!("a new key: {key}"));
@@ -270,12 +270,12 @@ impl Browser {
         }
     }
 
-    /// Types into what has the focus.
+    /// Types text into the focused element.
     pub fn text(&mut self, text: &str) {
         self.call("Input.insertText", json!({ "text": text }));
     }
 
-    /// What the pages opened so far did that no page may: errors, dialogs, requests to a network.
+    /// Returns the forbidden actions of all pages opened so far: errors, dialogs, network requests.
     pub fn problems(&self) -> Vec<String> {
         let problem = |event: &Value| {
             let params = &event["params"];
@@ -296,7 +296,7 @@ impl Browser {
         self.events.iter().filter_map(problem).collect()
     }
 
-    /// The page as it is printed.
+    /// Prints the page to PDF.
     pub fn pdf(&mut self) -> Vec<u8> {
         use base64::Engine as _;
         let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true }));

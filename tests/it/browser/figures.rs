@@ -1,13 +1,13 @@
-//! Figures on pages: what they say under the pointer and by the keyboard, and their legends.
+//! Tests of the figures on pages: tooltips by pointer and keyboard, and legends.
 
 use super::*;
 
-/// The first panel of a campaign that has measured points and a model's curve.
+/// JavaScript expression for the first panel with measured points and a model's curve.
 const PANEL: &str = r#"const panel = [...document.querySelectorAll("figure .panel")].find(panel =>
   panel.querySelector('g[data-name="measured"][data-points]')
   && panel.querySelector('g[data-name="skid-roll"][data-band]') && panel.dataset.x);"#;
 
-/// With [`PANEL`], where its first measured point is in the window.
+/// JavaScript expression for the position of the first measured point of [`PANEL`] in the window.
 const POINT: &str = r#"panel.scrollIntoView({ block: "center", behavior: "instant" });
   const dots = [...panel.querySelectorAll('g[data-name="measured"] path')].pop();
   const [, x, y] = /m(-?\d+) ?(-?\d+)/.exec(dots.getAttribute("d"));
@@ -36,7 +36,7 @@ fn assert_says_trial_omega_and_value(told: &str) {
 }
 
 #[test]
-fn the_nearest_point_is_told_under_the_pointer_and_by_the_keyboard_and_opens_its_trial() {
+fn the_tooltip_of_the_nearest_point_works_by_pointer_and_keyboard_and_opens_its_trial() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(1400, 900);
     browser.open(&demo().join("index.html"));
@@ -72,11 +72,11 @@ fn the_nearest_point_is_told_under_the_pointer_and_by_the_keyboard_and_opens_its
 }
 
 #[test]
-fn the_nearest_curve_is_told_with_its_interval_under_the_pointer_and_by_the_keyboard() {
+fn the_tooltip_of_the_nearest_curve_has_its_interval_by_pointer_and_keyboard() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(1400, 900);
     browser.open(&demo().join("index.html"));
-    // Measured points come first: they are switched off.
+    // The first entry of the legend is for the measured points, which are switched off.
     let curve = browser.place(&within(
         r#"panel.closest(".sheet").querySelector('.key[data-name="measured"]')
           .dispatchEvent(new MouseEvent("click"));
@@ -116,7 +116,7 @@ fn the_nearest_curve_is_told_with_its_interval_under_the_pointer_and_by_the_keyb
 }
 
 #[test]
-fn a_tap_tells_a_value_and_a_second_one_goes_to_its_trial() {
+fn a_tap_shows_a_value_and_a_second_one_opens_its_trial() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(390, 844);
     browser.open(&demo().join("index.html"));
@@ -124,8 +124,8 @@ fn a_tap_tells_a_value_and_a_second_one_goes_to_its_trial() {
     browser.tap(point);
     let tapped = told(&mut browser);
     assert_says_trial_omega_and_value(&tapped);
-    assert!(tapped.ends_with("; tap again for its page"), "{tapped}");
-    // It stays until another place is tapped.
+    assert!(tapped.ends_with("; tap again to open the page of this trial"), "{tapped}");
+    // The tooltip stays until another position is tapped.
     browser.evaluate("new Promise(done => setTimeout(done, 300))");
     assert_eq!(told(&mut browser), tapped);
     let caption = browser.middle_of("figcaption");
@@ -142,7 +142,8 @@ fn a_tap_tells_a_value_and_a_second_one_goes_to_its_trial() {
     assert_no_problems(&browser);
 }
 
-/// Of what is drawn, what has no colour of its own or is filled where it is a line.
+/// JavaScript expression for the lines in figures, which have a stroke and no fill of their own: their number, the
+/// number that are drawn without a stroke, the fills, and the number of different strokes.
 const COLOURS: &str = r#"(() => {
   const drawn = [...document.querySelectorAll(".sheet path, .sheet text, .replay figure > svg path")];
   const lines = drawn.filter(of => of.hasAttribute("stroke") && !of.hasAttribute("fill"));
@@ -170,7 +171,7 @@ fn a_page_without_its_styles_has_coloured_charts() {
             assert!(found[0].as_u64() > Some(20) && found[1] == 0, "{what}");
             assert_eq!(found[2], json!(["none"]), "{what}");
             assert!(found[3].as_u64() > Some(2), "{what}");
-            // Dark ink needs light paper.
+            // Dark lines need a light background.
             let scheme = browser.evaluate("getComputedStyle(document.documentElement).colorScheme");
             assert_eq!(scheme, "normal", "{what}");
         }
@@ -198,7 +199,7 @@ fn a_legend_switches_its_series_off_and_on_by_pointer_and_keyboard() {
     let place = browser.place(&key);
     browser.click(place);
     assert_eq!(browser.evaluate(&shown), both(false));
-    // What is switched off is not told.
+    // Hidden series have no tooltip.
     let point = browser.place(&within(POINT));
     browser.point(point);
     assert!(!told(&mut browser).contains("measured"));

@@ -1,4 +1,4 @@
-//! Names and messages that would act on a page if they were not shown as text.
+//! Tests with names and messages that would act as markup or code on a page if they were not shown as text.
 
 use trilink::compare::HistoryRow;
 use trilink_robot::metrics::Metric;
@@ -11,7 +11,7 @@ use trilink_tables::{
 use super::*;
 use crate::common::Small;
 
-/// 64 of each kind: markup, quotes, control characters and marks that turn the writing.
+/// Returns hostile names, 64 of each kind: markup, quotes, control characters and writing-direction marks.
 fn names() -> Vec<String> {
     const MARKUP: [&str; 8] = [
         "<img src=x onerror=alert(1)>",
@@ -54,7 +54,8 @@ fn change<R: trilink_tables::Columns>(
     R::to_table(&rows).write(&path, &Provenance { input: "hostile".to_owned() }).unwrap();
 }
 
-/// Elements that only a name can have made, and characters that act on a terminal or the writing.
+/// JavaScript expression for what hostile names have injected into a page: elements, links that run scripts, and the
+/// number of characters that affect a terminal or the writing direction.
 const MADE: &str = r#"[
   [...document.querySelectorAll(".made, #made, img, iframe, script[src], [onerror], [onload], [onfocus], [onpointermove], [autofocus]")]
     .map(element => element.outerHTML.slice(0, 200)),
@@ -63,14 +64,14 @@ const MADE: &str = r#"[
 ]"#;
 
 #[test]
-fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
+fn hostile_names_are_shown_as_text_and_never_executed() {
     let Some(mut browser) = Browser::start() else { return };
     let (project, names) = (Small::done(), names());
     change::<TrialRow>(&project, "derived/trials", |rows| {
         let like = rows[0].clone();
         rows.extend(names.iter().enumerate().map(|(nth, name)| TrialRow {
             trial: name.clone(),
-            // Figures of so many campaigns would be all that this test does.
+            // Drawing the figures of so many campaigns would dominate the duration of this test.
             campaign: names[nth / 16 * 16].clone(),
             status: TrialStatus::Flagged,
             message: name.clone(),
@@ -134,7 +135,7 @@ fn hostile_names_are_text_everywhere_and_nothing_of_them_is_run() {
     assert_no_problems(&browser);
 }
 
-/// Every figure under the pointer and by the keyboard, every legend, what unfolds.
+/// Operates every figure by pointer and keyboard, every legend, and everything that unfolds.
 #[track_caller]
 fn use_everything(browser: &mut Browser) {
     browser.evaluate(

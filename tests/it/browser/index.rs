@@ -1,8 +1,9 @@
-//! The report's first page: its answer, its navigation, its table of trials.
+//! Tests of the report's index page: summary, navigation, table of trials.
 
 use super::*;
 
-/// Places of what answers, from the top of the page.
+/// JavaScript expression for the content of each campaign's summary, and for the distances (px) from the top of the
+/// page to the bottom of its heading, coefficients and curve.
 const ANSWERS: &str = r#"[...document.querySelectorAll(".answers article")].map(article => {
   const bottom = element => element ? element.getBoundingClientRect().bottom + scrollY : Infinity;
   const rows = [...article.querySelectorAll("tr")];
@@ -23,7 +24,7 @@ fn every_campaigns_model_and_coefficients_are_on_the_first_screen() {
         for (width, height) in SIZES {
             browser.window(width, height);
             browser.open(&reports.join("index.html"));
-            // In a narrow window on two screens.
+            // In a narrow window the summary fits on two screens.
             let screens = if width < 500 { 2.0 } else { 1.0 };
             let end_px = screens * f64::from(height);
             let answers = browser.evaluate(ANSWERS);
@@ -53,12 +54,12 @@ fn every_campaigns_model_and_coefficients_are_on_the_first_screen() {
     assert_no_problems(&browser);
 }
 
-/// The names of the trials that the table shows.
+/// JavaScript expression for the names of the trials that the table shows.
 const SHOWN: &str = r##"[...document.querySelectorAll("#trials-table tbody tr")]
   .filter(row => row.checkVisibility() && row.cells.length > 2)
   .map(row => row.cells[0].textContent)"##;
 
-/// Whether every campaign's d rise (1) or fall (-1), what is missing being last.
+/// Returns whether each campaign's rows are sorted by d, ascending (1) or descending (-1), with missing values last.
 fn is_sorted(browser: &mut Browser, direction: i32) -> bool {
     let sorted = browser.evaluate(&format!(
         r##"[...document.querySelectorAll("#trials-table tbody")].every(body => {{
@@ -81,7 +82,7 @@ fn the_table_of_trials_is_sorted_by_pointer_or_keyboard_and_filtered_by_words() 
     let heading = browser.middle_of("#trials-table thead th:nth-child(5) button");
     browser.click(heading);
     assert!(is_sorted(&mut browser, 1) && !is_sorted(&mut browser, -1));
-    // The button has the focus.
+    // The button is focused.
     browser.key("Enter");
     assert!(is_sorted(&mut browser, -1) && !is_sorted(&mut browser, 1));
     let sorted = browser
@@ -150,7 +151,7 @@ fn the_navigation_stays_in_reach_and_has_what_each_campaign_has() {
               .filter(link => link.checkVisibility()).map(link => link.textContent)"#,
         );
         let links = links.as_array().unwrap();
-        for text in ["Figures", "Fitted models", "How well they fit", "Models compared"] {
+        for text in ["Figures", "Fitted models", "Goodness of fit", "Model comparison"] {
             let found = links.iter().filter(|link| **link == text).count();
             assert!(found >= 3, "{width} px: {text} {found} times");
         }

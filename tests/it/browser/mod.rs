@@ -1,5 +1,5 @@
-//! Pages in a browser, used as their readers do. Without a browser these tests say so and pass.
-//! With `TRILINK_PAGES` they look at that folder of reports instead of at a small demo.
+//! Tests of the pages in a browser. Without a browser, the tests print a message and pass. With `TRILINK_PAGES`, they
+//! use the reports in that folder instead of the reports of a small demo.
 
 mod driver;
 mod figures;
@@ -21,7 +21,8 @@ use driver::Browser;
 
 const SIZES: [(u32, u32); 2] = [(1400, 900), (400, 800)];
 
-/// The reports of trials that were made, run and compared with a baseline.
+/// Runs all stages on synthetic trials and compares the results with a baseline made from the same results; returns the
+/// folder and the path of its reports.
 fn reports(settings: &str, omega_rad_s: &str) -> (TempDir, PathBuf) {
     let folder = temporary();
     std::fs::write(folder.path().join("pipeline.toml"), settings).unwrap();
@@ -34,7 +35,8 @@ fn reports(settings: &str, omega_rad_s: &str) -> (TempDir, PathBuf) {
     (folder, reports)
 }
 
-/// The paper's campaigns with two models each, or what `TRILINK_PAGES` names.
+/// Returns the folder of reports that the environment variable `TRILINK_PAGES` names or, if it is not set, that of new
+/// reports for the paper's campaigns with two models each.
 fn demo() -> &'static Path {
     static DEMO: OnceLock<(Option<TempDir>, PathBuf)> = OnceLock::new();
     let made = DEMO.get_or_init(|| {
@@ -55,21 +57,22 @@ fn demo() -> &'static Path {
     &made.1
 }
 
-/// A robot and campaigns that are not the paper's.
+/// Returns the path of the reports folder of a demo project whose robot and campaigns are not those of the paper; the
+/// reports are made at the first call.
 fn own() -> &'static Path {
     static OWN: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let made = OWN.get_or_init(|| {
         let settings = include_str!("../../fixtures/trolley.toml");
         let quick = "starts = 2\nbootstrap = 3\nprofiles = false\n";
         let (folder, reports) = reports(&settings.replace("starts = 2\n", quick), "2,4.2");
-        // Its history has two runs.
+        // A second run gives the history two entries.
         succeed(folder.path(), &["run", "--force", "--quiet"]);
         (folder, reports)
     });
     &made.1
 }
 
-/// Every page below a folder of reports; of the trials' pages the first few.
+/// Returns every page below a folder of reports, with only the first few trial pages.
 fn all_pages(reports: &Path) -> Vec<PathBuf> {
     let is_page = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "html");
     let (of_trials, mut pages): (Vec<_>, Vec<_>) =

@@ -1,4 +1,4 @@
-//! What every page keeps to.
+//! Tests of requirements on every page: printing, contrast, keyboard, no network access.
 
 use super::*;
 
@@ -22,8 +22,9 @@ fn no_page_is_wider_than_its_window_fails_or_asks_a_network() {
     assert_no_problems(&browser);
 }
 
-/// Of tables that are wider than their place: whether they can be scrolled from the keyboard, and
-/// whether the edge beyond which they go on is darker than the other one.
+/// JavaScript expression for each table that is too wide for its container: its label, its tab index (0 if it can be
+/// scrolled by keyboard), two properties of the shadow at its edges, and whether its headings are translucent, so that
+/// they do not hide the shadow.
 const EDGES: &str = r#"[...document.querySelectorAll(".scroll")]
   .filter(scroll => scroll.scrollWidth > scroll.clientWidth + 1)
   .map(scroll => {
@@ -36,7 +37,7 @@ const EDGES: &str = r#"[...document.querySelectorAll(".scroll")]
   })"#;
 
 #[test]
-fn a_table_that_goes_on_beyond_its_edge_shows_it() {
+fn a_table_that_can_be_scrolled_has_a_shadow_at_its_edge() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(390, 844);
     let mut wide = 0;
@@ -104,7 +105,8 @@ fn every_link_of_every_page_leads_somewhere() {
     }
 }
 
-/// What is drawn, listed and described, and what waits for a script to be of use.
+/// JavaScript expression for the visible content of a page: labels and numbers of paths of figures, texts of table
+/// rows, and HTML of controls.
 const CONTENT: &str = r#"(() => {
   const seen = selector => [...document.querySelectorAll(selector)]
     .filter(element => element.checkVisibility());
@@ -145,7 +147,7 @@ fn the_page_is_printed_on_few_sheets() {
     let sheets = String::from_utf8_lossy(&pdf).matches("/Type /Page\n").count();
     assert!((3..=24).contains(&sheets), "{sheets} sheets");
 
-    // How far down each sheet is printed, in hundredths.
+    // Printed share of the height of each sheet, in percent.
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("page.pdf"), pdf).unwrap();
     let drawn = std::process::Command::new("pdftoppm")
@@ -165,18 +167,18 @@ fn the_page_is_printed_on_few_sheets() {
     };
     let filled: Vec<usize> = names.iter().map(filled).collect();
     assert_eq!(filled.len(), sheets);
-    // The last sheet ends where the page does.
+    // The last sheet may be partly empty.
     let half_empty = filled[..sheets - 1].iter().filter(|part| **part < 55).count();
     assert!(half_empty <= sheets / 8, "{half_empty} of {sheets} sheets are half empty: {filled:?}");
 }
 
 #[test]
-fn axe_has_nothing_to_object_to() {
+fn axe_finds_no_violations() {
     assert_accessible(false);
 }
 
 #[test]
-fn axe_has_nothing_to_object_to_on_dark_pages() {
+fn axe_finds_no_violations_on_dark_pages() {
     assert_accessible(true);
 }
 
@@ -203,7 +205,8 @@ fn assert_accessible(is_dark: bool) {
     }
 }
 
-/// The least contrast of text in figures, and of what they draw, with what is behind them.
+/// JavaScript expression for two pairs of contrast and colour: the text colour and the line colour in figures that
+/// contrast least with the page background.
 const CONTRAST: &str = r##"(() => {
   const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
   const luminance = colour => {
@@ -249,11 +252,11 @@ fn the_report_is_small_and_of_use_within_a_second() {
     let page = demo().join("index.html");
     let bytes = std::fs::metadata(&page).unwrap().len();
     assert!(bytes < 1_500_000, "{bytes} bytes");
-    // Of five times the least: other programs use the processor, too.
+    // Take the minimum of five durations, because other programs also use the processor.
     let opened_ms = (0..5).map(|_| {
         browser.open(&page);
         let end = "performance.getEntriesByType(\"navigation\")[0].loadEventEnd";
-        // The event's end is written after it.
+        // The duration of an event is recorded only after the event.
         browser.evaluate("new Promise(done => requestAnimationFrame(() => setTimeout(done)))");
         browser.evaluate(end).as_f64().unwrap()
     });

@@ -1,4 +1,4 @@
-//! The replay on the page of a trial: steps, plays, and goes where its reader points.
+//! Tests of the replay on a trial page: single steps, playback, and seeking by pointer and keyboard.
 
 use super::*;
 
@@ -50,7 +50,7 @@ fn a_replay_is_stepped_by_buttons_and_keys_and_moved_by_its_slider() {
         browser.key(key);
         assert_eq!(browser.evaluate(FRAME).as_f64(), frame.as_f64(), "{key}");
     }
-    // With the slider's own keys, and as by the pointer.
+    // Use the slider's keys, and set the slider as a pointer does.
     browser.evaluate("document.querySelector(\".replay input\").focus()");
     browser.key("ArrowRight");
     assert_eq!(browser.evaluate(FRAME), 1);
@@ -62,7 +62,7 @@ fn a_replay_is_stepped_by_buttons_and_keys_and_moved_by_its_slider() {
     let says = browser.evaluate("document.querySelector(\".replay input\").ariaValueText");
     assert!(says.as_str().unwrap().contains("cycle ") && says.as_str().unwrap().contains("phase "));
     let now = browser.evaluate("document.querySelector(\".replay .now\").innerText");
-    for text in ["Skid velocity", "mm/s", "is off by", "Markers missing"] {
+    for text in ["Skid velocity", "mm/s", "Deviation of ", "Markers missing"] {
         assert!(now.as_str().unwrap().contains(text), "{now}");
     }
     assert_no_problems(&browser);
@@ -83,7 +83,7 @@ fn a_replay_plays_at_its_speed_pauses_and_does_not_begin_by_itself() {
     wait(&mut browser, 300);
     assert_eq!(browser.evaluate(FRAME).as_f64(), Some(played));
     assert_eq!(browser.evaluate(label), "Play");
-    // To the end, and once more from the start.
+    // Play to the end, and then again from the start.
     browser.evaluate(
         "{ const speed = document.querySelector(\".replay select\"); speed.value = 4; \
          document.querySelector(\".replay\").focus(); }",
@@ -112,7 +112,7 @@ fn a_cursor_runs_through_the_charts_and_a_click_in_one_is_followed() {
         &mut browser,
         &format!("{chart}.querySelector(\".cursor\").getBoundingClientRect().x"),
     );
-    // To the nearest of so many frames over so many pixels.
+    // The tolerance is the number of frames per pixel.
     assert!((cursor - at[0]).abs() < 4.0, "{cursor} and {}", at[0]);
     let before = cursor;
     browser.evaluate("document.querySelector(\".replay\").focus()");
@@ -155,7 +155,7 @@ fn a_replay_is_zoomed_and_moved_and_seen_as_a_whole_again() {
 }
 
 #[test]
-fn where_less_motion_is_wanted_a_replay_does_not_play_but_is_stepped() {
+fn with_reduced_motion_a_replay_is_stepped_and_does_not_play() {
     let Some(mut browser) = Browser::start() else { return };
     let features = json!([{ "name": "prefers-reduced-motion", "value": "reduce" }]);
     browser.call("Emulation.setEmulatedMedia", json!({ "features": features }));
@@ -183,7 +183,7 @@ fn without_scripts_a_replay_is_a_drawing_of_the_robot_along_its_trail() {
          .filter(element => element.checkVisibility() && element.getBoundingClientRect().width > 5).length",
     );
     assert!(seen.as_u64() >= Some(5), "{seen}");
-    // A line of two of the drawing's own units, 0.1 mm, could not be seen.
+    // A line width of two drawing units (0.1 mm) would be invisible.
     for marker in ["missing", "corrected"] {
         let style = format!("getComputedStyle(document.querySelector(\"#replay-{marker}\"))");
         assert_eq!(browser.evaluate(&format!("{style}.vectorEffect")), "non-scaling-stroke");

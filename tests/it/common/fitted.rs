@@ -1,4 +1,4 @@
-//! A fitted campaign of made-up trials.
+//! Campaign of synthetic trials with its fit.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -13,13 +13,14 @@ use crate::common::{succeed, temporary};
 pub const CAMPAIGN: &str = "kinematic-symmetric";
 pub const OMEGAS: &str = "1,1.8,2.6,3.4,4.2,5";
 
-/// A folder with a fit of made-up trials, which no test changes.
+/// Returns a shared folder with a fit to synthetic trials, which no test changes.
 pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<TempDir> = OnceLock::new();
     FOLDER.get_or_init(|| fitted(0.002)).path()
 }
 
-/// The same with trials of this relative standard error, or that say none.
+/// Returns a folder with a fit to synthetic trials whose metrics have this relative standard error; with 0, there are
+/// neither errors nor standard errors.
 pub fn fitted(error: f64) -> TempDir {
     let folder = temporary();
     let mut config = Config::default();
@@ -46,7 +47,7 @@ pub fn fitted(error: f64) -> TempDir {
         let values = values.into_iter().chain((0..3).map(|wheel| number(&answer["sigma"][wheel])));
         let values: Vec<f64> = values.collect();
         csv += &format!("{CAMPAIGN},{}", answer["omega_rad_s"]);
-        // Off by a part of the error, each another way.
+        // Add deterministic errors of up to half of the standard error.
         let off =
             |metric: usize| 1.0 + 0.5 * error * (1.7 * nth as f64 + 2.9 * metric as f64).sin();
         for (metric, value) in values.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! What the fuzz targets share: a small project, what is done to one of its files, and the commands
-//! that read it. `tests/it/hostile.rs` does the same with some hundred inputs of its own.
+//! Shared code for the fuzz targets: a small project, damage to one of its files, and the commands that read that file.
+//! `tests/it/hostile.rs` uses the code with a few hundred inputs of its own.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,13 +16,13 @@ use trilink_tables::config::Config;
 use trilink_tables::trial::TrialList;
 use trilink_tables::{Provenance, Table};
 
-/// Stands between `pipeline.toml` and `trials.toml`.
+/// Separator between the contents of `pipeline.toml` and `trials.toml` in the input of [`settings`].
 const BETWEEN: &[u8] = b"\n%%\n";
 
 const CONFIG: &str = "pipeline.toml";
 const RECORD: &str = "derived/up-to-date.json";
-/// Of the small project: two campaigns that share coefficients. Its figures are small: painting their pixels,
-/// which is not what is tried, would take more than half of the time.
+/// Configuration of the fuzz tests' project: two campaigns that share coefficients. The figures are small, because
+/// painting their pixels, which is not tested, would take more than half of the time.
 const PIPELINE: &str = r#"[paths]
 raw = "raw"
 baseline = "baseline.json"
@@ -47,7 +47,7 @@ weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
 "#;
 const TRIAL: &str = "kinematic-skewed-4.00-r1";
 
-/// What makes it, in its folder `{}`.
+/// Commands that create the fuzz tests' project in the folder `{}`.
 const MAKERS: [&str; 4] = [
     "synth {}/raw --omega 3,4,5",
     "run",
@@ -55,9 +55,9 @@ const MAKERS: [&str; 4] = [
     "optimise kinematic-skewed --model skid-roll --fitted --keep --maximise v --starts 2 --free omega amplitudes",
 ];
 
-/// Tables of which each trial has its own.
+/// Names of the tables that exist once per trial.
 const OF_TRIALS: [&str; 3] = ["poses", "wheels", "cycles"];
-/// Commands, and the tables that they read.
+/// Commands, each with the tables that it reads.
 const READERS: [(&str, &[&str]); 7] = [
     (
         "report",
@@ -75,6 +75,7 @@ const READERS: [(&str, &[&str]); 7] = [
             "robot_parameters",
             "optima",
             "optimum_maps",
+            "precision",
             "poses",
             "wheels",
             "cycles",
@@ -97,10 +98,10 @@ const READERS: [(&str, &[&str]); 7] = [
     ("fit", &["trials", "cycles", "robot_parameters"]),
 ];
 
-/// Runs the program on a configuration with a line of arguments; gives its exit status.
+/// Function that runs the program on a configuration with a line of arguments and returns the exit status.
 pub type Program = fn(&Path, &str) -> i32;
 
-/// Whatever bytes a marker file has, reading it gives markers or an error.
+/// Checks that reading a marker file with arbitrary bytes gives markers or an error.
 pub fn markers(name: &str, file: &[u8]) {
     let path = Path::new(name);
     let _ = sections(path, file);
@@ -115,8 +116,8 @@ pub fn markers(name: &str, file: &[u8]) {
     }
 }
 
-/// `pipeline.toml` and `trials.toml`: they are refused, or every stage can take its settings from
-/// them and every model be solved or not.
+/// Checks that `pipeline.toml` and `trials.toml` are either rejected or usable by every stage, and that solving any
+/// model terminates.
 pub fn settings(text: &[u8]) {
     let at = text.windows(BETWEEN.len()).position(|bytes| bytes == BETWEEN);
     let (pipeline, trials) = match at {
@@ -145,12 +146,13 @@ pub fn settings(text: &[u8]) {
     }
 }
 
-/// Makes the small project, which takes longer than an input may.
+/// Creates the fuzz tests' project before the first input, because creating it takes longer than the time limit for an
+/// input.
 pub fn begin(program: Program) {
     Project::get(program);
 }
 
-/// Tables that a command reads; of those that every trial has, one trial's.
+/// Returns the names of all tables that commands read; a table that exists once per trial is listed once.
 pub fn tables() -> Vec<&'static str> {
     let mut all: Vec<&str> = READERS.iter().flat_map(|(_, tables)| *tables).copied().collect();
     all.sort_unstable();
@@ -158,7 +160,8 @@ pub fn tables() -> Vec<&'static str> {
     all
 }
 
-/// The tables that the small project has, by the same names.
+/// Returns the names of the tables in the fuzz tests' project, which `program` creates at the first call; a table that
+/// exists once per trial is listed once.
 pub fn tables_there(program: Program) -> Vec<String> {
     let project = Project::get(program);
     let derived = project.folder.join("derived");
@@ -174,13 +177,13 @@ pub fn tables_there(program: Program) -> Vec<String> {
     kinds
 }
 
-/// The commands that read a table.
+/// Returns the commands that read a table.
 pub fn readers(table: &str) -> Vec<&'static str> {
     let reads = |(line, tables): &(&'static str, &[&str])| tables.contains(&table).then_some(*line);
     READERS.iter().filter_map(reads).collect()
 }
 
-/// No table is damaged: all commands do what they are for.
+/// Checks that all commands that read tables succeed on the undamaged project of the fuzz tests.
 pub fn undamaged(program: Program) {
     let project = Project::get(program);
     for (line, _) in READERS {
@@ -189,7 +192,8 @@ pub fn undamaged(program: Program) {
     }
 }
 
-/// A derived table is damaged: a command that reads it ends with its results or with an error.
+/// Checks that the command `reader` ends with results or an error if the table `name`, which it reads, is damaged by
+/// `data`.
 pub fn table(program: Program, name: &str, reader: &str, data: &[u8]) {
     let project = Project::get(program);
     project.restore();
@@ -199,7 +203,7 @@ pub fn table(program: Program, name: &str, reader: &str, data: &[u8]) {
     project.does(program, reader);
 }
 
-/// `history.parquet`, to which a run is added.
+/// Checks that `compare` ends with results or an error if `history.parquet` is damaged.
 pub fn history(program: Program, data: &[u8]) {
     let project = Project::get(program);
     project.restore();
@@ -207,7 +211,7 @@ pub fn history(program: Program, data: &[u8]) {
     project.does(program, "compare");
 }
 
-/// `up-to-date.json`: what it says was done is done or found not to be.
+/// Checks that runs end with results or an error if `up-to-date.json` is damaged.
 pub fn record(program: Program, data: &[u8]) {
     let project = Project::get(program);
     project.restore();
@@ -216,20 +220,20 @@ pub fn record(program: Program, data: &[u8]) {
     project.does(program, "run");
 }
 
-/// The record of the small project: where the fuzzer begins.
+/// Returns the record `up-to-date.json` of the fuzz tests' project, to seed the fuzzer.
 pub fn recorded(program: Program) -> Vec<u8> {
     let project = Project::get(program);
     project.files[&project.folder.join(RECORD)].clone()
 }
 
-/// A folder of this process, in memory where there is such a place.
+/// Returns a folder for this process, in memory if possible.
 fn scratch() -> &'static Path {
     let shm = Path::new("/dev/shm");
     let root = if shm.is_dir() { shm.to_owned() } else { std::env::temp_dir() };
     super::temporary::of_process(&root)
 }
 
-/// A project as its makers left it.
+/// Project of the fuzz tests, with the original content of its files.
 struct Project {
     folder: PathBuf,
     files: BTreeMap<PathBuf, Vec<u8>>,
@@ -252,7 +256,7 @@ impl Project {
         })
     }
 
-    /// Runs a command, which ends with a status of its own whatever it finds.
+    /// Runs a command in the project and returns its exit status; asserts that it is 0, 1 or 2.
     fn does(&self, program: Program, line: &str) -> i32 {
         let line = line.replace("{}", &self.folder.display().to_string());
         let status = program(&self.folder.join(CONFIG), &line);
@@ -260,7 +264,7 @@ impl Project {
         status
     }
 
-    /// Everything as the makers left it.
+    /// Restores the original files of the project.
     fn restore(&self) {
         for (path, bytes) in &self.files {
             if fs::read(path).ok().as_ref() != Some(bytes) {
@@ -270,7 +274,7 @@ impl Project {
         }
     }
 
-    /// Damages a table: its bytes are the data, or its cells are edited as the data says.
+    /// Damages a table: `data` either replaces its bytes or determines edits of its cells.
     fn damage(&self, name: &str, data: &[u8]) {
         let path = self.folder.join(name);
         match data.split_first() {
@@ -296,7 +300,7 @@ fn collect(folder: &Path, files: &mut BTreeMap<PathBuf, Vec<u8>>) {
     }
 }
 
-/// Bytes that are used up; zeros after the last.
+/// Stream of input bytes, followed by endless zeros.
 struct Data<'d>(&'d [u8]);
 
 impl Data<'_> {
@@ -353,27 +357,27 @@ impl Data<'_> {
     }
 }
 
-/// Of a table, so that what it needs itself stays within bounds.
-const MOST_ROWS: usize = 100_000;
-const MOST_BYTES: usize = 30_000_000;
-/// Of a text that is in all rows, characters.
-const MOST_TEXT: usize = 100;
+/// Maximum number of rows in an edited table, to limit the memory used.
+const MAX_ROWS: usize = 100_000;
+const MAX_BYTES: usize = 30_000_000;
+/// Maximum length of a string that is written to all rows, characters.
+const MAX_TEXT: usize = 100;
 
-/// Edits a table until the data are used up.
+/// Edits a table until the input data are used up.
 fn edit(frame: &mut DataFrame, data: &mut Data) {
     while !data.0.is_empty() && frame.width() > 0 {
         let names: Vec<String> = frame.get_column_names().iter().map(|n| n.to_string()).collect();
         let name = names[data.below(names.len())].as_str();
         let height = frame.height();
         let edited = match data.byte() % 8 {
-            // One cell, or a whole column.
+            // Edit one cell, or a whole column.
             0..=2 => set(frame, name, Some(data.below(height)), data),
             3 => set(frame, name, None, data),
             4 => frame.drop(name),
             5 => {
                 let types = [DataType::Float64, DataType::Int64, DataType::String];
                 let to = &types[data.below(3)];
-                // Text of a time that no calendar has is a panic of polars'.
+                // Polars panics on the text of an invalid time.
                 let number = |of: &Column| match of.dtype().is_temporal() {
                     true => of.cast(&DataType::Int64),
                     false => Ok(of.clone()),
@@ -381,11 +385,11 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
                 let column = frame.column(name).and_then(number).and_then(|of| of.cast(to));
                 column.map(|column| with(frame, column))
             }
-            // Rows are left out, come twice or are very many.
+            // Remove, duplicate or multiply rows.
             6 => Ok(frame.slice(data.below(height + 1) as i64, data.below(height + 1))),
             _ => {
-                let most = MOST_ROWS.min(MOST_BYTES * height / frame.estimated_size().max(1));
-                many(frame, [2 * height, 1_000, MOST_ROWS][data.below(3)].min(most))
+                let most = MAX_ROWS.min(MAX_BYTES * height / frame.estimated_size().max(1));
+                many(frame, [2 * height, 1_000, MAX_ROWS][data.below(3)].min(most))
             }
         };
         if let Ok(edited) = edited {
@@ -395,19 +399,20 @@ fn edit(frame: &mut DataFrame, data: &mut Data) {
     frame.rechunk_mut();
 }
 
-/// A table's rows again and again, up to so many.
+/// Repeats the rows of a table by doubling, up to at most `rows` rows.
 fn many(frame: &DataFrame, rows: usize) -> PolarsResult<DataFrame> {
     let mut all = frame.clone();
     while (1..=rows / 2).contains(&all.height()) {
         let again = all.clone();
         all.vstack_mut(&again)?;
     }
-    // Of what is in very many pieces polars is slow to tell the size.
+    // Polars is slow to compute the size of a table in many chunks.
     all.rechunk_mut();
     Ok(all)
 }
 
-/// A table with another value in one row, or in all.
+/// Returns a copy of a table in which the column `name` has another value in one row, or in all rows if `row` is
+/// `None`.
 fn set(
     frame: &DataFrame,
     name: &str,
@@ -418,7 +423,7 @@ fn set(
     let is_here = |i: usize| row.is_none_or(|row| row == i);
     let is_missing = data.byte().is_multiple_of(8);
     let series: Series = if column.dtype() == &DataType::String {
-        let most = if row.is_none() { MOST_TEXT } else { usize::MAX };
+        let most = if row.is_none() { MAX_TEXT } else { usize::MAX };
         let text = data.text().chars().take(most).collect::<String>();
         let text = Some(text).filter(|_| !is_missing);
         let old = column.str()?.iter().enumerate();

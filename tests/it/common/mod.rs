@@ -1,6 +1,6 @@
-//! Running the program and looking at what it leaves.
+//! Helpers to run the program and to inspect its results.
 
-// Not every test file uses all of it.
+// Not every test file uses all helpers.
 #![allow(dead_code)]
 
 pub mod fitted;
@@ -28,22 +28,22 @@ pub fn trilink(folder: &Path, arguments: &[&str]) -> Output {
         .expect("the program starts")
 }
 
-/// Runs the program, which must end with status 0; gives what it wrote to standard output.
+/// Runs the program, asserts exit status 0, and returns its standard output.
 pub fn succeed(folder: &Path, arguments: &[&str]) -> String {
     let output = trilink(folder, arguments);
     assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }
 
-/// Bytes as text.
+/// Converts bytes to text.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the text is UTF-8")
 }
 
-/// What is beside the results: who holds them, and the record of times and hashes.
+/// Names of files that are not results: the lock, and the record with times and hashes.
 const BESIDE: [&str; 2] = [".lock", "up-to-date.json"];
 
-/// Every file of results below a folder, by its path from there.
+/// Returns all result files below a folder, indexed by their relative path.
 pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_owned()];
@@ -62,7 +62,7 @@ pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-/// Two campaigns of which little is asked: a run of their trials takes a second.
+/// Configuration of two campaigns with quick fits; a run of their trials takes a second.
 pub const SMALL: &str = r#"[paths]
 raw = "raw"
 [fit]
@@ -81,22 +81,22 @@ models = ["skid"]
 weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
 "#;
 
-/// What a run of them says that has nothing to do: what the fits lack is said again.
-pub const UP_TO_DATE: &str = "kinematic-symmetric: no interval holds what the model leaves out: \
-                              that takes 3 frequencies\neverything was up to date\n";
+/// Message of a run that has nothing to do; notes about the fits are printed again.
+pub const UP_TO_DATE: &str = "kinematic-symmetric: the confidence intervals ignore model error, because at \
+                              least 3 frequencies are needed to estimate it\neverything was up to date\n";
 
-/// Where the trials of [`SMALL`] are and what is made of them.
+/// Project with the trials of [`SMALL`] and their results.
 pub struct Small(pub tempfile::TempDir);
 
 impl Small {
-    /// Trials of which nothing is made yet.
+    /// Creates a project with the configuration [`SMALL`] and synthetic trials that the program has not processed yet.
     pub fn raw() -> Self {
         static MADE: OnceLock<Small> = OnceLock::new();
         let made = MADE.get_or_init(|| {
             let folder = Self(temporary());
             folder.write("pipeline.toml", SMALL);
             succeed(folder.path(), &["-q", "synth", "raw", "--omega", "5,6", "--seed", "1"]);
-            // Some tests take trials from the list and leave their files.
+            // Some tests remove trials from the list and leave their files.
             let list = text(&folder.read("raw/trials.toml"));
             folder.write("raw/trials.toml", format!("ignore = [\"*\"]\n{list}"));
             folder
@@ -104,7 +104,7 @@ impl Small {
         made.copy()
     }
 
-    /// Trials of which everything is made.
+    /// Creates a project whose trials have been run.
     pub fn done() -> Self {
         static DONE: OnceLock<Small> = OnceLock::new();
         let done = DONE.get_or_init(|| {
@@ -115,7 +115,7 @@ impl Small {
         done.copy()
     }
 
-    /// The same files with the same times elsewhere.
+    /// Copies the project and keeps all modification times.
     pub fn copy(&self) -> Self {
         let copy = Self(temporary());
         let mut open = vec![PathBuf::new()];
@@ -156,19 +156,19 @@ impl Small {
         std::fs::read(self.place(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// Replaces the first `old` in a file.
+    /// Replaces the first occurrence of `old` in a file by `new`.
     pub fn replace(&self, name: &str, old: &str, new: &str) {
         let content = text(&self.read(name));
         assert!(content.contains(old), "{name} has no {old:?}");
         self.write(name, content.replacen(old, new, 1));
     }
 
-    /// Runs what has changed.
+    /// Runs the program, which recomputes what has changed, and returns its standard output.
     pub fn run(&self) -> String {
         succeed(self.path(), &["run"])
     }
 
-    /// What a run left, but for when and how long.
+    /// Returns the results of a run, without times and durations.
     pub fn results(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut results = files(self.path());
         results.retain(|name, _| name.starts_with("derived") || name.starts_with("reports"));
@@ -178,7 +178,7 @@ impl Small {
         results
     }
 
-    /// What a run from scratch of the same trials and configuration leaves.
+    /// Returns the results of a run from scratch with the same trials and configuration.
     pub fn scratch(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         let copy = self.copy();
         for made in ["derived", "reports"] {
@@ -190,7 +190,7 @@ impl Small {
     }
 }
 
-/// Both have the same files with the same bytes.
+/// Asserts that two sets of results have the same files with the same bytes.
 pub fn assert_same(
     found: &BTreeMap<PathBuf, Vec<u8>>,
     expected: &BTreeMap<PathBuf, Vec<u8>>,
@@ -203,7 +203,7 @@ pub fn assert_same(
     }
 }
 
-/// A configuration of one campaign and two models, whose fits are quick.
+/// Returns a configuration with one campaign, to which two models are fitted quickly.
 pub fn small_settings() -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == "kinematic-symmetric");
@@ -212,12 +212,12 @@ pub fn small_settings() -> Config {
     }
     config.fit.starts = 2;
     config.fit.bootstrap = 40;
-    // Its gait as measured crosses a singular shape without skid.
+    // The measured gait crosses a singular shape, so that no motion without skid exists.
     config.fit.gait_input = GaitInput::Commanded;
     config
 }
 
-/// A folder in which such a configuration has run on synthetic trials of a few frequencies.
+/// Creates a folder with synthetic trials at two frequencies and runs all stages on them with a configuration.
 pub fn small_run(config: &Config, seed: &str) -> tempfile::TempDir {
     let folder = temporary();
     let text = toml::to_string(config).expect("a configuration is TOML");

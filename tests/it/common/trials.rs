@@ -1,12 +1,12 @@
-//! Trials that are made up.
+//! Synthetic rows for the table of trials.
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_tables::{Columns as _, TrialRow};
 
-/// A trial at a commanded frequency, with normal noise of a motion's metrics and its standard errors:
-/// relative ones of d and v, and of the skid ratios.
+/// Returns a trial whose metrics are those of `motion` plus normal noise. The relative standard errors are `of_d` for d
+/// and v, and `of_sigma` for the skid ratios.
 pub fn noisy_trial(
     campaign: &str,
     (omega_rad_s, motion): &(f64, GaitMetrics),

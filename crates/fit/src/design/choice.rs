@@ -1,5 +1,5 @@
-//! Which trials of many to make: all choices where these are few, else one after the other and then by
-//! exchange.
+//! Selection of the trials of a design: by exhaustive search if there are few choices, otherwise by a greedy search
+//! refined by Fedorov's exchange algorithm.
 //!
 //! Reference: V. V. Fedorov, *Theory of Optimal Experiments*, Academic Press 1972, section 3.3;
 //! A. C. Atkinson, A. N. Donev and R. D. Tobias, *Optimum Experimental Designs, with SAS*, Oxford 2007,
@@ -14,78 +14,77 @@ use trilink_base::cancel::CancelToken;
 
 use super::AdviceError;
 
-/// Most choices that are all looked at.
-const FEW: usize = 6_000;
-/// Fall of a score that is none, relative.
-const SAME: f64 = 1e-12;
+/// Maximum number of possible choices of trials for which the search is exhaustive.
+const MAX_EXHAUSTIVE: usize = 6_000;
+/// Relative decrease in the score below which the exchange algorithm has converged.
+const CONVERGED: f64 = 1e-12;
 
-/// A choice of candidates, by their numbers, ascending; one may be there again.
+/// Chosen candidates as a multiset: their indices in ascending order, repeated for repeated trials.
 pub(super) type Choice = Vec<usize>;
 type State = IterState<Choice, (), (), (), (), f64>;
 
-/// What a choice is worth: the lowest is the best. Any number of candidates has one.
+/// Score for a choice of any number of candidates; lower is better.
 pub(super) trait Score: Sync {
-    fn of(&self, choice: &[usize]) -> f64;
+    fn score(&self, choice: &[usize]) -> f64;
 }
 
 impl<F: Fn(&[usize]) -> f64 + Sync> Score for F {
-    fn of(&self, choice: &[usize]) -> f64 {
+    fn score(&self, choice: &[usize]) -> f64 {
         self(choice)
     }
 }
 
-/// How many are chosen, of how many candidates, each at most so often.
+/// Number of trials to add, number of candidates, and maximum number of repeats of each candidate.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Size {
+pub(super) struct DesignSize {
     pub add: usize,
     pub candidates: usize,
     pub repeats: usize,
 }
 
-/// The best choice that was looked at, and whether those are all.
+/// Returns the best choice found, and whether the search was exhaustive.
 ///
 /// # Errors
-/// There are too few candidates, or the work was cancelled.
-pub(super) fn best(
+/// Returns an error if there are too few candidates or the search is cancelled.
+pub(super) fn find_best(
     score: &impl Score,
-    size: Size,
+    size: DesignSize,
     cancel: &CancelToken,
 ) -> Result<(Choice, bool), AdviceError> {
-    let Size { add, candidates, repeats } = size;
+    let DesignSize { add, candidates, repeats } = size;
     if candidates * repeats < add {
         return Err(format!(
-            "--add: found {add}, needed {} at most: each of {candidates} candidates {repeats} times (--repeats)",
+            "--add: found {add}, but at most {} trials can be added: each of the {candidates} candidates up to \
+             {repeats} times (--repeats)",
             candidates * repeats
         )
         .into());
     }
-    let of_allowed = |choice: &[usize]| {
-        let count = |of: usize| choice.iter().filter(|other| **other == of).count();
-        // With every other choice ruled out the search ends.
-        match !cancel.is_cancelled() && choice.iter().all(|of| count(*of) <= repeats) {
-            true => score.of(choice),
-            false => f64::INFINITY,
-        }
+    // Infinite for choices with too many repeats and, so that the search ends, for every choice after cancellation.
+    let allowed_score = |choice: &[usize]| {
+        let is_allowed =
+            choice.iter().all(|one| choice.iter().filter(|other| *other == one).count() <= repeats);
+        if !cancel.is_cancelled() && is_allowed { score.score(choice) } else { f64::INFINITY }
     };
-    let searched = by_exchange(&of_allowed, candidates, add);
-    if choices(candidates, add).is_none_or(|all| all > FEW) {
+    let exchanged = search_by_exchange(&allowed_score, candidates, add);
+    if count_choices(candidates, add).is_none_or(|all| all > MAX_EXHAUSTIVE) {
         cancel.check()?;
-        return Ok((searched, false));
+        return Ok((exchanged, false));
     }
-    let best = of_all(&of_allowed, candidates, add).unwrap_or(searched);
+    let best = search_all(&allowed_score, candidates, add).unwrap_or(exchanged);
     cancel.check()?;
     Ok((best, true))
 }
 
-/// How many choices there are; `None` of far too many.
-fn choices(count: usize, add: usize) -> Option<usize> {
+/// Returns the number of multisets of `add` among `count` candidates, or `None` if it overflows.
+fn count_choices(count: usize, add: usize) -> Option<usize> {
     (0..add).try_fold(1_usize, |all, i| Some(all.checked_mul(count + i)? / (i + 1)))
 }
 
-/// The best of all choices.
-fn of_all(score: &impl Score, count: usize, add: usize) -> Option<Choice> {
+/// Returns the choice with the lowest score by exhaustive search; `None` if there are no candidates.
+fn search_all(score: &impl Score, count: usize, add: usize) -> Option<Choice> {
     let all: Vec<Choice> = all_choices(count, add);
-    let scores: Vec<f64> = all.par_iter().map(|choice| score.of(choice)).collect();
+    let scores: Vec<f64> = all.par_iter().map(|choice| score.score(choice)).collect();
     let best = (0..all.len()).min_by(|a, b| scores[*a].total_cmp(&scores[*b]))?;
     all.into_iter().nth(best)
 }
@@ -104,14 +103,15 @@ fn all_choices(count: usize, add: usize) -> Vec<Choice> {
     all
 }
 
-/// One candidate after the other, each the best, then exchanges of one for another until none is better.
-fn by_exchange(score: &impl Score, count: usize, add: usize) -> Choice {
+/// Adds the best candidate `add` times (greedy search), and then exchanges single candidates until no exchange lowers
+/// the score.
+fn search_by_exchange(score: &impl Score, count: usize, add: usize) -> Choice {
     let mut choice = Choice::new();
     for _ in 0..add {
-        let (next, _) = lowest(score, count, |next| [choice.as_slice(), &[next]].concat());
+        let (next, _) = best_candidate(score, count, |next| [choice.as_slice(), &[next]].concat());
         choice.push(next);
     }
-    let cost = score.of(&choice);
+    let cost = score.score(&choice);
     let result = Executor::new(score, Exchange { count })
         .configure(|state| state.param(choice.clone()).cost(cost).max_iters(100))
         .timer(false)
@@ -122,14 +122,20 @@ fn by_exchange(score: &impl Score, count: usize, add: usize) -> Choice {
     best
 }
 
-/// The candidate with which a choice is best, the first of equal ones, and what that is worth.
-fn lowest(score: &impl Score, count: usize, with: impl Fn(usize) -> Choice + Sync) -> (usize, f64) {
-    let scores: Vec<f64> = (0..count).into_par_iter().map(|of| score.of(&with(of))).collect();
+/// Returns the candidate for which the choice `with(candidate)` has the lowest score (the first one in a tie), and that
+/// score.
+fn best_candidate(
+    score: &impl Score,
+    count: usize,
+    with: impl Fn(usize) -> Choice + Sync,
+) -> (usize, f64) {
+    let scores: Vec<f64> =
+        (0..count).into_par_iter().map(|candidate| score.score(&with(candidate))).collect();
     let best = (0..count).min_by(|a, b| scores[*a].total_cmp(&scores[*b])).unwrap_or(0);
     (best, scores.get(best).copied().unwrap_or(f64::NAN))
 }
 
-/// Exchanges the one of a choice that gains most by it.
+/// Fedorov's exchange algorithm: each iteration makes the exchange that lowers the score most.
 struct Exchange {
     count: usize,
 }
@@ -145,20 +151,17 @@ impl<'s, S: Score> Solver<&'s S, State> for Exchange {
         mut state: State,
     ) -> Result<(State, Option<KV>), Error> {
         let (Some(score), Some(choice)) = (problem.problem, state.take_param()) else {
-            return Err(argmin_error!(NotInitialized, "no first choice"));
-        };
-        let exchanged = |place: usize, next: usize| {
-            let mut other = choice.clone();
-            other[place] = next;
-            other
+            return Err(argmin_error!(NotInitialized, "no initial choice"));
         };
         let best = (0..choice.len())
-            .map(|place| (place, lowest(score, self.count, |next| exchanged(place, next))))
+            .map(|index| {
+                let with = |next| exchange(&choice, index, next);
+                (index, best_candidate(score, self.count, with))
+            })
             .min_by(|(_, (_, a)), (_, (_, b))| a.total_cmp(b));
         match best {
-            Some((place, (next, cost))) if cost < state.cost - SAME * state.cost.abs() => {
-                let next = exchanged(place, next);
-                Ok((state.param(next).cost(cost), None))
+            Some((index, (next, cost))) if cost < state.cost - CONVERGED * state.cost.abs() => {
+                Ok((state.param(exchange(&choice, index, next)).cost(cost), None))
             }
             _ => {
                 let state = state.param(choice);
@@ -168,37 +171,46 @@ impl<'s, S: Score> Solver<&'s S, State> for Exchange {
     }
 }
 
+/// Returns a choice in which the candidate at `index` is replaced by `next`.
+fn exchange(choice: &[usize], index: usize, next: usize) -> Choice {
+    let mut exchanged = choice.to_vec();
+    exchanged[index] = next;
+    exchanged
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn all_choices_are_those_with_repeats() {
+    fn all_choices_include_repeats() {
         assert_eq!(all_choices(3, 2), [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]]);
-        assert_eq!((choices(3, 2), choices(24, 3), choices(1000, 40)), (Some(6), Some(2600), None));
+        assert_eq!(count_choices(3, 2), Some(6));
+        assert_eq!(count_choices(24, 3), Some(2600));
+        assert_eq!(count_choices(1000, 40), None);
     }
 
     #[test]
-    fn exchange_finds_what_one_after_the_other_misses() {
-        // The best single one is 2, the best pair 0 and 4.
-        let places = [0.0_f64, 1.0, 2.1, 3.0, 4.0];
+    fn exchange_finds_a_pair_that_the_greedy_search_misses() {
+        // The best single candidate is 2, the best pair 0 and 4.
+        let positions = [0.0_f64, 1.0, 2.1, 3.0, 4.0];
         let score = |choice: &[usize]| -> f64 {
             let nearest =
-                |at: f64| choice.iter().map(|of| (places[*of] - at).abs()).fold(9.0, f64::min);
+                |at: f64| choice.iter().map(|of| (positions[*of] - at).abs()).fold(9.0, f64::min);
             nearest(0.0) + nearest(4.0)
         };
-        assert_eq!(by_exchange(&score, 5, 2), [0, 4]);
-        let size = |candidates: usize, repeats: usize| Size { add: 2, candidates, repeats };
+        assert_eq!(search_by_exchange(&score, 5, 2), [0, 4]);
+        let size = |candidates: usize, repeats: usize| DesignSize { add: 2, candidates, repeats };
         let cancel = CancelToken::default();
-        assert_eq!(best(&score, size(5, 1), &cancel).ok(), Some((vec![0, 4], true)));
-        // The middle alone, twice.
-        let middle =
+        assert_eq!(find_best(&score, size(5, 1), &cancel).ok(), Some((vec![0, 4], true)));
+        // The score is lowest if candidate 2 is chosen twice.
+        let from_middle =
             |choice: &[usize]| -> f64 { choice.iter().map(|of| of.abs_diff(2) as f64).sum() };
-        assert_eq!(best(&middle, size(5, 2), &cancel).ok(), Some((vec![2, 2], true)));
-        assert_eq!(best(&middle, size(5, 1), &cancel).ok(), Some((vec![1, 2], true)));
-        assert!(best(&middle, size(1, 1), &cancel).is_err());
+        assert_eq!(find_best(&from_middle, size(5, 2), &cancel).ok(), Some((vec![2, 2], true)));
+        assert_eq!(find_best(&from_middle, size(5, 1), &cancel).ok(), Some((vec![1, 2], true)));
+        assert!(find_best(&from_middle, size(1, 1), &cancel).is_err());
         cancel.cancel();
-        let cancelled = best(&middle, size(5, 1), &cancel);
+        let cancelled = find_best(&from_middle, size(5, 1), &cancel);
         assert!(matches!(cancelled, Err(AdviceError::Cancelled(_))), "{cancelled:?}");
     }
 }

@@ -1,29 +1,30 @@
-//! What trials are worth.
+//! Optimality criterion for experimental designs.
 //!
-//! The information of the trials, Godambe's, and that of the coefficients' bounds is the inverse of the
-//! covariance of the coefficients' logarithms. With the bounds it has an inverse where the trials tell
-//! nothing of a direction, too; that is then as far as the bounds.
+//! The covariance of the coefficients' logarithms is the inverse of a sum: the Godambe information of the trials plus
+//! the information from the coefficients' bounds. The bounds make the sum invertible: in a direction that the trials do
+//! not determine, the standard deviation is the one implied by the bounds.
 //!
-//! Reference for the mean over what the coefficients may be: K. Chaloner and I. Verdinelli, *Bayesian
+//! Reference for averaging the criterion over plausible coefficients: K. Chaloner and I. Verdinelli, *Bayesian
 //! experimental design: a review*, Statist. Sci. 10 (1995).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::choice::Score;
-use super::godambe::{Sums, of_bounds};
+use super::godambe::{Sums, bounds_information};
 use super::{Aim, Optimality, Prediction};
 use crate::{FitInformation, TrialInformation};
 
-/// What trials tell with some values of the coefficients.
+/// Information from the existing and the candidate trials at given values of the coefficients.
 #[derive(Debug, Clone)]
-pub(super) struct Weighed {
+pub(super) struct DesignPoint {
     pub existing: Sums,
     pub candidates: Vec<Sums>,
-    /// Derivatives of the prediction that the trials are for.
+    /// Relative derivatives of the prediction with respect to the coefficients' logarithms; `None` unless a prediction
+    /// is the aim.
     prediction: Option<DVector<f64>>,
 }
 
-impl Weighed {
+impl DesignPoint {
     pub(super) fn new(
         existing: &[TrialInformation],
         candidates: Vec<Sums>,
@@ -31,62 +32,65 @@ impl Weighed {
         shifts: &[f64],
         aim: Aim,
     ) -> Result<Self, String> {
-        let mut sums = Sums::none(shifts.len());
-        existing.iter().for_each(|trial| sums.add(&Sums::of(trial)));
+        let mut sums = Sums::zero(shifts.len());
+        existing.iter().for_each(|trial| sums.add(&Sums::from_trial(trial)));
         let prediction = match aim {
             Aim::Coefficients(_) => None,
             Aim::Prediction(of) => {
-                let told = predicted(information, of, shifts, false)?;
-                let slopes = told.slopes.iter().map(|slope| slope[of.metric]);
+                let trial = predicted_trial(information, of, shifts, false)?;
+                let slopes = trial.slopes.iter().map(|slope| slope[of.metric]);
                 Some(DVector::from_vec(slopes.collect()))
             }
         };
         Ok(Self { existing: sums, candidates, prediction })
     }
 
-    /// What these candidates and the existing trials have.
+    /// Returns the sums of curvature and gradient covariance over all existing trials and the chosen candidates.
     pub(super) fn sums(&self, choice: &[usize]) -> Sums {
         let mut sums = self.existing.clone();
-        choice.iter().for_each(|of| sums.add(&self.candidates[*of]));
+        choice.iter().for_each(|candidate| sums.add(&self.candidates[*candidate]));
         sums
     }
 }
 
-/// The trial that a prediction is of.
+/// Returns the information from a trial with the campaign's gait at the frequency of a prediction, at the given shifts
+/// of the coefficients' logarithms; `assumed` adds the changes due to the uncertain robot parameters.
 ///
 /// # Errors
-/// It has no stable motion.
-pub(super) fn predicted(
+/// Returns an error if the model has no stable periodic solution at the frequency of the prediction.
+pub(super) fn predicted_trial(
     information: &FitInformation,
     Prediction { omega_rad_s, .. }: Prediction,
     shifts: &[f64],
     assumed: bool,
 ) -> Result<TrialInformation, String> {
-    let told = information.candidate(information.command(), omega_rad_s, shifts, assumed);
-    told.ok_or_else(|| format!("--for: the model has no stable motion at {omega_rad_s} rad/s"))
+    let trial = information.candidate(information.command(), omega_rad_s, shifts, assumed);
+    trial.ok_or_else(|| {
+        format!("--for: the model predicts no stable periodic motion at {omega_rad_s} rad/s")
+    })
 }
 
-/// The score of a choice: what is to be small, on the average over the coefficients' values.
+/// Design criterion averaged over the fit and its bootstrap replicates.
 #[derive(Debug, Clone)]
 pub(super) struct Criterion {
-    /// At the fit, and at replicates.
-    pub points: Vec<Weighed>,
-    /// Information that the bounds have.
+    /// Design points for the fit and for its bootstrap replicates, the fit first.
+    pub points: Vec<DesignPoint>,
+    /// Information from the bounds: inverse variances of the coefficients' logarithms.
     bounds: DVector<f64>,
     aim: Aim,
 }
 
 impl Criterion {
-    pub(super) fn new(information: &FitInformation, points: Vec<Weighed>, aim: Aim) -> Self {
-        Self { points, bounds: of_bounds(information), aim }
+    pub(super) fn new(information: &FitInformation, points: Vec<DesignPoint>, aim: Aim) -> Self {
+        Self { points, bounds: bounds_information(information), aim }
     }
 
-    /// Standard deviations of the logarithms by the bounds alone.
-    pub(super) fn of_bounds(&self) -> DVector<f64> {
+    /// Returns the standard deviations of the coefficients' logarithms implied by the bounds alone.
+    pub(super) fn deviations_from_bounds(&self) -> DVector<f64> {
         self.bounds.map(|inverse| inverse.sqrt().recip())
     }
 
-    /// Covariance of the coefficients' logarithms at the fit.
+    /// Returns the covariance of the coefficients' logarithms at the fit after adding the chosen candidates.
     pub(super) fn covariance(&self, choice: &[usize]) -> DMatrix<f64> {
         let count = self.bounds.len();
         let information = self.points[0].sums(choice).information();
@@ -99,8 +103,8 @@ impl Criterion {
 }
 
 impl Score for Criterion {
-    fn of(&self, choice: &[usize]) -> f64 {
-        let of_point = |point: &Weighed| {
+    fn score(&self, choice: &[usize]) -> f64 {
+        let scores = self.points.iter().map(|point| {
             let Some(decomposed) = self.decomposed(&point.sums(choice).information()) else {
                 return f64::INFINITY;
             };
@@ -109,7 +113,7 @@ impl Score for Criterion {
                 (Aim::Prediction(_), Some(slopes)) => slopes.dot(&decomposed.solve(slopes)),
                 _ => decomposed.inverse().trace(),
             }
-        };
-        self.points.iter().map(of_point).sum::<f64>() / self.points.len() as f64
+        });
+        scores.sum::<f64>() / self.points.len() as f64
     }
 }

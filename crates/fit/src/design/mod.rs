@@ -1,107 +1,114 @@
-//! The next trials: which ones tell most of a fitted model's coefficients, of a prediction, or of which of
-//! two models is the one.
+//! Optimal experimental design: the next trials that best determine a fitted model's coefficients or a prediction,
+//! or that best discriminate between two models.
 //!
-//! All is to first order around the fit, and averaged over the replicates of its bootstrap, so that the
-//! advice holds where the fit is unsure.
+//! The analysis is linear in the coefficients about the fit. The design criterion is averaged over bootstrap
+//! replicates, so that the advice also holds for other plausible values of the coefficients.
 
 mod choice;
 mod criterion;
 mod expected;
 mod godambe;
 mod tell;
-mod untold;
+mod undetermined;
 
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_base::named;
+use trilink_robot::Gait;
 use trilink_robot::metrics::{GaitMetrics, Metric};
-use trilink_robot::{Gait, JointCommand};
 use trilink_tables::{Extrapolation, FitRow, rows};
 
 use crate::{FitInformation, TrialInformation};
-use choice::{Choice, Size};
-use criterion::{Criterion, Weighed};
+use choice::{Choice, DesignSize};
+use criterion::{Criterion, DesignPoint};
 use expected::{Quantity, Spread};
 use godambe::Sums;
 
 pub use tell::tell;
-pub use untold::Untold;
+pub use undetermined::Undetermined;
 
-/// Most replicates that are averaged over.
-const MOST_REPLICATES: usize = 16;
+/// Maximum number of bootstrap replicates over which the design criterion is averaged.
+const MAX_REPLICATES: usize = 16;
 
 named! {
-    /// What trials that tell of all coefficients make as small as possible.
+    /// Optimality criterion of a design that is to determine all coefficients.
     pub enum Optimality {
-        /// The volume of the coefficients' confidence region: the determinant of the covariance of their
-        /// logarithms.
+        /// D-optimality: minimum volume of the coefficients' confidence region, that is, minimum determinant of the
+        /// covariance matrix of the coefficients' logarithms.
         Determinant = "d",
-        /// The mean variance of their logarithms.
+        /// A-optimality: minimum mean variance of the coefficients' logarithms.
         Trace = "a",
     }
 }
 
-/// What the trials are for.
+/// Aim of a design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
+    /// To determine all free coefficients.
     Coefficients(Optimality),
-    /// A metric of the campaign's gait at a frequency.
+    /// To predict a metric of the campaign's gait at a frequency.
     Prediction(Prediction),
 }
 
-/// A metric at a frequency.
+/// Metric to be predicted at a frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
-    /// One of [`Metric::FITTED`].
+    /// Metric to be predicted: one of [`Metric::FITTED`], the metrics in the objective.
     pub metric: Metric,
     pub omega_rad_s: f64,
 }
 
 impl Prediction {
-    /// Parses `d at 2.5`.
+    /// Parses a prediction such as `d at 2.5` (metric and frequency in rad/s).
     ///
     /// # Errors
-    /// A sentence on what was needed.
+    /// Returns a message with the expected form and the known metrics if the text cannot be parsed.
     pub fn parse(text: &str) -> Result<Self, String> {
         let names = Metric::FITTED.map(Metric::name).join("`, `");
-        let needed =
-            || format!("found `{text}`, needed `METRIC at RAD_S`, such as `d at 2.5`: `{names}`");
+        let needed = || {
+            format!(
+                "found `{text}`, needed `METRIC at RAD_S`, such as `d at 2.5`, where METRIC is one of `{names}`"
+            )
+        };
         let (metric, omega_rad_s) = text.split_once(" at ").ok_or_else(needed)?;
-        let is_named = |of: &Metric| of.name() == metric.trim();
-        let metric = Metric::FITTED.into_iter().find(is_named).ok_or_else(needed)?;
+        let metric = Metric::FITTED
+            .into_iter()
+            .find(|known| known.name() == metric.trim())
+            .ok_or_else(needed)?;
         let omega_rad_s: f64 = omega_rad_s.trim().parse().map_err(|_| needed())?;
-        match omega_rad_s > 0.0 && omega_rad_s.is_finite() {
-            true => Ok(Self { metric, omega_rad_s }),
-            false => Err(needed()),
+        if omega_rad_s > 0.0 && omega_rad_s.is_finite() {
+            Ok(Self { metric, omega_rad_s })
+        } else {
+            Err(needed())
         }
     }
 }
 
-/// A trial that could be made.
+/// Trial that a design may recommend.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
-    /// Whose gait it is.
+    /// Campaign that the gait belongs to.
     pub campaign: String,
     pub command: Gait,
     pub omega_rad_s: f64,
 }
 
-/// The advice.
+/// Recommended trials and the uncertainties expected after them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advice {
     pub trials: Vec<DesignRow>,
     pub expected: Vec<ExpectedRow>,
-    /// Coefficients that the trials so far do not tell.
-    pub untold: Vec<Untold>,
-    /// Whether all choices were compared, not some of them by exchange.
+    /// Coefficients that the existing trials do not determine well.
+    pub undetermined: Vec<Undetermined>,
+    /// Whether the design is the global optimum (exhaustive search) rather than the result of an exchange search.
     pub is_best_of_all: bool,
-    /// Candidates without a stable motion, which are left out.
+    /// Number of candidates that were excluded because the model has no stable periodic solution for them.
     pub without_motion: usize,
-    /// By how many standard errors two models differ with the trials.
+    /// Expected difference between two rival models in standard errors; NaN unless the aim is to discriminate.
     pub standard_errors: f64,
 }
 
-/// Why there is no advice.
+/// Reason why no trials are recommended.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AdviceError {
     #[error(transparent)]
@@ -117,45 +124,49 @@ impl From<String> for AdviceError {
 }
 
 rows! {
-    /// A trial that is advised.
+    /// Recommended trial.
     pub struct DesignRow {
         pub campaign: String,
         pub omega_rad_s: f64,
-        /// Of the commanded joints.
+        /// Amplitudes of joints 1 and 2; NaN for a passive joint.
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
-        /// How often it is to be made.
+        /// Number of times that the trial should be run.
         pub repeats: i64,
-        /// Whether it is beyond the trials that were fitted.
+        /// Whether the trial lies outside the range of the fitted trials.
         pub extrapolation: Extrapolation as "{}",
-        /// What it would measure, as the fit predicts it.
+        /// Metrics that the fitted model predicts for the trial.
         pub metrics: GaitMetrics,
     }
 }
 
 rows! {
-    /// How well something is known, and will be.
+    /// Current and expected uncertainty of a quantity.
     pub struct ExpectedRow {
-        /// A fitted parameter, or a prediction such as `d at 2.5`.
+        /// Name of a fitted parameter, or a prediction such as `d at 2.5`.
         pub quantity: String,
         pub value: f64,
-        /// Of a prediction whether it is beyond the trials that were fitted.
+        /// Whether a prediction lies outside the range of the fitted trials.
         pub extrapolation: Extrapolation as "{}",
-        /// The 95 % interval; missing where it is open.
+        /// Lower limit of the 95 % confidence interval; NaN if the interval is open.
         pub lower: f64,
+        /// Upper limit of the 95 % confidence interval; NaN if the interval is open.
         pub upper: f64,
-        /// Half its width, and what is expected of that with the advised trials, and with as many spread evenly over
-        /// the candidates.
+        /// Half width of the 95 % confidence interval from the existing trials.
         pub half_width: f64,
+        /// Half width expected after the recommended trials.
         pub expected_half_width: f64,
+        /// Half width expected after the same number of trials spread evenly over the candidates.
         pub evenly_half_width: f64,
     }
 }
 
-/// The trials of `candidates`, `add` of them, each at most `repeats` times, that serve an aim best; `row` is the
-/// fit's.
+/// Returns the `add` trials among `candidates`, each repeated at most `repeats` times, that are optimal for `aim`.
+///
+/// `row` is the row of the fit in the fit table.
 ///
 /// # Errors
-/// There is no advice, or the work was cancelled.
+/// Returns an error if there are too few candidates, if the model has no stable periodic solution for any candidate or
+/// for the prediction, or if the search is cancelled.
 pub fn advise(
     information: &FitInformation,
     row: &FitRow,
@@ -164,101 +175,110 @@ pub fn advise(
     [add, repeats]: [usize; 2],
     cancel: &CancelToken,
 ) -> Result<Advice, AdviceError> {
-    let none: Vec<f64> = vec![0.0; information.free().count()];
+    let no_shifts: Vec<f64> = vec![0.0; information.free().count()];
     let all = candidates.len();
-    let (candidates, told) = with_motion(information, candidates, &none, cancel)?;
-    let existing = information.trials(&none, true);
-    let weighed = |trials: &[TrialInformation]| trials.iter().map(Sums::of).collect();
-    let mut points = vec![Weighed::new(&existing, weighed(&told), information, &none, aim)?];
+    let (candidates, trials) = with_motion(information, candidates, &no_shifts, cancel)?;
+    let existing = information.trials(&no_shifts, true);
+    let sums = trials.iter().map(Sums::from_trial).collect();
+    let mut points = vec![DesignPoint::new(&existing, sums, information, &no_shifts, aim)?];
     points.extend(at_replicates(information, &candidates, aim, cancel)?);
     let criterion = Criterion::new(information, points, aim);
-    let (choice, is_best_of_all) =
-        choice::best(&criterion, Size { add, candidates: candidates.len(), repeats }, cancel)?;
+    let size = DesignSize { add, candidates: candidates.len(), repeats };
+    let (choice, is_best_of_all) = choice::find_best(&criterion, size, cancel)?;
     let quantities = Quantity::all(information, aim)?;
-    let spread = |choice: &[usize]| {
-        let trials = existing.iter().chain(choice.iter().map(|of| &told[*of]));
-        Spread::new(information, &trials.collect::<Vec<_>>(), &quantities)
-    };
     let even: Choice = (0..add)
         .map(|i| ((i as f64 + 0.5) / add as f64 * candidates.len() as f64) as usize)
         .collect();
-    let [now, then, evenly] = [Choice::new(), choice.clone(), even].map(|of| spread(&of));
-    let expected = |(i, quantity): (usize, &Quantity)| {
-        quantity.row(information, row, [now[i], then[i], evenly[i]])
-    };
+    let [now, then, evenly] = [Choice::new(), choice.clone(), even].map(|choice| {
+        let trials = existing.iter().chain(choice.iter().map(|candidate| &trials[*candidate]));
+        Spread::new(information, &trials.collect::<Vec<_>>(), &quantities)
+    });
+    let expected = quantities
+        .iter()
+        .enumerate()
+        .map(|(i, quantity)| quantity.row(information, row, [now[i], then[i], evenly[i]]));
     Ok(Advice {
-        trials: design_rows(information, &choice, &candidates, &told),
-        expected: quantities.iter().enumerate().map(expected).collect(),
-        untold: untold::untold(information, row, &criterion, &candidates),
+        trials: design_rows(information, &choice, &candidates, &trials),
+        expected: expected.collect(),
+        undetermined: undetermined::find_undetermined(information, row, &criterion, &candidates),
         is_best_of_all,
         without_motion: all - candidates.len(),
         standard_errors: f64::NAN,
     })
 }
 
-/// The candidates that have a stable motion at these shifts, and what they tell.
+/// Returns the candidates for which the model, with the coefficients' logarithms changed by `shifts`, has a stable
+/// periodic solution, and the information that each of them gives.
 fn with_motion<'c>(
     information: &FitInformation,
     candidates: &'c [Candidate],
     shifts: &[f64],
     cancel: &CancelToken,
 ) -> Result<(Vec<&'c Candidate>, Vec<TrialInformation>), AdviceError> {
-    let told = |of: &Candidate| {
+    let all = candidates.par_iter().with_max_len(1).map(|candidate| {
         cancel.check()?;
-        Ok(information.candidate(of.command, of.omega_rad_s, shifts, true))
-    };
-    let all = candidates.par_iter().with_max_len(1).map(told);
+        Ok(information.candidate(candidate.command, candidate.omega_rad_s, shifts, true))
+    });
     let all: Vec<Option<TrialInformation>> = all.collect::<Result<_, Cancelled>>()?;
-    let both = candidates.iter().zip(all).filter_map(|(of, told)| Some((of, told?)));
-    let (candidates, told): (Vec<_>, Vec<_>) = both.unzip();
-    match candidates.is_empty() {
-        true => Err("no candidate has a stable motion".to_owned().into()),
-        false => Ok((candidates, told)),
+    let (candidates, trials): (Vec<_>, Vec<_>) = candidates
+        .iter()
+        .zip(all)
+        .filter_map(|(candidate, trial)| Some((candidate, trial?)))
+        .unzip();
+    if candidates.is_empty() {
+        return Err("the model predicts no stable periodic motion for any candidate trial"
+            .to_owned()
+            .into());
     }
+    Ok((candidates, trials))
 }
 
-/// What trials tell with the coefficients of some replicates.
+/// Returns the information from the existing and the candidate trials at the coefficients of each of at most
+/// [`MAX_REPLICATES`] bootstrap replicates.
 fn at_replicates(
     information: &FitInformation,
     candidates: &[&Candidate],
     aim: Aim,
     cancel: &CancelToken,
-) -> Result<Vec<Weighed>, Cancelled> {
+) -> Result<Vec<DesignPoint>, Cancelled> {
     let all = information.replicates();
-    let count = all.len().min(MOST_REPLICATES);
-    let numbers: Vec<usize> = (0..count).map(|i| i * all.len() / count).collect();
-    let at = |number: usize| {
+    let count = all.len().min(MAX_REPLICATES);
+    let indices: Vec<usize> = (0..count).map(|i| i * all.len() / count).collect();
+    let points = indices.into_par_iter().with_max_len(1).map(|index| {
         cancel.check()?;
-        let shifts = &all[number];
-        let of = |of: &&Candidate| {
-            let told = information.candidate(of.command, of.omega_rad_s, shifts, false);
-            told.as_ref().map_or_else(|| Sums::none(shifts.len()), Sums::of)
-        };
-        let told = candidates.iter().map(of).collect();
-        Ok(Weighed::new(&information.trials(shifts, false), told, information, shifts, aim).ok())
-    };
-    let weighed = numbers.into_par_iter().with_max_len(1).map(at);
-    Ok(weighed.collect::<Result<Vec<_>, Cancelled>>()?.into_iter().flatten().collect())
+        let shifts = &all[index];
+        let sums = candidates.iter().map(|candidate| {
+            information
+                .candidate(candidate.command, candidate.omega_rad_s, shifts, false)
+                .as_ref()
+                .map_or_else(|| Sums::zero(shifts.len()), Sums::from_trial)
+        });
+        let sums = sums.collect();
+        let existing = information.trials(shifts, false);
+        Ok(DesignPoint::new(&existing, sums, information, shifts, aim).ok())
+    });
+    Ok(points.collect::<Result<Vec<_>, Cancelled>>()?.into_iter().flatten().collect())
 }
 
-/// The chosen trials, each once.
+/// Returns one row for each distinct trial of a choice.
 fn design_rows(
     information: &FitInformation,
     choice: &[usize],
     candidates: &[&Candidate],
-    told: &[TrialInformation],
+    trials: &[TrialInformation],
 ) -> Vec<DesignRow> {
-    let of = |same: &[usize]| {
-        let Candidate { campaign, command, omega_rad_s } = candidates[same[0]];
-        let amplitude = |of: JointCommand| of.amplitude_rad;
+    let rows = choice.chunk_by(|a, b| a == b).map(|repeated| {
+        let Candidate { campaign, command, omega_rad_s } = candidates[repeated[0]];
         DesignRow {
             campaign: campaign.clone(),
             omega_rad_s: *omega_rad_s,
-            amplitude_rad: command.joints.map(|of| of.map_or(f64::NAN, amplitude)),
-            repeats: same.len() as i64,
+            amplitude_rad: command
+                .joints
+                .map(|joint| joint.map_or(f64::NAN, |of| of.amplitude_rad)),
+            repeats: repeated.len() as i64,
             extrapolation: information.extrapolation(*command, *omega_rad_s),
-            metrics: told[same[0]].metrics,
+            metrics: trials[repeated[0]].metrics,
         }
-    };
-    choice.chunk_by(|a, b| a == b).map(of).collect()
+    });
+    rows.collect()
 }

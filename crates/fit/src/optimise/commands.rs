@@ -1,4 +1,4 @@
-//! The numbers of a gait that may vary.
+//! Commands: frequency and gait parameters that an optimisation varies, and their bounds.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -8,7 +8,7 @@ use trilink_robot::Gait;
 use trilink_tables::config::did_you_mean;
 use trilink_tables::{GaitNumbers, Objective};
 
-/// The numbers of a joint's command, as they are named.
+/// Names of the parameters of a joint's command.
 const NUMBERS: [&str; 5] = ["offset", "amplitude", "phase", "second_in_phase", "second_quadrature"];
 const OFFSET: usize = 0;
 const AMPLITUDE: usize = 1;
@@ -16,16 +16,16 @@ const PHASE: usize = 2;
 const IN_PHASE: usize = 3;
 const QUADRATURE: usize = 4;
 
-/// Most numbers of a gait: the frequency and five of each joint.
-pub(super) const MOST_COMMANDS: usize = 11;
+/// Maximum number of commands of a gait: the frequency and five parameters per joint.
+pub(super) const MAX_COMMANDS: usize = 11;
 
-/// A number of the gait that may vary.
+/// Frequency or gait parameter that can be free in an optimisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
-    /// The frequency, rad/s.
+    /// Frequency, rad/s.
     Omega,
-    /// Offset, amplitude or phase (0, 1, 2) of a joint (0 or 1), or a part of its second harmonic, in
-    /// phase or in quadrature (3, 4), rad.
+    /// Parameter of a joint's command, rad. The first index is the joint (0 or 1); the second one selects offset,
+    /// amplitude or phase (0, 1, 2), or the in-phase or quadrature component of the second harmonic (3, 4).
     Joint(usize, usize),
 }
 
@@ -39,80 +39,80 @@ impl fmt::Display for Command {
 }
 
 impl Command {
-    /// All that a motion depends on: of two phases it is their difference, of one nothing.
+    /// Returns all commands that influence the steady-state motion, without second harmonics. Only the phase difference
+    /// between two commanded joints matters: phase 1 is never included, and phase 2 only if both joints are commanded.
     pub fn all(gait: &Gait) -> Vec<Self> {
-        let commanded = |joint: &usize| gait.joints[*joint].is_some();
-        let of_all =
-            |number: usize| (0..2).filter(commanded).map(move |joint| Self::Joint(joint, number));
+        let commanded = (0..2).filter(|joint| gait.joints[*joint].is_some());
+        let amplitudes = commanded.clone().map(|joint| Self::Joint(joint, AMPLITUDE));
+        let offsets = commanded.map(|joint| Self::Joint(joint, OFFSET));
         let phase = gait.passive_joint().is_none().then_some(Self::Joint(1, PHASE));
-        [Self::Omega]
-            .into_iter()
-            .chain(of_all(AMPLITUDE))
-            .chain(of_all(OFFSET))
-            .chain(phase)
-            .collect()
+        [Self::Omega].into_iter().chain(amplitudes).chain(offsets).chain(phase).collect()
     }
 
-    /// The parts of the second harmonics of the commanded joints that satisfy a condition.
-    pub fn seconds(gait: &Gait, of: impl Fn(usize) -> bool) -> Vec<Self> {
-        let joints = (0..2).filter(|joint| gait.joints[*joint].is_some() && of(*joint));
-        joints.flat_map(Self::parts_of_second).collect()
+    /// Returns the second-harmonic components of those commanded joints for which `is_wanted` returns true.
+    fn second_harmonics(gait: &Gait, is_wanted: impl Fn(usize) -> bool) -> Vec<Self> {
+        let joints = (0..2).filter(|joint| gait.joints[*joint].is_some() && is_wanted(*joint));
+        joints.flat_map(Self::second_harmonic_of).collect()
     }
 
-    /// The parts of the second harmonic of a joint, in phase and in quadrature.
-    pub(super) fn parts_of_second(joint: usize) -> [Self; 2] {
-        [IN_PHASE, QUADRATURE].map(|part| Self::Joint(joint, part))
+    /// Returns the in-phase and quadrature components of a joint's second harmonic.
+    pub(super) fn second_harmonic_of(joint: usize) -> [Self; 2] {
+        [IN_PHASE, QUADRATURE].map(|component| Self::Joint(joint, component))
     }
 
-    /// Whether it is a part of a second harmonic.
+    /// Returns whether the command is a component of a second harmonic.
     pub fn is_second(self) -> bool {
         matches!(self, Self::Joint(_, IN_PHASE | QUADRATURE))
     }
 
-    /// These commands with the second harmonics of the joints of which one is among them.
-    pub fn with_seconds(mut free: Vec<Self>, gait: &Gait) -> Vec<Self> {
-        let is_free =
-            |joint: usize| free.iter().any(|of| matches!(of, Self::Joint(own, _) if *own == joint));
-        let mut seconds = Self::seconds(gait, is_free);
-        seconds.retain(|of| !free.contains(of));
+    /// Adds to `free` the components of the second harmonic of every joint that has a free command.
+    pub fn with_second_harmonics(mut free: Vec<Self>, gait: &Gait) -> Vec<Self> {
+        let mut seconds = Self::second_harmonics(gait, |joint| {
+            free.iter().any(|command| matches!(command, Self::Joint(own, _) if *own == joint))
+        });
+        seconds.retain(|command| !free.contains(command));
         free.extend(seconds);
         free
     }
 
-    /// The commands with these names, of a gait: `omega`, `amplitude1`, or `amplitudes` for those of all commanded
-    /// joints.
+    /// Parses names of a gait's commands, such as `omega` or `amplitude1`, or `amplitudes` for the amplitudes of all
+    /// commanded joints.
     ///
     /// # Errors
-    /// Nothing has this name, or the motion does not depend on it.
+    /// Returns an error if a name is unknown or the command has no influence on the motion.
     pub fn parse(names: &[String], gait: &Gait) -> Result<Vec<Self>, String> {
         let mut all = Self::all(gait);
-        all.extend(Self::seconds(gait, |_| true));
+        all.extend(Self::second_harmonics(gait, |_| true));
         let mut free: Vec<Self> = Vec::new();
         for name in names.iter().flat_map(|names| names.split(',')).map(str::trim) {
-            let written = name;
-            // As `simulate --sensitivities` has them, too: both numbers of a second harmonic are one.
-            let name = name.trim_end_matches("_deg").trim_end_matches("_rad_s");
-            let of_second = |joint: usize| {
-                ["second", "second_amplitude", "second_phase"]
-                    .map(|of| format!("{of}{}", joint + 1))
-            };
-            let of_group = |command: &&Self| match command {
-                Self::Omega => false,
-                Self::Joint(joint, IN_PHASE | QUADRATURE) => {
-                    name == "seconds" || of_second(*joint).iter().any(|of| of == name)
-                }
-                Self::Joint(_, number) => name == format!("{}s", NUMBERS[*number]),
-            };
             let named: Vec<Self> =
-                all.iter().filter(|of| of.to_string() == name || of_group(of)).copied().collect();
+                all.iter().filter(|command| command.is_named(name)).copied().collect();
             if named.is_empty() {
-                return Err(unknown(written, gait, &Self::all(gait)));
+                return Err(unknown_command(name, gait, &Self::all(gait)));
             }
             free.extend(named);
         }
-        free.sort_by_key(|of| all.iter().position(|one| one == of));
+        free.sort_by_key(|command| all.iter().position(|one| one == command));
         free.dedup();
         Ok(free)
+    }
+
+    /// Returns whether a name denotes the command or a group that contains the command. Names from
+    /// `simulate --sensitivities` are accepted, too; the amplitude or the phase of a second harmonic then denotes both
+    /// of its components.
+    fn is_named(self, name: &str) -> bool {
+        let name = name.trim_end_matches("_deg").trim_end_matches("_rad_s");
+        self.to_string() == name
+            || match self {
+                Self::Omega => false,
+                Self::Joint(joint, IN_PHASE | QUADRATURE) => {
+                    name == "seconds"
+                        || ["second", "second_amplitude", "second_phase"]
+                            .iter()
+                            .any(|group| format!("{group}{}", joint + 1) == name)
+                }
+                Self::Joint(_, number) => name == format!("{}s", NUMBERS[number]),
+            }
     }
 
     pub(super) fn value(self, problem: &Problem) -> f64 {
@@ -143,23 +143,24 @@ impl Command {
         }
     }
 
-    /// The number of a gait's that it is; `None` of a part of a second harmonic.
-    pub(super) fn number_mut(self, of: &mut GaitNumbers) -> Option<&mut f64> {
+    /// Returns the entry in `numbers` that corresponds to the command; `None` for a component of a second harmonic.
+    pub(super) fn number_mut(self, numbers: &mut GaitNumbers) -> Option<&mut f64> {
         Some(match self {
-            Self::Omega => &mut of.omega_rad_s,
-            Self::Joint(joint, OFFSET) => &mut of.offset_rad[joint],
-            Self::Joint(joint, AMPLITUDE) => &mut of.amplitude_rad[joint],
-            Self::Joint(joint, PHASE) => &mut of.phase_rad[joint],
+            Self::Omega => &mut numbers.omega_rad_s,
+            Self::Joint(joint, OFFSET) => &mut numbers.offset_rad[joint],
+            Self::Joint(joint, AMPLITUDE) => &mut numbers.amplitude_rad[joint],
+            Self::Joint(joint, PHASE) => &mut numbers.phase_rad[joint],
             Self::Joint(..) => return None,
         })
     }
 
-    /// Where it may be; angles are limited in sum, so that an offset alone may be as large as they.
+    /// Returns the range of the command. An offset has the full range of the joint angle; the limit on
+    /// |offset| + amplitude is applied separately.
     pub(super) fn range(self, bounds: &Bounds) -> [f64; 2] {
         match self {
             Self::Omega => bounds.omega_rad_s,
             Self::Joint(_, AMPLITUDE) => bounds.amplitude_rad,
-            // A turn to each side of where searches begin.
+            // The turn in which searches start, plus one more on each side.
             Self::Joint(_, PHASE) => [-3.0 * PI, 3.0 * PI],
             Self::Joint(_, IN_PHASE | QUADRATURE) => {
                 [-bounds.amplitude_rad[1], bounds.amplitude_rad[1]]
@@ -168,7 +169,7 @@ impl Command {
         }
     }
 
-    /// Whether a value and the same a whole turn later are one.
+    /// Returns whether the command is a phase, whose values are equivalent modulo a full turn.
     pub(super) fn is_phase(self) -> bool {
         matches!(self, Self::Joint(_, PHASE))
     }
@@ -177,71 +178,70 @@ impl Command {
         matches!(self, Self::Joint(_, OFFSET))
     }
 
-    /// Whether the mirror image of a gait has the opposite.
+    /// Returns whether the command changes sign when the gait is mirrored.
     pub(super) fn is_odd(self) -> bool {
         self.is_offset() || self.is_second()
     }
 }
 
-fn unknown(name: &str, gait: &Gait, all: &[Command]) -> String {
+/// Returns the error message for an unknown command name.
+fn unknown_command(name: &str, gait: &Gait, all: &[Command]) -> String {
     let known: Vec<String> = all.iter().map(Command::to_string).collect();
-    let why = match name.trim_end_matches("_deg") {
+    let hint = match name.trim_end_matches("_deg") {
         "phase1" | "phase2" | "phases" if gait.passive_joint().is_some() => {
-            "; the phase of the only commanded joint changes nothing".to_owned()
+            "; the phase of the only commanded joint has no effect on the motion".to_owned()
         }
-        "phase1" => "; only the difference of both phases matters".to_owned(),
+        "phase1" => "; only the difference between the phases of the two joints matters".to_owned(),
         _ => did_you_mean(name, known.iter().map(String::as_str)),
     };
     format!(
-        "--free: found `{name}`, needed `{}`, `amplitudes`, `offsets` or `seconds`{why}",
+        "--free: found `{name}`, needed `{}`, `amplitudes`, `offsets` or `seconds` (the second harmonics){hint}",
         known.join("`, `")
     )
 }
 
-/// What gaits are searched, and what their motions may take.
+/// Ranges of the commands to search, and limits on the resulting motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     pub omega_rad_s: [f64; 2],
     pub amplitude_rad: [f64; 2],
-    /// Most of |offset| + amplitude of every commanded joint, or with a second harmonic of its angle.
+    /// Maximum absolute angle of every commanded joint, which is |offset| + amplitude without a second harmonic.
     pub angle_rad: f64,
-    /// Most of amplitude times omega of every commanded joint, or with a second harmonic of its rate.
+    /// Maximum joint rate of every commanded joint, which is amplitude times omega without a second harmonic.
     pub rate_rad_s: f64,
-    /// Most of the actuators' mean power, W.
+    /// Maximum mean power of the actuators, W.
     pub power_w: Option<f64>,
-    /// Most of every actuator's torque, N m.
+    /// Maximum torque of every actuator, N m.
     pub torque_nm: Option<f64>,
-    /// Another objective, and a value than which it must not be worse.
+    /// Another objective and its worst permitted value.
     pub least: Option<(Objective, f64)>,
 }
 
 impl fmt::Display for Bounds {
     fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
         let Self { omega_rad_s: [slowest, fastest], amplitude_rad, .. } = self;
-        let [least, most] = amplitude_rad.map(degrees);
+        let [low, high] = amplitude_rad.map(degrees);
         let [angle, rate] = [self.angle_rad, self.rate_rad_s].map(degrees);
         write!(
             to,
-            "omega {slowest} to {fastest} rad/s, amplitudes {least} to {most} degrees, angles to {angle} degrees, \
-             rates to {rate} degrees/s"
+            "omega {slowest} to {fastest} rad/s, amplitudes {low} to {high} degrees, angles up to {angle} degrees, \
+             rates up to {rate} degrees/s"
         )?;
         if let Some(power_w) = self.power_w {
-            write!(to, ", mean power to {power_w} W")?;
+            write!(to, ", mean power up to {power_w} W")?;
         }
         if let Some(torque_nm) = self.torque_nm {
-            write!(to, ", torques to {torque_nm} N m")?;
+            write!(to, ", torques up to {torque_nm} N m")?;
         }
-        match self.least {
-            Some((objective, value)) => {
-                let side = if objective.is_minimised() { "at most" } else { "at least" };
-                write!(to, ", {objective} {side} {value} {}", objective.unit())
-            }
-            None => Ok(()),
+        if let Some((objective, value)) = self.least {
+            let side = if objective.is_minimised() { "at most" } else { "at least" };
+            write!(to, ", {objective} {side} {value} {}", objective.unit())?;
         }
+        Ok(())
     }
 }
 
-/// As it was written in degrees.
+/// Converts an angle to degrees, rounded so that a value entered in degrees is printed unchanged.
 pub(super) fn degrees(rad: f64) -> f64 {
     (1e6 * rad.to_degrees()).round() / 1e6
 }

@@ -1,4 +1,4 @@
-//! The objective over the commands that may vary, and what limits them.
+//! Cost landscape: the objective as a function of the free commands, with limits on commands, power and torque.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -9,57 +9,59 @@ use trilink_robot::JointCommand;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_tables::Objective;
 
-use super::commands::{Bounds, Command, MOST_COMMANDS};
+use super::commands::{Bounds, Command, MAX_COMMANDS};
 
-/// Commands as parts of their ranges, 0 to 1; those that do not vary are zero.
-pub(super) type Place = SVector<f64, MOST_COMMANDS>;
+/// Position in the landscape: the free commands, each scaled to 0 to 1 over its range, followed by zeros.
+pub(super) type Position = SVector<f64, MAX_COMMANDS>;
 
-/// Limits that are no ranges: two highest and two lowest places of each joint's angle and of its rate, of which a
-/// command without a second harmonic has one each, the power, the torque, another objective.
+/// Number of limits: the peaks of each joint's angle and rate, the power, the torque, and the other objective.
 pub(super) const LIMITS: usize = 4 * PEAKS + 3;
-/// Of a joint's angle, or of its rate.
+/// Maximum number of peaks of a joint's angle or rate: two maxima and two minima if there is a second harmonic.
 const PEAKS: usize = 4;
+/// Index of the first limit of a joint rate.
 const RATE: usize = 2 * PEAKS;
+/// Index of the limit on the mean power.
 const POWER: usize = 4 * PEAKS;
+/// Index of the limit on the torques.
 const TORQUE: usize = POWER + 1;
+/// Index of the limit on another objective.
 const LEAST: usize = POWER + 2;
-/// Their names.
-pub(super) const LEAST_NAME: &str = "least";
-/// Numbers of a command without those of its second harmonic.
+/// Name of the limit on another objective.
+pub(super) const MIN_NAME: &str = "least";
+/// Number of parameters of a joint's command without second harmonic.
 const NUMBERS: usize = 3;
-const LIMIT_NAMES: [&str; 7] =
-    ["angle1", "angle2", "rate1", "rate2", "power", "torque", LEAST_NAME];
+const LIMIT_NAMES: [&str; 7] = ["angle1", "angle2", "rate1", "rate2", "power", "torque", MIN_NAME];
 
-/// Relative accuracy of the motions of a search, and of one after which another begins where it has ended.
+/// Relative accuracy of the solver in a final search.
 pub(super) const ACCURACY: f64 = 1e-9;
+/// Relative accuracy of the solver in a preliminary search.
 pub(super) const ROUGH_ACCURACY: f64 = 1e-6;
-/// Relative difference of two objectives that are the same, over the accuracy of the motions.
-const SAME_VALUE: f64 = 100.0;
-/// Relative difference of two commands that are the same, over the root of that accuracy: at an optimum the objective is
-/// flat.
-const SAME_COMMAND: f64 = 30.0;
-/// Largest Floquet multiplier of a motion that is stable however it was solved for.
-const CLEARLY_STABLE: f64 = 1.0 - 1e-6;
-/// Moments of a cycle at which torques are compared with their limit.
+/// Maximum difference between two costs that count as equal, divided by the accuracy of the solver.
+const COST_TOLERANCE: f64 = 100.0;
+/// Maximum relative difference between two commands that count as equal, divided by the square root of the solver's
+/// accuracy: the objective is stationary at an optimum, so that commands are less accurate than costs.
+const COMMAND_TOLERANCE: f64 = 30.0;
+/// Floquet multiplier below which a periodic solution counts as stable regardless of how it was computed.
+const MAX_STABLE_MULTIPLIER: f64 = 1.0 - 1e-6;
+/// Number of samples per cycle at which torques are compared with their limit.
 const TORQUE_SAMPLES: usize = 240;
-/// Step of a command, as a part of its range, that tells what it changes of the largest torque, over the root of the
-/// motions' accuracy.
+/// Finite-difference step for the torque gradient as a fraction of a command's range, divided by the square root of the
+/// solver's accuracy.
 const TORQUE_STEP: f64 = 0.3;
 
-/// The objective at one place.
+/// Cost, relative excess over the limits, and the gradients of both at a position in the landscape.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Point {
-    /// Logarithm of the objective, with the sign that makes it a cost; its gradient.
+pub(super) struct Evaluation {
+    /// Logarithm of the objective, with the sign for which lower is better.
     pub cost: f64,
-    pub gradient: Place,
-    /// By how much each limit is exceeded, as a part of it, and the gradient of that; minus infinity where there is
-    /// none.
+    pub gradient: Position,
+    /// Relative excess over each limit; minus infinity if the limit does not apply.
     pub excess: [f64; LIMITS],
-    pub excess_gradients: [Place; LIMITS],
+    pub excess_gradients: [Position; LIMITS],
 }
 
-impl Point {
-    /// What nothing that varies can change is no limit.
+impl Evaluation {
+    /// Removes every exceeded limit that no free command influences; `limits` are the indices to check.
     fn drop_fixed(&mut self, limits: Range<usize>) {
         for i in limits {
             if self.excess[i] > 0.0 && self.excess_gradients[i].amax() == 0.0 {
@@ -69,23 +71,24 @@ impl Point {
     }
 }
 
-/// Evaluates the objective, each motion from the last one.
+/// Cost landscape with a warm-started solver: each solution starts from the previous one.
 #[derive(Debug, Clone)]
 pub(super) struct Landscape<'a> {
     objective: Objective,
     commands: &'a [Command],
     bounds: &'a Bounds,
-    ranges: [[f64; 2]; MOST_COMMANDS],
+    ranges: [[f64; 2]; MAX_COMMANDS],
     problem: Problem,
     solver: Solver,
-    /// Relative accuracy of the motions.
+    /// Relative accuracy of the solver.
     pub accuracy: f64,
-    /// Whether a motion that is not clearly stable is none.
+    /// Whether to reject solutions that are not clearly stable.
     pub only_stable: bool,
-    /// Whether motions are looked for near the last one only: that there is none is what takes longest to find out.
+    /// Whether the solver looks for a solution only near the previous one, which avoids the costly proof that there is
+    /// none.
     pub only_near: bool,
-    /// What it costs to exceed a limit by all of it.
-    pub price: f64,
+    /// Penalty added to the merit per unit of relative excess over a limit.
+    pub penalty: f64,
 }
 
 impl<'a> Landscape<'a> {
@@ -96,8 +99,10 @@ impl<'a> Landscape<'a> {
         bounds: &'a Bounds,
         accuracy: f64,
     ) -> Self {
-        let mut ranges = [[0.0, 1.0]; MOST_COMMANDS];
-        commands.iter().zip(&mut ranges).for_each(|(of, range)| *range = of.range(bounds));
+        let mut ranges = [[0.0, 1.0]; MAX_COMMANDS];
+        for (command, range) in commands.iter().zip(&mut ranges) {
+            *range = command.range(bounds);
+        }
         Self {
             objective,
             commands,
@@ -108,141 +113,151 @@ impl<'a> Landscape<'a> {
             accuracy,
             only_stable: false,
             only_near: false,
-            price: 1.0,
+            penalty: 1.0,
         }
     }
 
-    /// Makes the next motion start from rest.
+    /// Makes the next solution start from rest.
     pub(super) fn forget(&mut self) {
         self.solver.forget();
     }
 
-    /// How many commands vary.
+    /// Returns the number of free commands.
     pub(super) fn count(&self) -> usize {
         self.commands.len()
     }
 
-    /// Where a problem is, as far as it is within the ranges.
-    pub(super) fn place_of(&self, problem: &Problem) -> Place {
-        let mut place = Place::zeros();
+    /// Returns the position of a problem, with commands clamped to their ranges.
+    pub(super) fn position_of(&self, problem: &Problem) -> Position {
+        let mut position = Position::zeros();
         for (i, command) in self.commands.iter().enumerate() {
             let [low, high] = self.ranges[i];
-            place[i] = ((command.value(problem) - low) / (high - low)).clamp(0.0, 1.0);
+            position[i] = ((command.value(problem) - low) / (high - low)).clamp(0.0, 1.0);
         }
-        place
+        position
     }
 
-    /// The problem at a place.
-    pub(super) fn problem_at(&self, place: &Place) -> Problem {
+    /// Returns the problem to solve at a position.
+    pub(super) fn problem_at(&self, position: &Position) -> Problem {
         let mut problem = self.problem.clone();
-        self.set(&mut problem, place);
+        self.set(&mut problem, position);
         problem
     }
 
-    fn set(&self, problem: &mut Problem, place: &Place) {
+    fn set(&self, problem: &mut Problem, position: &Position) {
         for (i, command) in self.commands.iter().enumerate() {
             let [low, high] = self.ranges[i];
-            command.set(problem, low + place[i] * (high - low));
+            command.set(problem, low + position[i] * (high - low));
         }
     }
 
-    /// The cost at a place alone, as accurate as [`Self::evaluate`] has it.
-    pub(super) fn cost(&mut self, place: &Place) -> Option<f64> {
-        let problem = self.problem_at(place);
+    /// Evaluates the cost at a position, without derivatives and limits; `None` if there is no periodic solution or the
+    /// cost is undefined.
+    pub(super) fn cost(&mut self, position: &Position) -> Option<f64> {
+        let problem = self.problem_at(position);
         let (metrics, work_j) = self.solve(&problem)?;
         Some(self.objective.cost([metrics.d_m, problem.omega_rad_s, work_j]))
             .filter(|cost| cost.is_finite())
     }
 
-    /// Whether two costs are the same, as far as motions of this accuracy tell.
+    /// Returns whether two costs are equal within the accuracy of the solver.
     pub(super) fn are_same(&self, one: f64, other: f64) -> bool {
-        (one - other).abs() < SAME_VALUE * self.accuracy
+        (one - other).abs() < COST_TOLERANCE * self.accuracy
     }
 
-    /// Relative difference of two commands that are the same, as far as motions of this accuracy tell.
-    pub(super) fn same_command(&self) -> f64 {
-        SAME_COMMAND * self.accuracy.sqrt()
+    /// Returns the maximum relative difference between two commands that count as equal.
+    pub(super) fn command_tolerance(&self) -> f64 {
+        COMMAND_TOLERANCE * self.accuracy.sqrt()
     }
 
-    /// Whether the motion that was solved for last is stable.
+    /// Returns whether the latest solution is stable.
     pub(super) fn is_stable(&mut self) -> bool {
         self.solver.status().is_ok_and(MotionStatus::is_stable)
     }
 
-    /// The metrics of a motion, and its work where that is needed; `None` where there is no motion, or it
-    /// comes to nothing.
+    /// Solves a problem; returns the metrics and the actuators' work per cycle, J (1 if the work is not needed). `None`
+    /// if there is no periodic solution (or no stable one, if required), or if displacement or work is not positive,
+    /// because the cost is a logarithm.
     fn solve(&mut self, problem: &Problem) -> Option<(GaitMetrics, f64)> {
-        let metrics = match self.only_near {
-            true => self.solver.solve_near(problem, self.accuracy),
-            false => self.solver.solve(problem, self.accuracy),
+        let metrics = if self.only_near {
+            self.solver.solve_near(problem, self.accuracy)
+        } else {
+            self.solver.solve(problem, self.accuracy)
         };
         let metrics = metrics.ok()?;
         if self.only_stable
-            && self.solver.floquet().ok()?.is_some_and(|modulus| modulus > CLEARLY_STABLE)
+            && self.solver.floquet().ok()?.is_some_and(|modulus| modulus > MAX_STABLE_MULTIPLIER)
         {
             return None;
         }
         let work_j = if self.needs_work() { self.solver.loss_j().ok()? } else { 1.0 };
-        let is_nothing = metrics.d_m <= 0.0 || (self.knows_work() && work_j <= 0.0);
-        (!is_nothing).then_some((metrics, work_j))
+        let is_undefined = metrics.d_m <= 0.0 || (self.has_work_objective() && work_j <= 0.0);
+        (!is_undefined).then_some((metrics, work_j))
     }
 
-    /// Whether the objective, or the other one that is limited, is made of work.
-    fn knows_work(&self) -> bool {
-        let least = self.bounds.least.map(|(of, _)| of);
-        [self.objective].into_iter().chain(least).any(Objective::knows_work)
+    /// Returns whether the objective to optimise, or another objective that is subject to a limit, depends on the work.
+    fn has_work_objective(&self) -> bool {
+        let limited = self.bounds.least.map(|(objective, _)| objective);
+        [self.objective].into_iter().chain(limited).any(Objective::depends_on_work)
     }
 
     fn needs_work(&self) -> bool {
-        self.knows_work() || self.bounds.power_w.is_some()
+        self.has_work_objective() || self.bounds.power_w.is_some()
     }
 
-    /// The cost with the price of exceeded limits.
-    pub(super) fn merit(&self, point: &Point) -> f64 {
-        point.cost + point.excess.iter().map(|of| self.price * of.max(0.0)).sum::<f64>()
+    /// Returns the merit: the cost plus the penalty for exceeded limits.
+    pub(super) fn merit(&self, point: &Evaluation) -> f64 {
+        point.cost + point.excess.iter().map(|excess| self.penalty * excess.max(0.0)).sum::<f64>()
     }
 
-    /// The objective at a place; `None` where there is no motion, or it comes to nothing.
-    pub(super) fn evaluate(&mut self, place: &Place) -> Option<Point> {
-        self.evaluate_below(place, f64::INFINITY)?.ok()
+    /// Evaluates cost, limits and their gradients at a position; returns `None` if there is no periodic solution or the
+    /// cost is undefined.
+    pub(super) fn evaluate(&mut self, position: &Position) -> Option<Evaluation> {
+        self.evaluate_below(position, f64::INFINITY)?.ok()
     }
 
-    /// The same, or the merit alone, which takes no derivatives, where that is more than `most`.
+    /// Evaluates a position as [`Self::evaluate`] does; but if the merit exceeds `max_merit`, returns the merit as an
+    /// error without computing derivatives.
     pub(super) fn evaluate_below(
         &mut self,
-        place: &Place,
-        most: f64,
-    ) -> Option<Result<Point, f64>> {
-        let problem = self.problem_at(place);
-        let found = self.point(&problem, place, most)?;
-        let is_finite = found.as_ref().is_err()
-            || found.is_ok_and(|point| {
+        position: &Position,
+        max_merit: f64,
+    ) -> Option<Result<Evaluation, f64>> {
+        let problem = self.problem_at(position);
+        let evaluation = self.evaluate_problem(&problem, position, max_merit)?;
+        let is_finite = evaluation.as_ref().is_err()
+            || evaluation.is_ok_and(|point| {
                 let gradients = point.excess_gradients.iter().chain([&point.gradient]);
                 point.cost.is_finite() && gradients.flatten().all(|slope| slope.is_finite())
             });
-        is_finite.then_some(found)
+        is_finite.then_some(evaluation)
     }
 
-    fn point(&mut self, problem: &Problem, place: &Place, most: f64) -> Option<Result<Point, f64>> {
+    fn evaluate_problem(
+        &mut self,
+        problem: &Problem,
+        position: &Position,
+        max_merit: f64,
+    ) -> Option<Result<Evaluation, f64>> {
         let (metrics, work_j) = self.solve(problem)?;
         let omega = problem.omega_rad_s;
         let values = [metrics.d_m, omega, work_j];
-        let mut point = Point {
+        let mut point = Evaluation {
             cost: self.objective.cost(values),
-            gradient: Place::zeros(),
+            gradient: Position::zeros(),
             excess: [f64::NEG_INFINITY; LIMITS],
-            excess_gradients: [Place::zeros(); LIMITS],
+            excess_gradients: [Position::zeros(); LIMITS],
         };
         self.limit_commands(&mut point, problem);
         if let Some(power_w) = self.bounds.power_w {
             point.excess[POWER] = work_j * omega / (TAU * power_w) - 1.0;
         }
-        if let Some((of, value)) = self.bounds.least {
-            point.excess[LEAST] = of.cost(values) - of.cost_of_value(value);
+        if let Some((objective, value)) = self.bounds.least {
+            point.excess[LEAST] = objective.cost(values) - objective.cost_of_value(value);
         }
         if self.bounds.torque_nm.is_none() {
             let merit = self.merit(&point);
-            if merit > most {
+            if merit > max_merit {
                 return Some(Err(merit));
             }
         }
@@ -252,44 +267,45 @@ impl<'a> Landscape<'a> {
             let (d_m, work) = match *command {
                 Command::Omega => (distance.omega, work.omega),
                 Command::Joint(joint, number) if number >= NUMBERS => {
-                    let part = number - NUMBERS;
-                    (distance.second[joint][part], work.second[joint][part])
+                    let component = number - NUMBERS;
+                    (distance.second[joint][component], work.second[joint][component])
                 }
                 Command::Joint(joint, number) => {
                     (distance.gait[joint][number], work.gait[joint][number])
                 }
             };
-            let by_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
-            let slope = |of: Objective| {
-                let [of_d, of_omega, of_work] = of.powers();
-                let relative =
-                    of_d * d_m / metrics.d_m + of_omega * by_omega + of_work * work / work_j;
+            let dln_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
+            let slope = |objective: Objective| {
+                let [d_power, omega_power, work_power] = objective.powers();
+                let relative = d_power * d_m / metrics.d_m
+                    + omega_power * dln_omega
+                    + work_power * work / work_j;
                 -size * relative
             };
             point.gradient[i] = slope(self.objective);
-            if let Some((of, _)) = self.bounds.least {
-                point.excess_gradients[LEAST][i] = slope(of);
+            if let Some((objective, _)) = self.bounds.least {
+                point.excess_gradients[LEAST][i] = slope(objective);
             }
             if let Some(power_w) = self.bounds.power_w {
-                let by_command = (work + work_j * by_omega) * omega / (TAU * power_w);
-                point.excess_gradients[POWER][i] = size * by_command;
+                let derivative = (work + work_j * dln_omega) * omega / (TAU * power_w);
+                point.excess_gradients[POWER][i] = size * derivative;
             }
         }
         if let Some(torque_nm) = self.bounds.torque_nm {
-            self.limit_torque(&mut point, torque_nm, problem, place)?;
+            self.limit_torque(&mut point, torque_nm, problem, position)?;
         }
         point.drop_fixed(POWER..LIMITS);
         Some(Ok(point))
     }
 
-    /// Fills in by how much the commands exceed the limits of angles and rates.
-    fn limit_commands(&self, point: &mut Point, problem: &Problem) {
+    /// Stores the relative excess of joint angles and rates over their limits in `point`, with gradients.
+    fn limit_commands(&self, point: &mut Evaluation, problem: &Problem) {
         let omega = problem.omega_rad_s;
-        self.each_peak(problem, |limit, joint, order, Peak { value, slopes }, most| {
+        self.for_each_peak(problem, |limit, joint, order, Peak { value, slopes }, most| {
             point.excess[limit] = value / most - 1.0;
-            for (i, of) in self.commands.iter().enumerate() {
+            for (i, command) in self.commands.iter().enumerate() {
                 let size = self.ranges[i][1] - self.ranges[i][0];
-                let slope = match *of {
+                let slope = match *command {
                     Command::Omega if order == 1 => value / omega,
                     Command::Joint(own, number) if own == joint => slopes[number],
                     _ => 0.0,
@@ -300,85 +316,77 @@ impl<'a> Landscape<'a> {
         point.drop_fixed(0..POWER);
     }
 
-    /// By how much the commands at a place exceed the limits of angles and rates; minus infinity for other limits.
-    pub(super) fn excess_of_commands(&self, place: &Place) -> [f64; LIMITS] {
+    /// Returns the relative excess of joint angles and rates at a position over their limits; minus infinity for all
+    /// other limits.
+    pub(super) fn excess_of_commands(&self, position: &Position) -> [f64; LIMITS] {
         let mut excess = [f64::NEG_INFINITY; LIMITS];
-        self.each_peak(&self.problem_at(place), |limit, _, _, peak, most| {
+        self.for_each_peak(&self.problem_at(position), |limit, _, _, peak, most| {
             excess[limit] = peak.value / most - 1.0;
         });
         excess
     }
 
-    /// Does `task` with every limit of a peak: its number, the joint, whether it is one of the angle or of the rate (0,
-    /// 1), the peak, and what it may be at most.
-    fn each_peak(&self, problem: &Problem, mut task: impl FnMut(usize, usize, i32, Peak, f64)) {
+    /// Calls `task` for every limited peak with the index of the limit, the joint, the order of the derivative (0 for
+    /// the angle, 1 for the rate), the peak, and the maximum value allowed for it.
+    fn for_each_peak(&self, problem: &Problem, mut task: impl FnMut(usize, usize, i32, Peak, f64)) {
         let Bounds { angle_rad, rate_rad_s, .. } = *self.bounds;
-        let most_per_rad = rate_rad_s / problem.omega_rad_s;
+        let rate_per_omega = rate_rad_s / problem.omega_rad_s;
         for (joint, command) in problem.gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
-            for (order, first, most) in
-                [(0, PEAKS * joint, angle_rad), (1, RATE + PEAKS * joint, most_per_rad)]
+            for (order, first, max_value) in
+                [(0, PEAKS * joint, angle_rad), (1, RATE + PEAKS * joint, rate_per_omega)]
             {
                 for (limit, peak) in (first..).zip(peaks(command, order)) {
                     if let Some(peak) = peak {
-                        task(limit, joint, order, peak, most);
+                        task(limit, joint, order, peak, max_value);
                     }
                 }
             }
         }
     }
 
-    /// Fills in by how much the largest torque exceeds its limit. What changes that is found from
-    /// neighbouring motions.
+    /// Stores the relative excess of the largest torque over its limit (`torque_nm`, N m) in `point`, with a
+    /// finite-difference gradient; returns `None` if the torque is zero or cannot be computed.
     fn limit_torque(
         &mut self,
-        point: &mut Point,
+        point: &mut Evaluation,
         torque_nm: f64,
         problem: &Problem,
-        place: &Place,
+        position: &Position,
     ) -> Option<()> {
-        let largest = |solver: &mut Solver, passive: Option<usize>| -> Option<f64> {
-            let samples = solver.cycle(TORQUE_SAMPLES).ok()?;
-            let of_sample = samples.iter().flat_map(|sample| {
-                let torques = sample.forces.torque_nm.into_iter().enumerate();
-                torques.filter(|(joint, _)| Some(*joint) != passive).map(|(_, of)| of.abs())
-            });
-            // Where the shape is singular torques are not known.
-            let largest = of_sample.filter(|of| of.is_finite()).fold(0.0, f64::max);
-            (largest > 0.0).then_some(largest)
-        };
         let passive = problem.gait.passive_joint();
-        let here = largest(&mut self.solver, passive)?;
+        let here = largest_torque(&mut self.solver, passive)?;
         point.excess[TORQUE] = here / torque_nm - 1.0;
         let mut neighbour = problem.clone();
         let size = TORQUE_STEP * self.accuracy.sqrt();
         for i in 0..self.count() {
-            let step = if place[i] + size > 1.0 { -size } else { size };
-            let mut moved = *place;
+            let step = if position[i] + size > 1.0 { -size } else { size };
+            let mut moved = *position;
             moved[i] += step;
             self.set(&mut neighbour, &moved);
             self.solver.solve(&neighbour, self.accuracy).ok()?;
-            let there = largest(&mut self.solver, passive)?;
+            let there = largest_torque(&mut self.solver, passive)?;
             point.excess_gradients[TORQUE][i] = (there - here) / (step * torque_nm);
         }
         Some(())
     }
 
-    /// What keeps a place where it is: ends of ranges, and limits that are reached.
-    pub(super) fn bounds_met(&self, place: &Place, point: &Point) -> Vec<String> {
+    /// Returns the names of the active bounds (ends of ranges, such as `least omega`) and limits.
+    pub(super) fn bounds_met(&self, position: &Position, point: &Evaluation) -> Vec<String> {
         const NEAR: f64 = 1e-6;
         let mut met = Vec::new();
         for (i, command) in self.commands.iter().enumerate().filter(|(_, of)| !of.is_phase()) {
-            let end = match place[i] {
-                part if part < NEAR => "least",
-                part if part > 1.0 - NEAR => "most",
-                _ => continue,
+            let end = if position[i] < NEAR {
+                "least"
+            } else if position[i] > 1.0 - NEAR {
+                "most"
+            } else {
+                continue;
             };
             met.push(format!("{end} {command}"));
         }
-        let names =
-            |limit: usize| LIMIT_NAMES[(limit / PEAKS).min(4) + limit.saturating_sub(POWER)];
-        for (name, excess) in (0..LIMITS).map(names).zip(point.excess) {
+        for (limit, excess) in point.excess.into_iter().enumerate() {
+            let name = LIMIT_NAMES[(limit / PEAKS).min(4) + limit.saturating_sub(POWER)];
             if excess > -NEAR && !met.iter().any(|known| *known == name) {
                 met.push(name.to_owned());
             }
@@ -387,16 +395,30 @@ impl<'a> Landscape<'a> {
     }
 }
 
-/// How far a joint goes, or how fast, to one side, with the derivatives of that with respect to the
-/// numbers of its command.
+/// Returns the largest absolute torque of the actuated joints in a cycle, N m; `None` if it is zero.
+fn largest_torque(solver: &mut Solver, passive: Option<usize>) -> Option<f64> {
+    let samples = solver.cycle(TORQUE_SAMPLES).ok()?;
+    let torques = samples.iter().flat_map(|sample| {
+        let torques = sample.forces.torque_nm.into_iter().enumerate();
+        torques.filter(|(joint, _)| Some(*joint) != passive).map(|(_, torque)| torque.abs())
+    });
+    // Torques are not finite at a singular shape.
+    let largest = torques.filter(|torque| torque.is_finite()).fold(0.0, f64::max);
+    (largest > 0.0).then_some(largest)
+}
+
+/// Extremum of a joint's angle or rate in one direction, with derivatives with respect to the parameters of the joint's
+/// command.
 #[derive(Clone, Copy)]
 struct Peak {
     value: f64,
     slopes: [f64; 5],
 }
 
-/// The peaks of a command's angle (order 0) or of its rate per omega (1): of a first harmonic alone that to
-/// each side, of the rate one; else the two highest and the two lowest, one twice where there is no other.
+/// Returns the peaks of a command's angle (order 0) or of its rate divided by omega (order 1).
+///
+/// Without a second harmonic the angle has one peak in each direction, and the rate has a single one. With a second
+/// harmonic there are two maxima and two minima; if there is only one of each, it is repeated.
 fn peaks(command: &JointCommand, order: i32) -> [Option<Peak>; PEAKS] {
     let JointCommand { offset_rad, amplitude_rad, .. } = *command;
     if command.second.is_none() {
@@ -404,34 +426,31 @@ fn peaks(command: &JointCommand, order: i32) -> [Option<Peak>; PEAKS] {
             let value = sign * offset_rad + amplitude_rad;
             Some(Peak { value, slopes: [sign, 1.0, 0.0, 0.0, 0.0] })
         };
-        return match order {
-            0 => [side(1.0), side(-1.0), None, None],
-            _ => {
-                let slopes = [0.0, 1.0, 0.0, 0.0, 0.0];
-                [Some(Peak { value: amplitude_rad, slopes }), None, None, None]
-            }
+        return if order == 0 {
+            [side(1.0), side(-1.0), None, None]
+        } else {
+            let slopes = [0.0, 1.0, 0.0, 0.0, 0.0];
+            [Some(Peak { value: amplitude_rad, slopes }), None, None, None]
         };
     }
     let turns = command.turns(order);
     let value = |phase: f64| command.derivative(order, phase);
-    let by_value = |a: &f64, b: &f64| value(*b).total_cmp(&value(*a));
-    let phases = || turns.as_slice().iter().copied();
-    let (Some(highest), Some(lowest)) = (phases().min_by(by_value), phases().max_by(by_value))
-    else {
-        return [None; PEAKS];
-    };
-    let mut places = [highest, highest, lowest, lowest];
+    let descending = |a: &f64, b: &f64| value(*b).total_cmp(&value(*a));
+    let highest = turns.as_slice().iter().copied().min_by(descending);
+    let lowest = turns.as_slice().iter().copied().max_by(descending);
+    let (Some(highest), Some(lowest)) = (highest, lowest) else { return [None; PEAKS] };
+    let mut phases = [highest, highest, lowest, lowest];
     if let Ok(all) = <[f64; PEAKS]>::try_from(turns.as_slice()) {
-        places = all;
-        places.sort_by(by_value);
+        phases = all;
+        phases.sort_by(descending);
     }
-    // In the order in which they come, which stays when the other one is the higher.
-    places.chunks_mut(2).for_each(|pair| pair.sort_by(f64::total_cmp));
-    let mut found = [None; PEAKS];
-    for (nth, (peak, phase)) in found.iter_mut().zip(places).enumerate() {
-        let sign = if nth < 2 { 1.0 } else { -1.0 };
+    // Sort each pair by phase, so that the order does not change when the other peak becomes the higher one.
+    phases.chunks_mut(2).for_each(|pair| pair.sort_by(f64::total_cmp));
+    let mut peaks = [None; PEAKS];
+    for (index, (peak, phase)) in peaks.iter_mut().zip(phases).enumerate() {
+        let sign = if index < 2 { 1.0 } else { -1.0 };
         let slopes = command.slopes(order, phase).map(|slope| sign * slope);
         *peak = Some(Peak { value: sign * value(phase), slopes });
     }
-    found
+    peaks
 }

@@ -1,4 +1,4 @@
-//! The objective about an optimum, over the commands that it answers to most.
+//! Maps of the objective around an optimum, plotted against the commands with the largest influence.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,62 +8,43 @@ use trilink_mechanics::Problem;
 use trilink_robot::Model;
 use trilink_tables::{MapPoint, OptimumMapRow};
 
-use super::landscape::{ACCURACY, Landscape, Place};
-use super::{Command, Optimum, Search, whole_turns};
+use super::landscape::{ACCURACY, Landscape, Position};
+use super::{Bounds, Command, Optimum, Search, whole_turns};
 use crate::MeasuredRange;
 
-/// Values of each command.
+/// Number of grid values for each command.
 const SIZE: usize = 49;
-/// Part of its range by which a command is moved to see what that changes.
-const MOVED: f64 = 0.05;
+/// Perturbation of a command, as a fraction of its range, for ranking the commands by sensitivity.
+const PERTURBATION: f64 = 0.05;
 
-/// What a map shows beside the objective: gaits, as they are on its axes.
+/// Gaits that a map shows in addition to the objective.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Shown<'s> {
-    /// The campaign's own gait.
+pub struct MapOverlay<'s> {
+    /// Current gait of the campaign.
     pub present: Option<&'s Optimum>,
-    /// What varies, in the optimum of each replicate of the fit.
+    /// Values of the free commands, rad/s or rad, at the best optimum for each replicate of the fit.
     pub replicates: &'s [Vec<f64>],
-    /// What the trials cover that the coefficients were fitted to.
+    /// Range covered by the trials to which the coefficients were fitted.
     pub range: Option<&'s MeasuredRange>,
 }
 
 impl Search {
-    /// The objective about an optimum of this search, over the one or two commands that it answers to most: those of
-    /// which a small part of their ranges costs most.
+    /// Computes a map of the objective around an optimum of this search. Its axes are the one or two free commands for
+    /// which a change by a small fraction of the range increases the cost most.
     ///
     /// # Errors
-    /// The work was cancelled.
+    /// Returns an error if the computation is cancelled.
     pub fn map(
         &self,
         (campaign, model): (&str, Model),
         best: &Optimum,
-        shown: Shown,
+        overlay: MapOverlay,
         cancel: &CancelToken,
     ) -> Result<Vec<OptimumMapRow>, Cancelled> {
         let mut landscape = self.landscape(ACCURACY);
-        let middle = landscape.place_of(&best.problem);
-        let cost = counted(&mut landscape, &middle);
-        let loss = |i: usize| {
-            let moved = [MOVED, -MOVED].map(|by| {
-                let mut place = middle;
-                place[i] = (place[i] + by).clamp(0.0, 1.0);
-                counted(&mut self.landscape(ACCURACY), &place) - cost
-            });
-            moved.into_iter().fold(0.0, f64::max)
-        };
-        let mut telling: Vec<(usize, f64)> = (0..self.free.len()).map(|i| (i, loss(i))).collect();
-        telling.sort_by(|a, b| b.1.total_cmp(&a.1));
-        telling.truncate(2);
-        telling.sort_by_key(|(i, _)| *i);
-        let axes: Vec<Axis> = telling
-            .iter()
-            .map(|(i, _)| Axis {
-                nth: *i,
-                command: self.free[*i],
-                parts: self.parts(*i, middle[*i]),
-            })
-            .collect();
+        let centre = landscape.position_of(&best.problem);
+        let cost = stable_cost(&mut landscape, &centre);
+        let axes = self.most_sensitive_axes(&centre, cost);
         let Some((first, second)) = axes.split_first() else { return Ok(Vec::new()) };
         let second = second.first();
         let name = |axis: Option<&Axis>| axis.map_or(String::new(), |of| of.command.to_string());
@@ -78,98 +59,130 @@ impl Search {
             x,
             y,
             value,
-            extrapolated: shown.range.map(|range| range.is_exceeded(of)),
-        };
-        let at = |axis: &Axis, part: f64| {
-            let [low, high] = axis.command.range(&self.bounds);
-            in_unit(axis.command, low + part * (high - low))
+            extrapolated: overlay.range.map(|range| range.is_exceeded(of)),
         };
         let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
-        let along_first = |part: Option<f64>| {
+        let second_values: Vec<Option<f64>> =
+            second.map_or(vec![None], |axis| axis.fractions.iter().copied().map(Some).collect());
+        let grid = second_values.into_par_iter().with_max_len(1).map(|second_value| {
             cancel.check()?;
             let mut landscape = self.landscape(ACCURACY);
-            let (mut place, mut y) = (middle, f64::NAN);
-            if let (Some(part), Some(axis)) = (part, second) {
-                (place[axis.nth], y) = (part, at(axis, part));
+            let mut position = centre;
+            let mut y = f64::NAN;
+            if let (Some(fraction), Some(axis)) = (second_value, second) {
+                position[axis.index] = fraction;
+                y = axis.value_at(fraction, &self.bounds);
             }
-            let point = |part: &f64| {
-                place[first.nth] = *part;
-                let worse = counted(&mut landscape, &place) - cost;
-                let value = best.value * (sign * worse).exp();
-                let problem = landscape.problem_at(&place);
-                row(MapPoint::Grid, [at(first, *part), y], value, &problem)
-            };
-            Ok(first.parts.iter().map(point).collect())
-        };
-        let seconds: Vec<Option<f64>> =
-            second.map_or(vec![None], |axis| axis.parts.iter().copied().map(Some).collect());
-        let grid = seconds.into_par_iter().with_max_len(1).map(along_first);
+            let rows = first.fractions.iter().map(|fraction| {
+                position[first.index] = *fraction;
+                let increase = stable_cost(&mut landscape, &position) - cost;
+                let value = best.value * (sign * increase).exp();
+                let problem = landscape.problem_at(&position);
+                let x = first.value_at(*fraction, &self.bounds);
+                row(MapPoint::Grid, [x, y], value, &problem)
+            });
+            Ok(rows.collect())
+        });
         let mut rows = grid.collect::<Result<Vec<Vec<_>>, Cancelled>>()?.concat();
-        // A phase a turn away is as near as it can be to the optimum's.
-        let place = |value: &dyn Fn(Command) -> f64| {
-            let of_axis = |axis: &Axis| {
-                let value = value(axis.command);
-                let turns_rad = match axis.command.is_phase() {
-                    true => whole_turns(value - axis.command.value(&best.problem)),
-                    false => 0.0,
-                };
-                in_unit(axis.command, value - turns_rad)
-            };
-            [of_axis(first), second.map_or(f64::NAN, of_axis)]
+        let coordinates = |problem: &Problem| {
+            let coordinate = |axis: &Axis| axis.coordinate(problem, &best.problem);
+            [coordinate(first), second.map_or(f64::NAN, coordinate)]
         };
-        for values in shown.replicates {
-            let of = |command| {
-                let found = self.free.iter().zip(values).find(|(of, _)| **of == command);
-                found.map_or(f64::NAN, |(_, value)| *value)
-            };
+        for values in overlay.replicates {
             let mut problem = best.problem.clone();
-            let both = self.free.iter().zip(values);
-            both.for_each(|(command, value)| command.set(&mut problem, *value));
-            rows.push(row(MapPoint::Replicate, place(&of), f64::NAN, &problem));
+            let commands = self.free.iter().zip(values);
+            commands.for_each(|(command, value)| command.set(&mut problem, *value));
+            rows.push(row(MapPoint::Replicate, coordinates(&problem), f64::NAN, &problem));
         }
-        rows.extend(shown.present.map(|of| {
-            let place = place(&|command| command.value(&of.problem));
-            row(MapPoint::Present, place, of.value, &of.problem)
+        rows.extend(overlay.present.map(|present| {
+            let Optimum { value, problem, .. } = present;
+            row(MapPoint::Present, coordinates(problem), *value, problem)
         }));
-        let optimum = place(&|command| command.value(&best.problem));
+        let optimum = coordinates(&best.problem);
         rows.push(row(MapPoint::Optimum, optimum, best.value, &best.problem));
         Ok(rows)
     }
 
-    /// Places along a command, as parts of its range: all of it, or of a phase a turn; that of the optimum
-    /// among them.
-    fn parts(&self, i: usize, optimum: f64) -> Vec<f64> {
+    /// Returns axes for at most two commands: those for which a small change increases the cost most.
+    fn most_sensitive_axes(&self, centre: &Position, cost: f64) -> Vec<Axis> {
+        let mut increases: Vec<(usize, f64)> = (0..self.free.len())
+            .map(|i| {
+                let increases = [PERTURBATION, -PERTURBATION].map(|by| {
+                    let mut position = *centre;
+                    position[i] = (position[i] + by).clamp(0.0, 1.0);
+                    stable_cost(&mut self.landscape(ACCURACY), &position) - cost
+                });
+                (i, increases.into_iter().fold(0.0, f64::max))
+            })
+            .collect();
+        increases.sort_by(|a, b| b.1.total_cmp(&a.1));
+        increases.truncate(2);
+        increases.sort_by_key(|(i, _)| *i);
+        let axes = increases.iter().map(|(i, _)| Axis {
+            index: *i,
+            command: self.free[*i],
+            fractions: self.grid_fractions(*i, centre[*i]),
+        });
+        axes.collect()
+    }
+
+    /// Returns the grid values for a command as fractions of its range. The grid includes the optimum and covers the
+    /// whole range, or one full turn for a phase.
+    fn grid_fractions(&self, i: usize, optimum: f64) -> Vec<f64> {
         let command = self.free[i];
         let [low, high] = command.range(&self.bounds);
         let half = PI / (high - low);
         let (from, to) =
             if command.is_phase() { (optimum - half, optimum + half) } else { (0.0, 1.0) };
-        let part = |nth: usize| from + (to - from) * nth as f64 / (SIZE - 1) as f64;
-        let mut parts: Vec<f64> = (0..SIZE).map(part).collect();
+        let mut fractions: Vec<f64> =
+            (0..SIZE).map(|index| from + (to - from) * index as f64 / (SIZE - 1) as f64).collect();
         let nearest = ((optimum - from) / (to - from) * (SIZE - 1) as f64).round() as usize;
-        if let Some(nearest) = parts.get_mut(nearest) {
+        if let Some(nearest) = fractions.get_mut(nearest) {
             *nearest = optimum;
         }
-        parts
+        fractions
     }
 }
 
-/// An axis of a map: which of the free commands, and where along its range there are values.
+/// Axis of a map.
 struct Axis {
-    nth: usize,
+    /// Index of the command among the free commands.
+    index: usize,
     command: Command,
-    parts: Vec<f64>,
+    /// Grid values as fractions of the command's range.
+    fractions: Vec<f64>,
 }
 
-/// A command's value as maps have it: rad/s, or degrees.
-fn in_unit(command: Command, value: f64) -> f64 {
+impl Axis {
+    /// Returns the value of the command at a fraction of its range, in rad/s for the frequency and in degrees for
+    /// angles.
+    fn value_at(&self, fraction: f64, bounds: &Bounds) -> f64 {
+        let [low, high] = self.command.range(bounds);
+        in_map_unit(self.command, low + fraction * (high - low))
+    }
+
+    /// Returns the value of the command in a problem, in rad/s for the frequency and in degrees for angles. A phase is
+    /// shifted by whole turns to be as near as possible to its value at the optimum.
+    fn coordinate(&self, problem: &Problem, optimum: &Problem) -> f64 {
+        let value = self.command.value(problem);
+        let turns_rad = if self.command.is_phase() {
+            whole_turns(value - self.command.value(optimum))
+        } else {
+            0.0
+        };
+        in_map_unit(self.command, value - turns_rad)
+    }
+}
+
+/// Converts a command to the unit of a map: rad/s for the frequency, degrees for angles (from rad).
+fn in_map_unit(command: Command, value: f64) -> f64 {
     if command == Command::Omega { value } else { value * 360.0 / TAU }
 }
 
-/// The cost at a place; NaN where there is no stable motion within the limits.
-fn counted(landscape: &mut Landscape, place: &Place) -> f64 {
-    const EXCEEDED: f64 = 1e-6;
-    let point = landscape.evaluate(place);
-    let within = point.filter(|point| point.excess.iter().all(|excess| *excess < EXCEEDED));
+/// Returns the cost at a position; NaN if there is no stable periodic solution within the limits.
+fn stable_cost(landscape: &mut Landscape, position: &Position) -> f64 {
+    const MAX_EXCESS: f64 = 1e-6;
+    let point = landscape.evaluate(position);
+    let within = point.filter(|point| point.excess.iter().all(|excess| *excess < MAX_EXCESS));
     within.filter(|_| landscape.is_stable()).map_or(f64::NAN, |point| point.cost)
 }

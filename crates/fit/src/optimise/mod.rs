@@ -1,18 +1,18 @@
-//! The gait that is best: optimal commands of a model's steady motion.
+//! Gait optimisation: optimal commands for a model's steady-state motion.
 //!
-//! The objectives are products of powers of d, omega and the actuators' work, of which the solver
-//! knows the derivatives by every number of the gait. Searches begin at places spread over the
-//! ranges and at the present gait. What they end in counts if the motion is stable and is reached
-//! from rest.
+//! The objectives are products of powers of d, omega and the actuators' work. The solver computes their derivatives
+//! with respect to every gait parameter. Local searches start from quasi-random points within the ranges of the
+//! commands and from the campaign's current gait (multi-start). An optimum is accepted if its motion is stable and is
+//! reached from rest.
 
-mod certainty;
 mod commands;
 mod front;
-mod kept;
 mod landscape;
 mod map;
 mod quadratic;
 mod search;
+mod tables;
+mod uncertainty;
 
 use std::f64::consts::{PI, TAU};
 
@@ -22,34 +22,34 @@ use trilink_mechanics::{
     Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{ByParameter, Gait, JointCommand, Parameter, SecondHarmonic};
+use trilink_robot::{ByParameter, Gait, JointCommand, SecondHarmonic};
 
 use crate::simulate::Setup;
-pub use certainty::Certainty;
 use commands::degrees;
 pub use commands::{Bounds, Command};
-pub use kept::{Kept, TABLES};
-use landscape::{ACCURACY, Landscape, Place, ROUGH_ACCURACY};
-pub use map::Shown;
-use quadratic::Curvature;
-use search::{End, search};
+use landscape::{ACCURACY, Landscape, Position, ROUGH_ACCURACY};
+pub use map::MapOverlay;
+use quadratic::Hessian;
+use search::{LocalOptimum, minimise};
+pub use tables::{OptimaTables, TABLES};
 pub use trilink_tables::Objective;
 use trilink_tables::{Columns, OptimumRow};
+pub use uncertainty::Uncertainty;
 
-/// What is to be found.
+/// Optimisation problem and number of starts.
 #[derive(Debug, Clone)]
 pub struct Search {
-    /// The robot and its laws, with the present gait and frequency.
+    /// Robot and friction laws, with the current gait and frequency.
     pub problem: Problem,
     pub objective: Objective,
-    /// The commands that may vary, one at least.
+    /// Commands to vary; at least one.
     pub free: Vec<Command>,
     pub bounds: Bounds,
-    /// Places where searches begin, the present gait among them.
+    /// Number of starts, including the current gait.
     pub starts: usize,
 }
 
-/// An optimal gait.
+/// Optimal gait with its steady-state motion.
 #[derive(Debug, Clone)]
 pub struct Optimum {
     pub problem: Problem,
@@ -57,24 +57,17 @@ pub struct Optimum {
     pub motion: SteadyMotion,
     pub status: MotionStatus,
     pub from_rest: FromRest,
-    /// Ends of ranges where it is, and limits that it reaches.
+    /// Names of the active bounds and limits.
     pub at_bound: Vec<String>,
-    /// Searches that ended here.
+    /// Number of searches that ended in this optimum.
     pub starts: usize,
-    /// Of the cost over what varies, where a search has found it.
-    curvature: Option<Curvature>,
+    /// Hessian of the cost with respect to the free commands, scaled to their ranges; `None` if the gait is not the
+    /// result of a search.
+    hessian: Option<Hessian>,
 }
 
 impl Optimum {
-    /// What any objective comes to here.
-    pub fn value_of(&self, objective: Objective) -> f64 {
-        let motion = &self.motion;
-        objective.value(motion.metrics.d_m, motion.metrics.v_m_s, motion.work_j)
-    }
-}
-
-impl Optimum {
-    /// With the motion of a problem, as accurate as it is reported; `None` if there is none.
+    /// Solves a problem to the reference accuracy; returns `None` if there is no periodic solution.
     fn new(
         problem: Problem,
         objective: Objective,
@@ -94,16 +87,23 @@ impl Optimum {
             problem,
             motion,
             starts,
-            curvature: None,
+            hessian: None,
         })
     }
 
-    /// Whether the robot gets there from rest and stays.
-    pub fn counts(&self) -> bool {
+    /// Returns the value of the given objective for this gait.
+    pub fn value_of(&self, objective: Objective) -> f64 {
+        let motion = &self.motion;
+        objective.value(motion.metrics.d_m, motion.metrics.v_m_s, motion.work_j)
+    }
+
+    /// Returns whether the motion is stable and is reached from rest.
+    pub fn is_reachable(&self) -> bool {
         self.status.is_reached_and_stays(self.from_rest)
     }
 
-    /// The same as a line of the table of a campaign's optima; `present` is the campaign's own gait at its best frequency.
+    /// Returns the row for the table of a campaign's optima; `present` is the campaign's own gait at its best
+    /// frequency.
     pub fn row(
         &self,
         rank: usize,
@@ -112,19 +112,16 @@ impl Optimum {
         search: &Search,
         present: Option<&Self>,
     ) -> OptimumRow {
-        let numbers =
-            self.problem.gait.joints.map(|of| of.map_or([f64::NAN; 3], JointCommand::to_array));
-        let seconds = self.problem.gait.joints.map(|of| of.and_then(|of| of.second));
         let Problem { robot, gait, laws, .. } = &self.problem;
-        let known = |parameter: Parameter| match laws.know(parameter, gait) {
-            true => parameter.of(robot),
-            false => f64::NAN,
-        };
+        let numbers = gait.joints.map(|of| of.map_or([f64::NAN; 3], JointCommand::to_array));
+        let seconds = gait.joints.map(|of| of.and_then(|of| of.second));
         OptimumRow {
             campaign: campaign.to_owned(),
             rank: rank as i64,
             model: setup.model,
-            parameters: ByParameter::from_fn(known),
+            parameters: ByParameter::from_fn(|parameter| {
+                if laws.is_relevant(parameter, gait) { parameter.value_in(robot) } else { f64::NAN }
+            }),
             adequate: setup.fit().and_then(|fit| fit.adequate),
             extrapolation: setup.extrapolation(&self.problem),
             objective: search.objective,
@@ -150,36 +147,38 @@ impl Optimum {
         }
     }
 
-    /// Mean power of the actuators, W.
+    /// Returns the mean power of the actuators, W.
     pub fn power_w(&self) -> f64 {
         self.motion.work_j * self.problem.omega_rad_s / TAU
     }
 }
 
-/// What a search has found.
+/// Result of a multi-start search.
 #[derive(Debug, Clone)]
-pub struct Found {
-    /// Where searches ended, the best first: those that count before those that do not.
+pub struct SearchResult {
+    /// Distinct optima, best first; those that are stable and reached from rest precede all others.
     pub optima: Vec<Optimum>,
-    /// Searches that found no motion within the limits that is found from rest, too.
+    /// Number of searches that failed, that is, did not end in a gait within the limits whose motion is confirmed by a
+    /// solution from rest.
     pub failed: usize,
 }
 
-impl Found {
-    /// The best gait that counts.
+impl SearchResult {
+    /// Returns the best optimum that is stable and reached from rest; `None` if there is no such optimum.
     pub fn best(&self) -> Option<&Optimum> {
-        self.optima.first().filter(|best| best.counts())
+        self.optima.first().filter(|best| best.is_reachable())
     }
 }
 
 impl Search {
-    /// Searches from all starts.
+    /// Runs searches from all starts: first at low solver accuracy, then at high accuracy from the distinct results of
+    /// the first searches.
     ///
     /// # Errors
-    /// The work was cancelled.
-    pub fn run(&self, cancel: &CancelToken) -> Result<Found, Cancelled> {
-        let seeds = self.without_seconds(cancel)?;
-        let ends: Vec<Option<End>> = (0..self.starts + seeds.len())
+    /// Returns an error if the search is cancelled.
+    pub fn run(&self, cancel: &CancelToken) -> Result<SearchResult, Cancelled> {
+        let seeds = self.second_harmonic_starts(cancel)?;
+        let ends: Vec<Option<LocalOptimum>> = (0..self.starts + seeds.len())
             .into_par_iter()
             .with_max_len(1)
             .map(|number| {
@@ -187,43 +186,48 @@ impl Search {
                 let mut landscape = self.landscape(ROUGH_ACCURACY);
                 let start = match number.checked_sub(self.starts) {
                     Some(seed) => seeds[seed],
-                    None if number == 0 => landscape.place_of(&self.problem),
-                    None => self.spread(number),
+                    None if number == 0 => landscape.position_of(&self.problem),
+                    None => self.quasi_random_start(number),
                 };
-                Ok(climb(&mut landscape, start, None))
+                Ok(find_local_optimum(&mut landscape, start, None))
             })
             .collect::<Result<_, Cancelled>>()?;
         let all = ends.len();
         let rough = ends.into_iter().flatten().map(|end| (end, 1)).collect();
-        let fine: Vec<Option<(End, usize)>> = self
+        let fine: Vec<Option<(LocalOptimum, usize)>> = self
             .distinct(rough, ROUGH_ACCURACY)
             .into_par_iter()
             .with_max_len(1)
             .map(|(end, _, starts)| {
                 cancel.check()?;
                 let mut landscape = self.landscape(ACCURACY);
-                let end = climb(&mut landscape, end.place, Some(end.curvature));
+                let end = find_local_optimum(&mut landscape, end.position, Some(end.hessian));
                 Ok(end.map(|end| (end, starts)))
             })
             .collect::<Result<_, Cancelled>>()?;
-        let fine: Vec<(End, usize)> = fine.into_iter().flatten().collect();
+        let fine: Vec<(LocalOptimum, usize)> = fine.into_iter().flatten().collect();
         let failed = all - fine.iter().map(|(_, starts)| starts).sum::<usize>();
         let distinct = self.distinct(fine, ACCURACY).into_par_iter().with_max_len(1);
         let mut optima: Vec<Optimum> = distinct
             .filter_map(|(end, problem, starts)| self.confirm(end, problem, starts))
             .collect();
-        optima.sort_by_key(|of| !of.counts());
-        Ok(Found { optima, failed })
+        optima.sort_by_key(|optimum| !optimum.is_reachable());
+        Ok(SearchResult { optima, failed })
     }
 
-    /// Of ends with motions of an accuracy, the best first, those that are not the same as one before, and how many
-    /// searches ended in each.
-    fn distinct(&self, mut ends: Vec<(End, usize)>, accuracy: f64) -> Vec<(End, Problem, usize)> {
+    /// Returns the distinct optima, best first, each with its problem and the number of searches that ended in it.
+    ///
+    /// `accuracy` is the solver accuracy with which the optima were found.
+    fn distinct(
+        &self,
+        mut ends: Vec<(LocalOptimum, usize)>,
+        accuracy: f64,
+    ) -> Vec<(LocalOptimum, Problem, usize)> {
         let landscape = self.landscape(accuracy);
         ends.sort_by(|(a, _), (b, _)| a.point.cost.total_cmp(&b.point.cost));
-        let mut distinct: Vec<(End, Problem, usize)> = Vec::new();
+        let mut distinct: Vec<(LocalOptimum, Problem, usize)> = Vec::new();
         for (end, count) in ends {
-            let problem = normal(landscape.problem_at(&end.place));
+            let problem = normalise_phases(landscape.problem_at(&end.position));
             let known = distinct
                 .iter_mut()
                 .find(|(known, of, _)| are_same(&landscape, (known, of), (&end, &problem)));
@@ -235,81 +239,86 @@ impl Search {
         distinct
     }
 
-    /// Where searches with second harmonics begin, too: the best gaits without them, so that none is better than what
-    /// is found, and the same with a little of them, since those of a gait that is its own mirror image change
-    /// nothing of first order.
-    fn without_seconds(&self, cancel: &CancelToken) -> Result<Vec<Place>, Cancelled> {
-        const MOST: usize = 3;
-        const LITTLE: f64 = 0.04;
+    /// Returns additional starts for a search with second harmonics: the best gaits without second harmonics, so that
+    /// the result is at least as good as these, and the same gaits with small second harmonics. The latter are needed
+    /// because the first-order effect of second harmonics on the objective is zero for a gait with half-period
+    /// symmetry.
+    fn second_harmonic_starts(&self, cancel: &CancelToken) -> Result<Vec<Position>, Cancelled> {
+        const MAX_GAITS: usize = 3;
+        const PERTURBATION: f64 = 0.04;
         let mut first = self.clone();
-        first.free.retain(|of| !of.is_second());
+        first.free.retain(|command| !command.is_second());
         if first.free.len() == self.free.len() || first.free.is_empty() {
             return Ok(Vec::new());
         }
         let landscape = self.landscape(ACCURACY);
-        let seed = |of: &Optimum| {
-            let place = landscape.place_of(&of.problem);
-            let mut moved = place;
+        let result = first.run(cancel)?;
+        let best = result.optima.iter().filter(|optimum| optimum.is_reachable()).take(MAX_GAITS);
+        let starts = best.flat_map(|optimum| {
+            let position = landscape.position_of(&optimum.problem);
+            let mut moved = position;
             for (i, command) in self.free.iter().enumerate() {
-                moved[i] += if command.is_second() { LITTLE * (1.0 + 0.3 * i as f64) } else { 0.0 };
+                moved[i] +=
+                    if command.is_second() { PERTURBATION * (1.0 + 0.3 * i as f64) } else { 0.0 };
             }
-            [place, self.within_limits(moved)]
-        };
-        let found = first.run(cancel)?;
-        Ok(found.optima.iter().filter(|of| of.counts()).take(MOST).flat_map(seed).collect())
+            [position, self.within_limits(moved)]
+        });
+        Ok(starts.collect())
     }
 
-    /// The best of what searches from the present gait end in; what does not vary stays as it is, whatever the
-    /// bounds say of it.
+    /// Repeats this search without limits on joint angles and rates, which the current gait may exceed, and returns the
+    /// best optimum; `None` if the search finds none.
     ///
     /// # Errors
-    /// The work was cancelled.
+    /// Returns an error if the search is cancelled.
     pub fn present(&self, cancel: &CancelToken) -> Result<Option<Optimum>, Cancelled> {
         let bounds = Bounds { angle_rad: f64::INFINITY, rate_rad_s: f64::INFINITY, ..self.bounds };
-        let found = Search { bounds, ..self.clone() }.run(cancel)?;
-        Ok(found.optima.into_iter().next())
+        let result = Search { bounds, ..self.clone() }.run(cancel)?;
+        Ok(result.optima.into_iter().next())
     }
 
-    /// The objective by motions of a relative accuracy.
+    /// Returns the cost landscape of this search for a given relative accuracy of the solver.
     fn landscape(&self, accuracy: f64) -> Landscape<'_> {
         let problem = self.problem.clone();
         Landscape::new(problem, self.objective, &self.free, &self.bounds, accuracy)
     }
 
-    /// Where a search begins: places that fill the ranges evenly, however many there are.
+    /// Returns the start with the given index in a quasi-random (R) sequence, which fills the ranges evenly for any
+    /// number of starts.
     ///
     /// Reference: M. Roberts, *The unreasonable effectiveness of quasirandom sequences* (2018).
-    fn spread(&self, number: usize) -> Place {
+    fn quasi_random_start(&self, number: usize) -> Position {
         let count = self.free.len() as f64;
-        // The positive solution of x^(count + 1) = x + 1.
+        // Positive solution of x^(count + 1) = x + 1.
         let ratio = (0..40).fold(2.0_f64, |x, _| (1.0 + x).powf(1.0 / (count + 1.0)));
-        let mut place = Place::zeros();
+        let mut position = Position::zeros();
         for (i, command) in self.free.iter().enumerate() {
-            let part = (0.5 + number as f64 / ratio.powi(i as i32 + 1)).fract();
-            // A phase has a turn to spare on each side.
-            place[i] = if command.is_phase() { (1.0 + part) / 3.0 } else { part };
+            let fraction = (0.5 + number as f64 / ratio.powi(i as i32 + 1)).fract();
+            // The range of a phase has a spare turn on each side.
+            position[i] = if command.is_phase() { (1.0 + fraction) / 3.0 } else { fraction };
             if command.is_second() {
-                place[i] = 0.5 + 0.5 * (part - 0.5);
+                position[i] = 0.5 + 0.5 * (fraction - 0.5);
             }
         }
-        self.within_limits(place)
+        self.within_limits(position)
     }
 
-    /// The place moved so that angles and rates are within their limits, as far as what varies can do that.
-    fn within_limits(&self, mut place: Place) -> Place {
-        const MOST: usize = 8;
+    /// Returns the position rescaled so that joint angles and rates stay within their limits, as far as the free
+    /// commands allow.
+    fn within_limits(&self, mut position: Position) -> Position {
+        const ITERATIONS: usize = 8;
         let Bounds { angle_rad, rate_rad_s, .. } = self.bounds;
         let landscape = self.landscape(ACCURACY);
-        for _ in 0..MOST {
-            let mut problem = landscape.problem_at(&place);
+        for _ in 0..ITERATIONS {
+            let mut problem = landscape.problem_at(&position);
             let omega = problem.omega_rad_s;
             for command in problem.gait.joints.iter_mut().flatten() {
                 if let Some(second) = command.second {
                     let rate = command.peak_rate_rad() * omega / rate_rad_s;
-                    let part = 1.0 / (command.peak_angle_rad() / angle_rad).max(rate).max(1.0);
-                    command.offset_rad *= part;
-                    command.amplitude_rad *= part;
-                    let amplitude_rad = part * second.amplitude_rad();
+                    let factor = 1.0 / (command.peak_angle_rad() / angle_rad).max(rate).max(1.0);
+                    command.offset_rad *= factor;
+                    command.amplitude_rad *= factor;
+                    let amplitude_rad = factor * second.amplitude_rad();
                     command.second = Some(SecondHarmonic::new(amplitude_rad, second.phase_rad()));
                     continue;
                 }
@@ -318,98 +327,109 @@ impl Search {
                 *amplitude_rad = (*amplitude_rad / largest.max(1.0)).min(rate_rad_s / omega);
                 *offset_rad /= largest.max(1.0);
             }
-            place = landscape.place_of(&problem);
+            position = landscape.position_of(&problem);
         }
-        place
+        position
     }
 
-    /// The motion of an end, as accurate as it is reported; `None` if it is not found again.
-    fn confirm(&self, end: End, problem: Problem, starts: usize) -> Option<Optimum> {
-        let at_bound = self.landscape(ACCURACY).bounds_met(&end.place, &end.point);
+    /// Solves a local optimum's problem to the reference accuracy; returns `None` if there is no periodic solution.
+    fn confirm(&self, end: LocalOptimum, problem: Problem, starts: usize) -> Option<Optimum> {
+        let at_bound = self.landscape(ACCURACY).bounds_met(&end.position, &end.point);
         let optimum = Optimum::new(problem, self.objective, at_bound, starts)?;
-        Some(Optimum { curvature: Some(end.curvature), ..optimum })
+        Some(Optimum { hessian: Some(end.hessian), ..optimum })
     }
 }
 
-/// Where a search from a place ends: at a motion that is found from rest, too, and is stable if there is such an
-/// end.
-fn climb(landscape: &mut Landscape, start: Place, curvature: Option<Curvature>) -> Option<End> {
+/// Searches from a start for a local optimum whose motion is confirmed by a solution from rest; `None` if none is
+/// found. If this motion is unstable, the search is repeated among stable motions, and a stable optimum takes
+/// precedence.
+fn find_local_optimum(
+    landscape: &mut Landscape,
+    start: Position,
+    hessian: Option<Hessian>,
+) -> Option<LocalOptimum> {
     landscape.forget();
     landscape.only_stable = false;
-    let end = search(landscape, start, curvature)?;
-    let end = found_again(landscape, end)?;
+    let end = minimise(landscape, start, hessian)?;
+    let end = confirm_from_rest(landscape, end)?;
     if landscape.is_stable() {
         return Some(end);
     }
     landscape.forget();
     landscape.only_stable = true;
-    let stable = search(landscape, start, curvature).and_then(|end| found_again(landscape, end));
+    let stable =
+        minimise(landscape, start, hessian).and_then(|end| confirm_from_rest(landscape, end));
     Some(stable.filter(|_| landscape.is_stable()).unwrap_or(end))
 }
 
-/// Where a search ended, if a solution from rest finds the motion there: a search that goes from one motion to
-/// the next may have followed another one, and goes on from the one that is found.
-fn found_again(landscape: &mut Landscape, mut end: End) -> Option<End> {
-    const MOST: usize = 4;
-    for _ in 0..MOST {
+/// Returns the local optimum `end` if a solution from rest reproduces its cost. Otherwise, the search had followed
+/// another branch of solutions: it restarts from `end` with the solution that is found from rest. `None` if no optimum
+/// is confirmed.
+fn confirm_from_rest(landscape: &mut Landscape, mut end: LocalOptimum) -> Option<LocalOptimum> {
+    const MAX_RESTARTS: usize = 4;
+    for _ in 0..MAX_RESTARTS {
         landscape.forget();
         let only_stable = std::mem::replace(&mut landscape.only_stable, false);
-        let found = landscape.cost(&end.place)?;
+        let cost = landscape.cost(&end.position)?;
         landscape.only_stable = only_stable;
-        if landscape.are_same(found, end.point.cost) {
+        if landscape.are_same(cost, end.point.cost) {
             return Some(end);
         }
-        end = search(landscape, end.place, None)?;
+        end = minimise(landscape, end.position, None)?;
     }
     None
 }
 
-/// The whole turns nearest to an angle, rad.
+/// Rounds an angle to a whole number of turns, rad.
 fn whole_turns(angle_rad: f64) -> f64 {
     TAU * (angle_rad / TAU).round()
 }
 
-/// The same gait with phases within half a turn of zero.
-fn normal(mut problem: Problem) -> Problem {
+/// Returns the same gait with all phases shifted to within half a turn of zero.
+fn normalise_phases(mut problem: Problem) -> Problem {
     for command in problem.gait.joints.iter_mut().flatten() {
         command.phase_rad -= whole_turns(command.phase_rad);
     }
     problem
 }
 
-/// Whether two ends are one, or each other's mirror image, as far as the motions tell.
+/// Returns whether two local optima are the same gait or mirror images of each other, within the accuracy of the
+/// solver.
 fn are_same(
     landscape: &Landscape,
-    (one_end, one): (&End, &Problem),
-    (other_end, other): (&End, &Problem),
+    (one_end, one): (&LocalOptimum, &Problem),
+    (other_end, other): (&LocalOptimum, &Problem),
 ) -> bool {
     if !landscape.are_same(one_end.point.cost, other_end.point.cost) {
         return false;
     }
-    let same = landscape.same_command();
-    let near = |a: f64, b: f64| (a - b).abs() < same * (1.0 + a.abs().max(b.abs()));
-    let turns = |a: f64, b: f64| {
-        let apart = (a - b).rem_euclid(TAU);
-        apart.min(TAU - apart) < same * PI
-    };
-    let is_near = |sign: f64| {
-        one.gait.joints.iter().zip(&other.gait.joints).all(|joints| match joints {
-            (Some(a), Some(b)) => {
-                near(a.offset_rad, sign * b.offset_rad)
-                    && near(a.amplitude_rad, b.amplitude_rad)
-                    && turns(a.phase_rad, b.phase_rad)
-                    && near(a.second().in_phase_rad, sign * b.second().in_phase_rad)
-                    && near(a.second().quadrature_rad, sign * b.second().quadrature_rad)
-            }
-            _ => true,
+    let tolerance = landscape.command_tolerance();
+    are_close(one.omega_rad_s, other.omega_rad_s, tolerance)
+        && [1.0, -1.0].iter().any(|sign| {
+            one.gait.joints.iter().zip(&other.gait.joints).all(|joints| match joints {
+                (Some(a), Some(b)) => are_commands_close(a, b, *sign, tolerance),
+                _ => true,
+            })
         })
-    };
-    near(one.omega_rad_s, other.omega_rad_s) && (is_near(1.0) || is_near(-1.0))
 }
 
-/// What of the present gait is not within the bounds, in words; empty if all is.
-pub fn outside(gait: &Gait, bounds: &Bounds) -> Vec<String> {
-    let mut found = Vec::new();
+/// Returns whether two joint commands are equal (sign 1) or mirror images of each other (sign -1) within a tolerance.
+fn are_commands_close(a: &JointCommand, b: &JointCommand, sign: f64, tolerance: f64) -> bool {
+    let difference = (a.phase_rad - b.phase_rad).rem_euclid(TAU);
+    are_close(a.offset_rad, sign * b.offset_rad, tolerance)
+        && are_close(a.amplitude_rad, b.amplitude_rad, tolerance)
+        && difference.min(TAU - difference) < tolerance * PI
+        && are_close(a.second().in_phase_rad, sign * b.second().in_phase_rad, tolerance)
+        && are_close(a.second().quadrature_rad, sign * b.second().quadrature_rad, tolerance)
+}
+
+fn are_close(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() < tolerance * (1.0 + a.abs().max(b.abs()))
+}
+
+/// Returns a message for each bound on angles or amplitudes that the current gait exceeds.
+pub fn exceeded_bounds(gait: &Gait, bounds: &Bounds) -> Vec<String> {
+    let mut messages = Vec::new();
     for (joint, command) in gait.joints.iter().enumerate() {
         let Some(command) = command else { continue };
         let JointCommand { offset_rad, amplitude_rad, second, .. } = command;
@@ -417,26 +437,26 @@ pub fn outside(gait: &Gait, bounds: &Bounds) -> Vec<String> {
             Some(_) => command.peak_angle_rad(),
             None => offset_rad.abs() + amplitude_rad.abs(),
         };
-        let [least, most] = bounds.amplitude_rad;
+        let [low, high] = bounds.amplitude_rad;
         if largest > bounds.angle_rad * (1.0 + 1e-9) {
-            found.push(format!(
-                "joint {} goes to {} degrees, at most {} are allowed",
+            messages.push(format!(
+                "joint {} reaches {} degrees, but at most {} are allowed",
                 joint + 1,
                 degrees(largest),
                 degrees(bounds.angle_rad)
             ));
         }
-        if *amplitude_rad < least * (1.0 - 1e-9) || *amplitude_rad > most * (1.0 + 1e-9) {
-            found.push(format!(
-                "joint {} has an amplitude of {} degrees, {} to {} are searched",
+        if *amplitude_rad < low * (1.0 - 1e-9) || *amplitude_rad > high * (1.0 + 1e-9) {
+            messages.push(format!(
+                "joint {} has an amplitude of {} degrees, outside the searched range of {} to {} degrees",
                 joint + 1,
                 degrees(*amplitude_rad),
-                degrees(least),
-                degrees(most)
+                degrees(low),
+                degrees(high)
             ));
         }
     }
-    found
+    messages
 }
 
 #[cfg(test)]
@@ -445,8 +465,8 @@ mod tests {
 
     use super::*;
 
-    /// A search over the frequency alone.
-    pub(super) fn of_omega(
+    /// Creates a search over the frequency alone.
+    pub(super) fn frequency_search(
         problem: Problem,
         objective: Objective,
         omega_rad_s: [f64; 2],
@@ -463,52 +483,52 @@ mod tests {
         Search { problem, objective, free: vec![Command::Omega], bounds, starts: 2 }
     }
 
-    /// Between 0.3523 and 0.3595 rad/s there are three motions: which one a search has followed depends on where
-    /// it comes from.
+    /// Between 0.3523 and 0.3595 rad/s the model has three periodic solutions; the start determines which one a search
+    /// follows.
     #[test]
-    fn an_end_on_another_branch_is_searched_from_again() {
+    fn the_search_restarts_from_an_optimum_on_another_branch() {
         let problem = Problem {
             robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
             gait: Gait::passive_symmetric(),
             laws: Laws::SKID,
             omega_rad_s: 0.356,
         };
-        let search = of_omega(problem.clone(), Objective::Distance, [0.345, 0.365]);
+        let search = frequency_search(problem.clone(), Objective::Distance, [0.345, 0.365]);
         let mut landscape = search.landscape(ACCURACY);
-        let place = landscape.place_of(&problem);
-        let cold = landscape.cost(&place).expect("a motion");
+        let position = landscape.position_of(&problem);
+        let from_rest = landscape.cost(&position).expect("a motion");
         let ends = [0.0, 1.0].map(|from| {
             landscape.forget();
             let along = (0..=20).map(|i| {
-                let mut between = place;
-                between[0] = from + (place[0] - from) * f64::from(i) / 20.0;
+                let mut between = position;
+                between[0] = from + (position[0] - from) * f64::from(i) / 20.0;
                 landscape.evaluate(&between)
             });
             let point = along.last().flatten().expect("a motion");
-            End { place, point, curvature: Curvature::identity() }
+            LocalOptimum { position, point, hessian: Hessian::identity() }
         });
-        let is_other = ends.map(|end| !landscape.are_same(end.point.cost, cold));
-        assert!(is_other.contains(&true), "{ends:?} {cold}");
+        let is_other = ends.map(|end| !landscape.are_same(end.point.cost, from_rest));
+        assert!(is_other.contains(&true), "{ends:?} {from_rest}");
         for (end, is_other) in ends.into_iter().zip(is_other) {
-            let found = found_again(&mut landscape, end).expect("an end");
-            let mut anew = search.landscape(ACCURACY);
-            let cost = anew.cost(&found.place).expect("a motion");
-            assert!(anew.are_same(cost, found.point.cost), "{found:?} {cost}");
-            let is_same = found.place == place && found.point.cost == end.point.cost;
+            let found = confirm_from_rest(&mut landscape, end).expect("an end");
+            let mut fresh = search.landscape(ACCURACY);
+            let cost = fresh.cost(&found.position).expect("a motion");
+            assert!(fresh.are_same(cost, found.point.cost), "{found:?} {cost}");
+            let is_same = found.position == position && found.point.cost == end.point.cost;
             assert_eq!(is_same, !is_other, "{found:?}");
         }
     }
 
-    /// The robot comes back to where it was every second cycle only where the motion of one cycle is unstable.
+    /// At a period doubling, the solution with the period of the gait becomes unstable.
     #[test]
-    fn where_a_search_ends_in_an_unstable_motion_the_end_among_stable_ones_counts() {
+    fn a_search_that_ends_in_an_unstable_motion_is_repeated_among_stable_ones() {
         const STEP_RAD_S: f64 = 0.02;
         let offset = JointCommand::new(0.8137, 0.2838, 2.662);
         let problem = |omega_rad_s: f64| Problem {
             robot: Robot {
-                h_m: 0.1695,
-                l_m: 0.1551,
-                b_m: 0.02867,
+                h_m: [0.1695; 2],
+                l_m: [0.1551; 2],
+                b_m: [0.02867; 2],
                 mass_kg: [2.93, 0.196, 0.2922],
                 inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
                 roll_kg_s: [0.0; 3],
@@ -523,13 +543,14 @@ mod tests {
             omega_rad_s,
         };
         let mut solver = Solver::default();
-        let mut at = |omega_rad_s: f64| {
+        let mut speed_and_stability = |omega_rad_s: f64| {
             let metrics = solver.solve(&problem(omega_rad_s), 1e-9).expect("a motion");
             (metrics.v_m_s, solver.status().expect("it is solved for").is_stable())
         };
         let omegas = (0..=125).map(|i| 2.0 + STEP_RAD_S * f64::from(i));
-        let all: Vec<(f64, (f64, bool))> = omegas.map(|omega| (omega, at(omega))).collect();
-        // A neighbour that is faster and unstable.
+        let all: Vec<(f64, (f64, bool))> =
+            omegas.map(|omega| (omega, speed_and_stability(omega))).collect();
+        // A stable solution next to an unstable one that is faster.
         let into_unstable = all.windows(2).find_map(|pair| {
             let is_into =
                 |a: &(f64, (f64, bool)), b: &(f64, (f64, bool))| a.1.1 && !b.1.1 && b.1.0 > a.1.0;
@@ -539,27 +560,27 @@ mod tests {
         let (stable, unstable) = into_unstable.expect("both");
         let away = stable + 3.0 * (stable - unstable);
         let range = [away.min(unstable), away.max(unstable)];
-        let search = of_omega(problem(away), Objective::Speed, range);
+        let search = frequency_search(problem(away), Objective::Speed, range);
         let mut landscape = search.landscape(ACCURACY);
-        let start = landscape.place_of(&problem(away));
-        let is_stable = |place: &Place| {
-            let mut anew = search.landscape(ACCURACY);
-            anew.cost(place).expect("a motion");
-            anew.is_stable()
+        let start = landscape.position_of(&problem(away));
+        let is_stable = |position: &Position| {
+            let mut fresh = search.landscape(ACCURACY);
+            fresh.cost(position).expect("a motion");
+            fresh.is_stable()
         };
-        let first = super::search(&mut landscape, start, None).expect("an end");
-        assert!(!is_stable(&first.place), "{first:?} {stable} {unstable}");
-        let end = climb(&mut landscape, start, None).expect("an end");
-        assert!(is_stable(&end.place), "{end:?}");
-        let omega_rad_s = landscape.problem_at(&end.place).omega_rad_s;
+        let first = minimise(&mut landscape, start, None).expect("an end");
+        assert!(!is_stable(&first.position), "{first:?} {stable} {unstable}");
+        let end = find_local_optimum(&mut landscape, start, None).expect("an end");
+        assert!(is_stable(&end.position), "{end:?}");
+        let omega_rad_s = landscape.problem_at(&end.position).omega_rad_s;
         assert!((omega_rad_s - stable).abs() < STEP_RAD_S, "{omega_rad_s} {stable} {unstable}");
-        let found = search.run(&CancelToken::default()).expect("nobody cancels it");
+        let found = search.run(&CancelToken::default()).expect("the search is not cancelled");
         assert!(found.optima.iter().all(|of| of.status.is_stable()));
     }
 
     #[test]
     fn a_cancelled_search_ends_at_once() {
-        let search = of_omega(
+        let search = frequency_search(
             Problem {
                 robot: Robot::kinematic(),
                 gait: Gait::symmetric(),
@@ -569,7 +590,7 @@ mod tests {
             Objective::Speed,
             [1.0, 8.0],
         );
-        // It would take hours.
+        // Without cancellation this search would take hours.
         let search = Search { starts: 1_000_000, ..search };
         let cancel = CancelToken::default();
         cancel.cancel();

@@ -1,43 +1,46 @@
-//! Convex quadratic programs of a few variables within a box, with limits that may be exceeded at a price: by the
-//! primal-dual interior-point method.
+//! Primal-dual interior-point solver for small convex quadratic programs with box constraints and penalised (elastic)
+//! linear limits.
 //!
-//! Kept solvers of quadratic programs are made for large sparse ones, and take longer to be set up than a motion to be
-//! solved for.
+//! Published solvers are designed for large sparse programs; their setup takes longer than solving the model once.
 //!
 //! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer 2006, section 16.6.
 
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix};
 
-use super::commands::MOST_COMMANDS;
-use super::landscape::{LIMITS, Place};
+use super::commands::MAX_COMMANDS;
+use super::landscape::{LIMITS, Position};
 
-pub(super) type Curvature = SMatrix<f64, MOST_COMMANDS, MOST_COMMANDS>;
+pub(super) type Hessian = SMatrix<f64, MAX_COMMANDS, MAX_COMMANDS>;
 
-const MOST_ITERATIONS: usize = 60;
-/// Mean product of what is kept of a limit and its multiplier that is nothing; slope that is nothing.
-const NO_PRODUCT: f64 = 1e-15;
-const NO_SLOPE: f64 = 1e-12;
-/// Part of that product that the next iterate aims at, and of the way to the nearest end that it goes at most.
-const CENTRED: f64 = 0.05;
-const MOST_OF_THE_WAY: f64 = 0.995;
+const MAX_ITERATIONS: usize = 60;
+/// Duality measure (mean product of slack and multiplier) below which the solver has converged.
+const MAX_COMPLEMENTARITY: f64 = 1e-15;
+/// Maximum component of the dual residual at the solution.
+const MAX_RESIDUAL: f64 = 1e-12;
+/// Centring parameter: target for the duality measure as a fraction of its current value.
+const CENTRING: f64 = 0.05;
+/// Maximum step length as a fraction of the length at which the first slack or multiplier becomes zero.
+const MAX_FRACTION_TO_BOUNDARY: f64 = 0.995;
 
-/// `gradient x + x' curvature x / 2 + price sum(max(0, excess + slopes x))` within a box, to be small.
+/// Minimisation of `gradient' x + x' hessian x / 2 + penalty sum(max(0, excess + slopes' x))` over `x` in a box.
 pub(super) struct QuadraticProgram<'p> {
-    /// Variables; the others stay zero.
+    /// Number of variables; the remaining entries of the solution are zero.
     pub count: usize,
-    pub gradient: &'p Place,
-    /// Positive definite.
-    pub curvature: &'p Curvature,
-    /// Ends of the box, the lower ones below the upper.
-    pub low: Place,
-    pub high: Place,
-    /// Of the limits, see [`Point`](super::landscape::Point).
+    pub gradient: &'p Position,
+    /// Hessian of the quadratic term; must be positive definite.
+    pub hessian: &'p Hessian,
+    /// Lower ends of the box, which must be less than the upper ends.
+    pub low: Position,
+    /// Upper ends of the box.
+    pub high: Position,
+    /// Excess over each limit at x = 0, see [`Evaluation`](super::landscape::Evaluation).
     pub excess: &'p [f64; LIMITS],
-    pub slopes: &'p [Place; LIMITS],
-    pub price: f64,
+    /// Gradient of the excess over each limit.
+    pub slopes: &'p [Position; LIMITS],
+    pub penalty: f64,
 }
 
-/// What must not be negative and its multiplier, which must not be either; their product vanishes in the end.
+/// Nonnegative slack variable and its nonnegative multiplier; their product is zero at the solution.
 #[derive(Debug, Clone, Copy)]
 struct Slack {
     value: f64,
@@ -45,134 +48,149 @@ struct Slack {
 }
 
 impl Slack {
-    /// How the multiplier changes with the value, so that their product becomes this.
-    fn change(self, product: f64, by_value: f64) -> f64 {
-        (product - self.multiplier * by_value) / self.value - self.multiplier
+    /// Returns the change in the multiplier that brings the linearised product of value and multiplier to `target`,
+    /// given the change in the value.
+    fn multiplier_change(self, target: f64, value_change: f64) -> f64 {
+        (target - self.multiplier * value_change) / self.value - self.multiplier
     }
 
-    /// Goes a part of the way.
-    fn advance(&mut self, part: f64, [value, multiplier]: [f64; 2]) {
-        self.value += part * value;
-        self.multiplier += part * multiplier;
+    /// Takes a step of the given length along the direction `[value, multiplier]`.
+    fn advance(&mut self, length: f64, [value, multiplier]: [f64; 2]) {
+        self.value += length * value;
+        self.multiplier += length * multiplier;
     }
 
-    /// Part of the way on which nothing becomes negative.
-    fn reach(self, [value, multiplier]: [f64; 2]) -> f64 {
+    /// Returns the step length along the direction `[value, multiplier]` at which either becomes zero.
+    fn length_to_boundary(self, [value, multiplier]: [f64; 2]) -> f64 {
         let to_zero = |from: f64, by: f64| if by < 0.0 { -from / by } else { f64::INFINITY };
         to_zero(self.value, value).min(to_zero(self.multiplier, multiplier))
     }
 }
 
-/// A limit: what is left of it, and by how much it is exceeded. The multipliers of both sum to the price.
+/// Limit with slack variables for its margin and its excess, whose multipliers sum to the penalty.
 struct Limit {
-    number: usize,
+    index: usize,
     slope: DVector<f64>,
-    left: Slack,
-    over: Slack,
+    margin: Slack,
+    excess: Slack,
+}
+
+impl Limit {
+    /// Returns the change in the margin's multiplier for a zero step, and the derivative of this change with respect to
+    /// the change in the linearised excess over the limit.
+    fn multiplier_response(&self, target: f64) -> [f64; 2] {
+        let Self { margin, excess, .. } = self;
+        let compliance = excess.value / excess.multiplier + margin.value / margin.multiplier;
+        let constant = (target / margin.multiplier - margin.value)
+            - (target / excess.multiplier - excess.value);
+        [constant / compliance, 1.0 / compliance]
+    }
+
+    /// Returns the changes in value and multiplier of the margin and of the excess for a given step.
+    fn changes(&self, target: f64, step: &DVector<f64>) -> [[f64; 2]; 2] {
+        let [constant, stiffness] = self.multiplier_response(target);
+        let slope = self.slope.dot(step);
+        let multiplier = constant + stiffness * slope;
+        let excess = self.excess;
+        let excess = (target + excess.value * multiplier) / excess.multiplier - excess.value;
+        [[excess - slope, multiplier], [excess, -multiplier]]
+    }
+}
+
+/// Returns the changes in value and multiplier of the slacks at the lower and the upper end of a variable's range, for
+/// a given step of the variable.
+fn end_changes([low, high]: [Slack; 2], target: f64, step: f64) -> [[f64; 2]; 2] {
+    [[step, low.multiplier_change(target, step)], [-step, high.multiplier_change(target, -step)]]
 }
 
 impl QuadraticProgram<'_> {
-    /// The solution and the multipliers of the limits.
-    pub(super) fn solve(&self) -> (Place, [f64; LIMITS]) {
-        let Self { count, excess, slopes, price, .. } = *self;
-        let of_count = |of: &Place| -> DVector<f64> { of.rows(0, count).into_owned() };
+    /// Returns the minimiser and the multipliers of the limits.
+    pub(super) fn solve(&self) -> (Position, [f64; LIMITS]) {
+        let Self { count, excess, slopes, penalty, .. } = *self;
+        let of_count = |of: &Position| -> DVector<f64> { of.rows(0, count).into_owned() };
         let [gradient, low, high] = [self.gradient, &self.low, &self.high].map(of_count);
-        let curvature: DMatrix<f64> = self.curvature.view((0, 0), (count, count)).into_owned();
+        let hessian: DMatrix<f64> = self.hessian.view((0, 0), (count, count)).into_owned();
         let mut x = 0.5 * (&low + &high);
-        // Below and above.
-        let of_ends = |i: usize| {
-            [x[i] - low[i], high[i] - x[i]].map(|value| Slack { value, multiplier: 1.0 })
-        };
-        let mut ends: Vec<[Slack; 2]> = (0..count).map(of_ends).collect();
-        let in_play = (0..LIMITS).filter(|number| excess[*number].is_finite());
-        let mut limits: Vec<Limit> = in_play
-            .map(|number| {
-                let slope = of_count(&slopes[number]);
-                let now = excess[number] + slope.dot(&x);
+        let mut ends: Vec<[Slack; 2]> = (0..count)
+            .map(|i| [x[i] - low[i], high[i] - x[i]].map(|value| Slack { value, multiplier: 1.0 }))
+            .collect();
+        let mut limits: Vec<Limit> = (0..LIMITS)
+            .filter(|index| excess[*index].is_finite())
+            .map(|index| {
+                let slope = of_count(&slopes[index]);
+                let now = excess[index] + slope.dot(&x);
                 let over = now.max(0.0) + 1.0;
-                let slack = |value: f64| Slack { value, multiplier: 0.5 * price };
-                Limit { number, slope, left: slack(over - now), over: slack(over) }
+                let [margin, excess] =
+                    [over - now, over].map(|value| Slack { value, multiplier: 0.5 * penalty });
+                Limit { index, slope, margin, excess }
             })
             .collect();
-        for _ in 0..MOST_ITERATIONS {
-            let mut residual = &gradient + &curvature * &x;
-            let mut matrix = curvature.clone();
+        for _ in 0..MAX_ITERATIONS {
+            let mut residual = &gradient + &hessian * &x;
+            let mut matrix = hessian.clone();
             let slacks = ends.iter().flatten().copied();
-            let slacks = slacks.chain(limits.iter().flat_map(|of| [of.left, of.over]));
+            let slacks = slacks.chain(limits.iter().flat_map(|of| [of.margin, of.excess]));
             let pairs = 2 * (count + limits.len());
             let product = slacks.map(|of| of.value * of.multiplier).sum::<f64>() / pairs as f64;
-            for (i, [below, above]) in ends.iter().enumerate() {
-                residual[i] += above.multiplier - below.multiplier;
+            for (i, [low, high]) in ends.iter().enumerate() {
+                residual[i] += high.multiplier - low.multiplier;
             }
             for limit in &limits {
-                residual.axpy(limit.left.multiplier, &limit.slope, 1.0);
+                residual.axpy(limit.margin.multiplier, &limit.slope, 1.0);
             }
-            if product < NO_PRODUCT && residual.amax() < NO_SLOPE {
+            if product < MAX_COMPLEMENTARITY && residual.amax() < MAX_RESIDUAL {
                 break;
             }
-            let aim = CENTRED * product;
+            let target = CENTRING * product;
             let mut right = -residual;
-            for (i, [below, above]) in ends.iter().enumerate() {
-                matrix[(i, i)] += below.multiplier / below.value + above.multiplier / above.value;
-                right[i] += below.change(aim, 0.0) - above.change(aim, 0.0);
+            for (i, [low, high]) in ends.iter().enumerate() {
+                matrix[(i, i)] += low.multiplier / low.value + high.multiplier / high.value;
+                right[i] +=
+                    low.multiplier_change(target, 0.0) - high.multiplier_change(target, 0.0);
             }
-            // How the multiplier of a limit changes where the solution stays, and by how much less with it.
-            let parts = |Limit { left, over, .. }: &Limit| {
-                let softness = over.value / over.multiplier + left.value / left.multiplier;
-                let there =
-                    (aim / left.multiplier - left.value) - (aim / over.multiplier - over.value);
-                [there / softness, 1.0 / softness]
-            };
             for limit in &limits {
-                let [there, stiffness] = parts(limit);
+                let [constant, stiffness] = limit.multiplier_response(target);
                 matrix.ger(stiffness, &limit.slope, &limit.slope, 1.0);
-                right.axpy(-there, &limit.slope, 1.0);
+                right.axpy(-constant, &limit.slope, 1.0);
             }
             let Some(factors) = Cholesky::new(matrix) else { break };
             let step = factors.solve(&right);
-            let end_changes = |i: usize, [below, above]: &[Slack; 2]| {
-                [[step[i], below.change(aim, step[i])], [-step[i], above.change(aim, -step[i])]]
-            };
-            let limit_changes = |limit: &Limit| {
-                let [there, stiffness] = parts(limit);
-                let slope = limit.slope.dot(&step);
-                let multiplier = there + stiffness * slope;
-                let Limit { over, .. } = limit;
-                let over = (aim + over.value * multiplier) / over.multiplier - over.value;
-                [[over - slope, multiplier], [over, -multiplier]]
-            };
-            let mut part = f64::INFINITY;
-            for (i, of) in ends.iter().enumerate() {
-                let [below, above] = end_changes(i, of);
-                part = part.min(of[0].reach(below)).min(of[1].reach(above));
+            let mut length = f64::INFINITY;
+            for (i, slacks) in ends.iter().enumerate() {
+                let changes = end_changes(*slacks, target, step[i]);
+                for (slack, change) in slacks.iter().zip(changes) {
+                    length = length.min(slack.length_to_boundary(change));
+                }
             }
             for limit in &limits {
-                let [left, over] = limit_changes(limit);
-                part = part.min(limit.left.reach(left)).min(limit.over.reach(over));
+                let [margin, excess] = limit.changes(target, &step);
+                length = length
+                    .min(limit.margin.length_to_boundary(margin))
+                    .min(limit.excess.length_to_boundary(excess));
             }
-            let part = (MOST_OF_THE_WAY * part).min(1.0);
+            let length = (MAX_FRACTION_TO_BOUNDARY * length).min(1.0);
             for limit in &mut limits {
-                let [left, over] = limit_changes(limit);
-                limit.left.advance(part, left);
-                limit.over.advance(part, over);
+                let [margin, excess] = limit.changes(target, &step);
+                limit.margin.advance(length, margin);
+                limit.excess.advance(length, excess);
             }
-            for (i, of) in ends.iter_mut().enumerate() {
-                let changes = end_changes(i, of);
-                of.iter_mut().zip(changes).for_each(|(of, by)| of.advance(part, by));
+            for (i, slacks) in ends.iter_mut().enumerate() {
+                let changes = end_changes(*slacks, target, step[i]);
+                slacks.iter_mut().zip(changes).for_each(|(slack, by)| slack.advance(length, by));
             }
-            x.axpy(part, &step, 1.0);
+            x.axpy(length, &step, 1.0);
         }
-        // An end whose multiplier does not vanish is where the solution is.
-        for (i, [below, above]) in ends.iter().enumerate() {
-            if below.value < below.multiplier {
+        // A multiplier that exceeds its slack identifies an active bound; the solution is moved exactly onto it.
+        for (i, [at_low, at_high]) in ends.iter().enumerate() {
+            if at_low.value < at_low.multiplier {
                 x[i] = low[i];
-            } else if above.value < above.multiplier {
+            } else if at_high.value < at_high.multiplier {
                 x[i] = high[i];
             }
         }
         let mut multipliers = [0.0; LIMITS];
-        limits.iter().for_each(|of| multipliers[of.number] = of.left.multiplier);
-        let mut solution = Place::zeros();
+        limits.iter().for_each(|limit| multipliers[limit.index] = limit.margin.multiplier);
+        let mut solution = Position::zeros();
         solution.rows_mut(0, count).copy_from(&x);
         (solution, multipliers)
     }
@@ -188,60 +206,64 @@ mod tests {
     const NONE: [f64; LIMITS] = [f64::NEG_INFINITY; LIMITS];
     const COUNT: usize = 3;
 
-    /// The value of a program.
-    fn value(program: &QuadraticProgram, x: &Place) -> f64 {
-        let over = |(excess, slope): (&f64, &Place)| (excess + slope.dot(x)).max(0.0);
-        let over: f64 = program.excess.iter().zip(program.slopes).map(over).sum();
-        program.gradient.dot(x) + 0.5 * x.dot(&(program.curvature * x)) + program.price * over
+    /// Returns the value of a program's objective at `x`.
+    fn value(program: &QuadraticProgram, x: &Position) -> f64 {
+        let limits = program.excess.iter().zip(program.slopes);
+        let over: f64 = limits.map(|(excess, slope)| (excess + slope.dot(x)).max(0.0)).sum();
+        program.gradient.dot(x) + 0.5 * x.dot(&(program.hessian * x)) + program.penalty * over
     }
 
     #[test]
-    fn the_nearest_place_on_a_line_and_at_an_end() {
-        // The nearest place to (2, 1, 0.3) with x + y <= 1 and x <= 0.4.
-        let gradient = -Place::from_fn(|i, _| [2.0, 1.0, 0.3].get(i).copied().unwrap_or(0.0));
-        let mut slopes = [Place::zeros(); LIMITS];
-        (slopes[4][0], slopes[4][1]) = (1.0, 1.0);
+    fn the_solution_is_the_nearest_point_on_a_limit_and_at_an_end_of_the_box() {
+        // Point nearest to (2, 1, 0.3) that satisfies x + y <= 1 and x <= 0.4.
+        let gradient = -Position::from_fn(|i, _| [2.0, 1.0, 0.3].get(i).copied().unwrap_or(0.0));
+        let mut slopes = [Position::zeros(); LIMITS];
+        slopes[4][0] = 1.0;
+        slopes[4][1] = 1.0;
         let mut excess = NONE;
         excess[4] = -1.0;
-        let mut high = Place::repeat(1.0);
+        let mut high = Position::repeat(1.0);
         high[0] = 0.4;
         let program = QuadraticProgram {
             count: COUNT,
             gradient: &gradient,
-            curvature: &Curvature::identity(),
-            low: Place::repeat(-1.0),
+            hessian: &Hessian::identity(),
+            low: Position::repeat(-1.0),
             high,
             excess: &excess,
             slopes: &slopes,
-            price: 10.0,
+            penalty: 10.0,
         };
         let (x, multipliers) = program.solve();
         for (found, known) in x.iter().zip([0.4, 0.6, 0.3]) {
             assert!((found - known).abs() < 1e-9, "{x:?}");
         }
         assert_eq!(x[0], 0.4);
-        // What y would gain.
+        // The multiplier is the decrease in the objective per unit relaxation of the limit.
         assert!((multipliers[4] - 0.4).abs() < 1e-7, "{multipliers:?}");
-        // Where it costs less to exceed the limit than to keep it, it is exceeded.
-        let (x, multipliers) = QuadraticProgram { price: 0.1, ..program }.solve();
+        // With a penalty below the multiplier the limit is exceeded.
+        let (x, multipliers) = QuadraticProgram { penalty: 0.1, ..program }.solve();
         assert!((x[1] - 0.9).abs() < 1e-7 && (multipliers[4] - 0.1).abs() < 1e-7, "{x:?}");
     }
 
     #[test]
-    fn no_place_nearby_is_better() {
+    fn no_neighbour_of_the_solution_is_better() {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         for _ in 0..200 {
-            let mut any = |scale: f64| {
-                let entry =
-                    |i: usize| if i < COUNT { scale * random.random_range(-1.0..1.0) } else { 0.0 };
-                Place::from_iterator((0..MOST_COMMANDS).map(entry))
-            };
-            let mut curvature = Curvature::identity() * 0.01;
+            let mut any =
+                |scale: f64| {
+                    Position::from_iterator((0..MAX_COMMANDS).map(|i| {
+                        if i < COUNT { scale * random.random_range(-1.0..1.0) } else { 0.0 }
+                    }))
+                };
+            let mut hessian = Hessian::identity() * 0.01;
             (0..COUNT).for_each(|_| {
                 let row = any(3.0);
-                curvature += row * row.transpose();
+                hessian += row * row.transpose();
             });
-            let (gradient, mut slopes, mut excess) = (any(2.0), [Place::zeros(); LIMITS], NONE);
+            let gradient = any(2.0);
+            let mut slopes = [Position::zeros(); LIMITS];
+            let mut excess = NONE;
             for limit in 0..6 {
                 slopes[limit] = any(2.0);
                 excess[limit] = any(1.0)[0];
@@ -249,12 +271,12 @@ mod tests {
             let program = QuadraticProgram {
                 count: COUNT,
                 gradient: &gradient,
-                curvature: &curvature,
+                hessian: &hessian,
                 low: any(0.4).map(|of| of - 0.5),
                 high: any(0.4).map(|of| of + 0.5),
                 excess: &excess,
                 slopes: &slopes,
-                price: 5.0,
+                penalty: 5.0,
             };
             let (x, _) = program.solve();
             let best = value(&program, &x);

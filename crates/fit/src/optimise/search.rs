@@ -1,8 +1,8 @@
-//! The search for an optimum: sequential quadratic programming.
+//! Local optimisation by sequential quadratic programming (SQP).
 //!
-//! Each step solves a quadratic program of the cost, of which the curvature is learnt from the gradients, and of
-//! the limits where they are. A merit function, in which limits may be exceeded at a price, decides what part of
-//! the step is gone. argmin's own solvers know neither ranges nor limits.
+//! Each step solves a quadratic program that consists of the cost, with a BFGS approximation of the Hessian, and the
+//! linearised limits. A line search on an exact penalty function (merit function) determines the step length. argmin's
+//! own solvers support neither ranges nor limits.
 //!
 //! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer 2006, sections 18.1 to 18.5.
 
@@ -12,157 +12,169 @@ use argmin::core::{
     TerminationReason,
 };
 
-use super::landscape::{LIMITS, Landscape, Place, Point};
-use super::quadratic::{Curvature, QuadraticProgram};
+use super::landscape::{Evaluation, LIMITS, Landscape, Position};
+use super::quadratic::{Hessian, QuadraticProgram};
 
-const MOST_STEPS: u64 = 120;
-/// Relative rise of the objective that is no rise any more.
+const MAX_STEPS: u64 = 120;
+/// Predicted relative improvement of the objective below which the search has converged.
 const CONVERGED: f64 = 1e-12;
-/// By how much less than a step must give the merit may seem to be, over the accuracy of the motions.
+/// Tolerance of the sufficient-decrease condition for errors in the merit, divided by the accuracy of the solver.
 const NOISE: f64 = 1e-3;
-/// Slope, or multiplier of a limit, that is nothing.
-const NOTHING: f64 = 1e-12;
-/// Longest first step, and longest of all, as parts of the ranges.
-const FIRST_STEP: f64 = 0.1;
-const LONGEST_STEP: f64 = 0.5;
-/// Part of what is promised that a step must give.
-const ENOUGH: f64 = 1e-4;
-const SHORTEST: f64 = 1e-5;
-/// Part of a step that is tried where there is no motion at its end.
+/// Magnitude below which a gradient or a multiplier counts as zero.
+const EPSILON: f64 = 1e-12;
+/// Maximum length of the first step as a fraction of the ranges.
+const MAX_FIRST_STEP: f64 = 0.1;
+/// Maximum length of every step after the first as a fraction of the ranges.
+const MAX_STEP: f64 = 0.5;
+/// Fraction of the predicted decrease that a step must achieve (Armijo condition).
+const ARMIJO: f64 = 1e-4;
+/// Minimum step length in the line search.
+const MIN_STEP_LENGTH: f64 = 1e-5;
+/// Factor on the step length if there is no periodic solution at the end of the step.
 const NO_MOTION: f64 = 0.1;
-/// What is promised at least of a part of a step, over the accuracy of the motions, that the merit can tell.
+/// Minimum predicted decrease that can be resolved in the merit, divided by the accuracy of the solver.
 const MEASURABLE: f64 = 0.1;
-/// Part of the curvature known before that is kept along a step which shows less (Powell).
-const LEAST_CURVATURE: f64 = 0.2;
-/// By how much limits may be exceeded; what that costs at first, how much dearer it becomes where they still are in the
-/// end, and at most.
-const EXCEEDED: f64 = 1e-9;
-const PRICE: f64 = 10.0;
-const DEARER: f64 = 10.0;
-const DEAREST: f64 = 1e8;
+/// Minimum curvature along a step, as a fraction of the previous Hessian's curvature (Powell's damped BFGS update).
+const MIN_CURVATURE: f64 = 0.2;
+/// Maximum excess over a limit at an optimum, relative to the limit.
+const MAX_EXCESS: f64 = 1e-9;
+const INITIAL_PENALTY: f64 = 10.0;
+/// Factor on the penalty if a limit is still exceeded at convergence.
+const PENALTY_GROWTH: f64 = 10.0;
+const MAX_PENALTY: f64 = 1e8;
 
-type State = IterState<Place, (), (), (), (), f64>;
+type State = IterState<Position, (), (), (), (), f64>;
 
-/// Where a search has ended.
+/// Result of a local search.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct End {
-    pub place: Place,
-    pub point: Point,
-    pub curvature: Curvature,
+pub(super) struct LocalOptimum {
+    pub position: Position,
+    pub point: Evaluation,
+    pub hessian: Hessian,
 }
 
-/// Searches from a place, with the curvature there if it is known; `None` if there is no motion, or a limit cannot be
-/// kept.
-pub(super) fn search(
+/// Minimises the cost from a start, with the given initial Hessian if any; returns `None` if there is no periodic
+/// solution at the start, or if a limit is exceeded at the end.
+pub(super) fn minimise(
     landscape: &mut Landscape,
-    start: Place,
-    curvature: Option<Curvature>,
-) -> Option<End> {
-    (landscape.price, landscape.only_near) = (PRICE, true);
+    start: Position,
+    hessian: Option<Hessian>,
+) -> Option<LocalOptimum> {
+    landscape.penalty = INITIAL_PENALTY;
+    landscape.only_near = true;
     let point = landscape.evaluate(&start)?;
-    let is_first = curvature.is_none();
-    let curvature = curvature.unwrap_or(steepest(&point));
-    let solver = SequentialQuadratic { point, curvature, is_first };
+    let is_first = hessian.is_none();
+    let hessian = hessian.unwrap_or(initial_hessian(&point));
+    let solver = SequentialQuadratic { point, hessian, is_first };
     let cost = landscape.merit(&point);
     let result = Executor::new(landscape, solver)
-        .configure(|state| state.param(start).cost(cost).max_iters(MOST_STEPS))
+        .configure(|state| state.param(start).cost(cost).max_iters(MAX_STEPS))
         .timer(false)
         .ctrlc(false)
         .run();
     let OptimizationResult { solver, state, .. } = result.ok()?;
-    let SequentialQuadratic { point, curvature, .. } = solver;
-    let is_within = point.excess.iter().all(|excess| *excess <= EXCEEDED);
-    Some(End { place: state.param.filter(|_| is_within)?, point, curvature })
+    let SequentialQuadratic { point, hessian, .. } = solver;
+    let is_within = point.excess.iter().all(|excess| *excess <= MAX_EXCESS);
+    Some(LocalOptimum { position: state.param.filter(|_| is_within)?, point, hessian })
 }
 
-/// The curvature with which the first step goes along the gradient.
-fn steepest(point: &Point) -> Curvature {
-    Curvature::identity() * (point.gradient.amax() / FIRST_STEP).max(NOTHING)
+/// Returns the initial Hessian, a multiple of the identity, so that the first step follows the gradient.
+fn initial_hessian(point: &Evaluation) -> Hessian {
+    Hessian::identity() * (point.gradient.amax() / MAX_FIRST_STEP).max(EPSILON)
 }
 
+/// Sequential quadratic programming as an argmin solver.
 struct SequentialQuadratic {
-    point: Point,
-    /// Of the Lagrangian (BFGS).
-    curvature: Curvature,
+    point: Evaluation,
+    /// BFGS approximation of the Hessian of the Lagrangian.
+    hessian: Hessian,
+    /// Whether the Hessian still has its initial value.
     is_first: bool,
 }
 
 impl SequentialQuadratic {
-    /// The step of least merit as far as gradients and curvature tell, where limits are exceeded by so much, and
-    /// their multipliers.
-    fn plan(
+    /// Solves the quadratic program for given excesses over the limits; returns the step and the multipliers of the
+    /// limits.
+    fn solve_subproblem(
         &self,
         landscape: &Landscape,
-        place: &Place,
+        position: &Position,
         excess: &[f64; LIMITS],
-    ) -> (Place, [f64; LIMITS]) {
-        let longest = if self.is_first { FIRST_STEP } else { LONGEST_STEP };
+    ) -> (Position, [f64; LIMITS]) {
+        let longest = if self.is_first { MAX_FIRST_STEP } else { MAX_STEP };
         let program = QuadraticProgram {
             count: landscape.count(),
             gradient: &self.point.gradient,
-            curvature: &self.curvature,
-            low: place.map(|of| (-of).max(-longest)),
-            high: place.map(|of| (1.0 - of).min(longest)),
+            hessian: &self.hessian,
+            low: position.map(|coordinate| (-coordinate).max(-longest)),
+            high: position.map(|coordinate| (1.0 - coordinate).min(longest)),
             excess,
             slopes: &self.point.excess_gradients,
-            price: landscape.price,
+            penalty: landscape.penalty,
         };
         program.solve()
     }
 
-    /// What a step changes of the merit, by the gradients, and by the curvature, too.
-    fn promised(&self, landscape: &Landscape, step: &Place) -> [f64; 2] {
-        let Point { gradient, excess, excess_gradients, .. } = &self.point;
+    /// Predicts the change in the merit for a step: to first order, and with the quadratic term.
+    fn predict_change(&self, landscape: &Landscape, step: &Position) -> [f64; 2] {
+        let Evaluation { gradient, excess, excess_gradients, .. } = &self.point;
         let mut change = gradient.dot(step);
         for (excess, slope) in excess.iter().zip(excess_gradients) {
             if excess.is_finite() {
                 let after = excess + slope.dot(step);
-                change += landscape.price * (after.max(0.0) - excess.max(0.0));
+                change += landscape.penalty * (after.max(0.0) - excess.max(0.0));
             }
         }
-        [change, change + 0.5 * step.dot(&(self.curvature * step))]
+        [change, change + 0.5 * step.dot(&(self.hessian * step))]
     }
 
-    /// The whole step with what the limits of commands are at its end, which no motion need be known for, if they are
-    /// not what their slopes promise (second-order correction).
-    fn corrected(
+    /// Returns the full step with a second-order correction for the limits on joint angles and rates, whose values at
+    /// the end of the step are known without solving the model; `None` if the linearised limits are accurate.
+    fn correct_step(
         &self,
         landscape: &Landscape,
-        place: &Place,
-        step: &Place,
+        position: &Position,
+        step: &Position,
         multipliers: &[f64; LIMITS],
-    ) -> Option<Place> {
-        let Point { excess, excess_gradients, .. } = &self.point;
-        let there = landscape.excess_of_commands(&(place + step));
+    ) -> Option<Position> {
+        let Evaluation { excess, excess_gradients, .. } = &self.point;
+        let there = landscape.excess_of_commands(&(position + step));
         let mut corrected = *excess;
         let mut is_needed = false;
         for i in (0..LIMITS).filter(|i| there[*i].is_finite() && excess[*i].is_finite()) {
             corrected[i] = there[i] - excess_gradients[i].dot(step);
-            is_needed |= multipliers[i] > NOTHING && (corrected[i] - excess[i]).abs() > EXCEEDED;
+            is_needed |= multipliers[i] > EPSILON && (corrected[i] - excess[i]).abs() > MAX_EXCESS;
         }
-        is_needed.then(|| self.plan(landscape, place, &corrected).0)
+        is_needed.then(|| self.solve_subproblem(landscape, position, &corrected).0)
     }
 
-    /// Takes in what a step has changed of the Lagrangian's gradient.
-    fn update(&mut self, step: &Place, change: &Place) {
-        let found = step.dot(change);
-        if self.is_first && found > 0.0 {
-            self.curvature = Curvature::identity() * (change.norm_squared() / found);
+    /// Applies the damped BFGS update, given a step and the change in the Lagrangian's gradient along it.
+    fn update_hessian(&mut self, step: &Position, change: &Position) {
+        let curvature = step.dot(change);
+        if self.is_first && curvature > 0.0 {
+            self.hessian = Hessian::identity() * (change.norm_squared() / curvature);
             self.is_first = false;
         }
-        let known = self.curvature * step;
-        let expected = step.dot(&known);
+        let expected_change = self.hessian * step;
+        let expected = step.dot(&expected_change);
         if expected <= 0.0 {
             return;
         }
-        let kept = match found < LEAST_CURVATURE * expected {
-            true => (1.0 - LEAST_CURVATURE) * expected / (expected - found),
-            false => 1.0,
+        let weight = if curvature < MIN_CURVATURE * expected {
+            (1.0 - MIN_CURVATURE) * expected / (expected - curvature)
+        } else {
+            1.0
         };
-        let change = kept * change + (1.0 - kept) * known;
-        self.curvature +=
-            change * change.transpose() / step.dot(&change) - known * known.transpose() / expected;
+        let change = weight * change + (1.0 - weight) * expected_change;
+        self.hessian += change * change.transpose() / step.dot(&change)
+            - expected_change * expected_change.transpose() / expected;
     }
+}
+
+/// Returns the gradient of the Lagrangian for given multipliers of the limits.
+fn lagrangian_gradient(point: &Evaluation, multipliers: &[f64; LIMITS]) -> Position {
+    let limits = point.excess_gradients.iter().zip(multipliers);
+    limits.fold(point.gradient, |sum, (gradient, multiplier)| sum + *multiplier * gradient)
 }
 
 impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
@@ -175,39 +187,37 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
         problem: &mut Problem<&'l mut Landscape<'a>>,
         state: State,
     ) -> Result<(State, Option<KV>), Error> {
-        let (Some(landscape), Some(place)) = (problem.problem.as_mut(), state.param) else {
-            return Err(argmin_error!(NotInitialized, "no first iterate"));
+        let (Some(landscape), Some(position)) = (problem.problem.as_mut(), state.param) else {
+            return Err(argmin_error!(NotInitialized, "no initial iterate"));
         };
         let converged = TerminationReason::SolverConverged;
         let excess = self.point.excess;
-        let (step, multipliers) = self.plan(landscape, &place, &excess);
-        let [promised, with_curvature] = self.promised(landscape, &step);
-        if -with_curvature <= CONVERGED {
-            let is_within = excess.iter().all(|excess| *excess <= EXCEEDED);
-            if is_within || landscape.price >= DEAREST {
+        let (step, multipliers) = self.solve_subproblem(landscape, &position, &excess);
+        let [linear_change, quadratic_change] = self.predict_change(landscape, &step);
+        if -quadratic_change <= CONVERGED {
+            let is_within = excess.iter().all(|excess| *excess <= MAX_EXCESS);
+            if is_within || landscape.penalty >= MAX_PENALTY {
                 return Ok((state.terminate_with(converged), None));
             }
-            landscape.price *= DEARER;
+            landscape.penalty *= PENALTY_GROWTH;
             let merit = landscape.merit(&self.point);
             return Ok((state.cost(merit), None));
         }
-        let corrected = self.corrected(landscape, &place, &step, &multipliers);
-        let mut part = 1.0;
+        let corrected = self.correct_step(landscape, &position, &step, &multipliers);
+        let mut length = 1.0;
         let measurable = MEASURABLE * landscape.accuracy;
-        while part == 1.0 || (part > SHORTEST && -part * promised > measurable) {
-            let way = corrected.filter(|_| part == 1.0).unwrap_or(part * step);
-            let next = (place + way).map(|of| of.clamp(0.0, 1.0));
-            let most = state.cost + ENOUGH * part * promised + NOISE * landscape.accuracy;
-            let merit = match landscape.evaluate_below(&next, most) {
+        while length == 1.0 || (length > MIN_STEP_LENGTH && -length * linear_change > measurable) {
+            let trial_step = corrected.filter(|_| length == 1.0).unwrap_or(length * step);
+            let next = (position + trial_step).map(|coordinate| coordinate.clamp(0.0, 1.0));
+            let max_merit =
+                state.cost + ARMIJO * length * linear_change + NOISE * landscape.accuracy;
+            let merit = match landscape.evaluate_below(&next, max_merit) {
                 Some(Ok(point)) => {
                     let merit = landscape.merit(&point);
-                    if merit <= most {
-                        let gradient = |of: &Point| {
-                            let limits = of.excess_gradients.iter().zip(&multipliers);
-                            limits.fold(of.gradient, |sum, (slope, force)| sum + *force * slope)
-                        };
-                        let change = gradient(&point) - gradient(&self.point);
-                        self.update(&(next - place), &change);
+                    if merit <= max_merit {
+                        let change = lagrangian_gradient(&point, &multipliers)
+                            - lagrangian_gradient(&self.point, &multipliers);
+                        self.update_hessian(&(next - position), &change);
                         self.point = point;
                         return Ok((state.param(next).cost(merit), None));
                     }
@@ -215,19 +225,21 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
                 }
                 Some(Err(merit)) => merit,
                 None => {
-                    part *= NO_MOTION;
+                    length *= NO_MOTION;
                     continue;
                 }
             };
-            // The parabola through both merits and the slope.
-            let parabola = -0.5 * part * promised / (merit - state.cost - part * promised);
-            part *= parabola.clamp(0.1, 0.5);
+            // Minimum of the parabola through both merits and the slope at the start.
+            let minimum =
+                -0.5 * length * linear_change / (merit - state.cost - length * linear_change);
+            length *= minimum.clamp(0.1, 0.5);
         }
         if self.is_first {
             return Ok((state.terminate_with(converged), None));
         }
-        // With the curvature at hand no step rises: once more along the gradient.
-        (self.curvature, self.is_first) = (steepest(&self.point), true);
+        // No step along this direction decreases the merit: restart along the gradient.
+        self.hessian = initial_hessian(&self.point);
+        self.is_first = true;
         Ok((state, None))
     }
 }

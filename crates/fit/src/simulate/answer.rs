@@ -1,4 +1,4 @@
-//! The answer at one frequency.
+//! Result of a simulation at one frequency.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -12,43 +12,46 @@ use trilink_tables::{Columns as _, Extrapolation, NoInterval, rows};
 
 use super::{FitSummary, Setup};
 
-/// What the motion of a [`Setup`](super::Setup) is at one frequency. One that does not exist has a reason
-/// and no numbers: NaN, null in JSON.
+/// Steady-state motion of a [`Setup`] at one frequency. If the model has no periodic solution, all values are NaN (null
+/// in JSON) and a reason is given.
 #[derive(Debug, Serialize)]
 pub struct Answer<'a> {
     pub model: Model,
     pub omega_rad_s: f64,
     #[serde(flatten)]
     pub metrics: GaitMetrics,
-    /// Work of the actuators over a cycle, J, and per metre of d.
+    /// Work done by the actuators over a cycle, J.
     pub work_j: f64,
+    /// Work done by the actuators per metre of displacement, J/m.
     pub work_j_m: f64,
     pub status: MotionStatus,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     pub floquet: Option<f64>,
     pub from_rest: Option<FromRest>,
-    /// Cycles after which the robot from rest is, and stays, within 1 % of its steady motion.
+    /// Number of cycles after which the robot, started from rest, stays within 1 % of its steady-state motion; `None`
+    /// if unknown.
     pub cycles_to_settle: Option<usize>,
-    /// The metrics where the transition speed of dry friction is zero.
+    /// Metrics extrapolated to zero transition speed (the speed below which dry friction is smoothed); `None` if the
+    /// motion does not depend on dry friction, or if the extrapolation fails.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharp_limit: Option<SharpLimit>,
-    /// How far the metrics may be off, where that was asked for.
+    /// Confidence limits of the metrics, if requested.
     #[serde(flatten)]
     pub interval: Option<Interval>,
-    /// What the coefficients were fitted to.
+    /// Summary of the fit that provides the coefficients; `None` for configured coefficients.
     #[serde(skip_serializing_if = "Option::is_none")]
     fit: Option<&'a FitSummary>,
-    /// Whether the motion is beyond the trials of that fit.
+    /// Whether the simulation lies outside the range of the fitted trials; `None` for configured coefficients.
     #[serde(flatten)]
     pub extrapolation: Option<Extrapolation>,
     parameters: &'a Map<String, Value>,
-    /// What the joints are commanded to do.
+    /// Keys and values of the gait in the configuration.
     gait: &'a Map<String, Value>,
 }
 
-/// 95 % limits of the metrics by what the coefficients may be off by; missing for the reason in
-/// `no_interval`.
+/// 95 % confidence limits of the metrics due to the uncertainty of the coefficients. If there are none, they are NaN
+/// and `no_interval` gives the reason.
 #[derive(Debug, Clone, Serialize)]
 pub struct Interval {
     pub lower: GaitMetrics,
@@ -57,39 +60,43 @@ pub struct Interval {
 }
 
 impl Interval {
-    pub(super) fn unknown(why: NoInterval) -> Self {
-        let [lower, upper] = [GaitMetrics::MISSING; 2];
-        Self { lower, upper, no_interval: Some(why) }
+    /// Returns confidence limits that are all missing (NaN), with the reason.
+    pub(super) fn unknown(reason: NoInterval) -> Self {
+        Self { lower: GaitMetrics::MISSING, upper: GaitMetrics::MISSING, no_interval: Some(reason) }
     }
 }
 
-/// The motion of a problem that an answer is of, which the solver has solved for last.
-pub(super) fn solved(
+/// Solves for the steady-state motion, or for the attractor reached from rest if `from_rest`. The returned solver holds
+/// this solution as its latest one.
+pub(super) fn solve_motion(
     problem: &Problem,
     from_rest: bool,
 ) -> Result<(Solver, SteadyMotion), MotionError> {
     let mut solver = Solver::default();
     let metrics = solver.solve(problem, REFERENCE_ACCURACY);
-    let motion = match from_rest {
-        true => solver.attractor(problem, metrics, REFERENCE_ACCURACY)?.motion,
-        false => solver.steady_motion(metrics?)?,
+    let motion = if from_rest {
+        solver.attractor(problem, metrics, REFERENCE_ACCURACY)?.motion
+    } else {
+        solver.steady_motion(metrics?)?
     };
     Ok((solver, motion))
 }
 
 rows! {
-    /// An answer as a line: what `simulate --csv` prints.
+    /// Table row for an [`Answer`], as printed by `simulate --csv`.
     pub struct SimulationRow {
         pub model: Model,
         pub omega_rad_s: f64,
         pub metrics: GaitMetrics,
-        /// 95 % limits, where they were asked for, and why there are none.
+        /// Lower 95 % confidence limits of the metrics, if requested.
         pub lower: GaitMetrics as "{}_lo" after "{}",
+        /// Upper 95 % confidence limits of the metrics, if requested.
         pub upper: GaitMetrics as "{}_hi" after "{}_lo",
+        /// Reason for missing confidence limits.
         pub no_interval: Option<NoInterval>,
-        /// Whether the model fits the trials that its coefficients are from.
+        /// Whether the model is adequate for the fitted trials.
         pub adequate: Option<bool>,
-        /// Whether the motion is beyond the trials of the fit.
+        /// Whether the simulation lies outside the range of the fitted trials; blank for configured coefficients.
         pub extrapolation: Extrapolation as "{}",
         pub work_j: f64,
         pub work_j_m: f64,
@@ -98,8 +105,10 @@ rows! {
         pub floquet: f64,
         pub from_rest: Option<FromRest>,
         pub cycles_to_settle: Option<i64>,
-        /// The metrics where the transition speed of dry friction is zero, and by how much they may miss.
+        /// Metrics extrapolated to zero transition speed (the speed below which dry friction is smoothed); NaN if the
+        /// motion does not depend on dry friction, or if the extrapolation fails.
         pub sharp_limit: GaitMetrics as "sharp_limit_{}",
+        /// Uncertainty of the extrapolation to zero transition speed.
         pub uncertainty: GaitMetrics as "sharp_limit_{}_uncertainty" after "sharp_limit_{}",
     }
 }
@@ -148,12 +157,12 @@ impl<'a> Answer<'a> {
         }
     }
 
-    /// Whether the motion is beyond the trials that the coefficients were fitted to.
+    /// Returns whether the simulation is known to lie outside the range of the fitted trials.
     pub fn is_extrapolated(&self) -> bool {
         self.extrapolation.as_ref().is_some_and(|of| of.extrapolated == Some(true))
     }
 
-    /// The same as a line of a table.
+    /// Returns the table row for this simulation.
     pub fn row(&self) -> SimulationRow {
         let limit = self.sharp_limit.as_ref();
         let interval = self.interval.as_ref();

@@ -1,4 +1,4 @@
-//! Fitted coefficients instead of the configured ones.
+//! Setups with fitted instead of configured coefficients.
 
 use std::path::PathBuf;
 
@@ -13,35 +13,38 @@ use super::settings::campaign_of;
 use super::{Setup, SetupError};
 use crate::{FitData, FitInput, KnownFit, MeasuredRange, PredictionBands, preferred};
 
-/// Relative difference of a coefficient from a fitted one that is none.
-const SAME_VALUE: f64 = 1e-9;
+/// Maximum relative difference of a coefficient from its fitted value for the two to count as equal.
+const TOLERANCE: f64 = 1e-9;
 
-/// The fits that the configuration's tables have.
+/// Fits stored in the tables of `derived/`.
 #[derive(Debug, Clone)]
 pub struct KnownFits {
     path: PathBuf,
     fits: Vec<FitRow>,
     alternatives: Vec<FitRow>,
     bootstrap: Vec<BootstrapRow>,
-    /// What was fitted: the trials, and with bands all of it.
+    /// Data that the models were fitted to: only the table of trials, or all tables if [`KnownFits::read`] was called
+    /// with `bands`.
     pub data: FitData,
-    /// Why the trials are not there; empty where they are.
+    /// Reason why the table of trials is missing; empty if it is not missing.
     without_trials: String,
 }
 
-/// What an answer says of the fit that its coefficients are from.
+/// Summary of the fit that provides the coefficients for a simulation.
 #[derive(Debug, Clone, Serialize)]
 pub struct FitSummary {
     pub free: Vec<Parameter>,
-    /// The gait that drove the fit; the motion is that of the commanded one.
+    /// Gait that drove the model in the fit; the simulation always follows the commanded gait.
     pub fitted_gait: GaitInput,
-    /// Whether the model fits; null where nothing tells.
+    /// Whether the model is adequate; null if unknown.
     pub adequate: Option<bool>,
-    /// Where and to which side the measurements are off an inadequate model.
+    /// Pattern of the residuals of an inadequate model.
     pub misfit: Option<Misfit>,
-    /// Coefficients that ended at a bound, and that the trials do not tell.
+    /// Coefficients that ended at a bound.
     pub at_bound: Vec<Parameter>,
+    /// Coefficients that are practically not identifiable.
     pub practically_not: Vec<Parameter>,
+    /// Coefficients that are structurally not identifiable.
     pub structurally_not: Vec<Parameter>,
 }
 
@@ -58,66 +61,75 @@ impl FitSummary {
         }
     }
 
-    /// What is to be known before one believes it, in sentences; empty where all is well.
+    /// Returns warnings about the fit, separated by semicolons; empty if there are none.
     pub fn caution(&self) -> String {
-        let mut said = Vec::new();
+        let mut warnings = Vec::new();
         let misfit = self.misfit.as_ref().map_or(String::new(), |misfit| format!(": {misfit}"));
         match self.adequate {
             Some(true) => {}
-            Some(false) => said.push(format!("the model does not fit its trials{misfit}")),
-            None => said.push(format!("nothing tells whether the model fits its trials{misfit}")),
-        }
-        for (of, what) in [
-            (&self.at_bound, "ended at a bound"),
-            (&self.practically_not, "hardly told by the trials"),
-            (&self.structurally_not, "not told by the trials"),
-        ] {
-            if !of.is_empty() {
-                let names: Vec<&str> = of.iter().map(|one| one.name()).collect();
-                said.push(format!("{what}: {}", names.join(", ")));
+            Some(false) => warnings.push(format!("the model does not fit the trials{misfit}")),
+            None => {
+                warnings.push(format!("it is not known whether the model fits the trials{misfit}"));
             }
         }
-        said.join("; ")
+        for (parameters, problem) in [
+            (&self.at_bound, "fitted values at a bound"),
+            (&self.practically_not, "practically not identifiable"),
+            (&self.structurally_not, "structurally not identifiable"),
+        ] {
+            if !parameters.is_empty() {
+                let names: Vec<&str> = parameters.iter().map(|one| one.name()).collect();
+                warnings.push(format!("{problem}: {}", names.join(", ")));
+            }
+        }
+        warnings.join("; ")
     }
 }
 
 impl KnownFits {
-    /// Reads the tables, and with `bands` what tells how far predictions may be off.
+    /// Reads the tables of the fits; with `bands`, also the tables needed for confidence bands of predictions.
     ///
     /// # Errors
-    /// There are none, or they cannot be read.
+    /// Returns an error if a table is missing or cannot be read. Without `bands`, the table of trials may be missing.
     pub fn read(config: &Config, bands: bool) -> Result<Self, SetupError> {
-        let (derived, reader) = (&config.paths.derived, Reader::default());
+        let derived = &config.paths.derived;
+        let reader = Reader::default();
         let path = derived.join("fits.parquet");
-        let wrong = |error: StoreError| match error.is_not_there() {
-            true => {
-                format!("{}: not there; `trilink run` or `trilink fit` makes it", path.display())
+        let fits = reader.rows(&path).map_err(|error| {
+            if error.is_not_there() {
+                format!(
+                    "{}: does not exist; `trilink run` or `trilink fit` creates it",
+                    path.display()
+                )
+            } else {
+                error.to_string()
             }
-            false => error.to_string(),
-        };
-        let fits = reader.rows(&path).map_err(wrong)?;
-        let (mut alternatives, mut bootstrap, mut data) =
-            (Vec::new(), Vec::new(), FitData::default());
+        })?;
+        let mut alternatives = Vec::new();
+        let mut bootstrap = Vec::new();
+        let mut data = FitData::default();
         let mut without_trials = String::new();
-        let wrong = |error: StoreError| error.to_string();
+        let message = |error: StoreError| error.to_string();
         if bands {
-            alternatives = reader.rows(&derived.join("alternative_fits.parquet")).map_err(wrong)?;
-            bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(wrong)?;
-            data = FitData::read(derived, &reader).map_err(wrong)?;
+            alternatives =
+                reader.rows(&derived.join("alternative_fits.parquet")).map_err(message)?;
+            bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(message)?;
+            data = FitData::read(derived, &reader).map_err(message)?;
         } else {
             let trials = derived.join("trials.parquet");
-            match reader.rows_if_there(&trials).map_err(wrong)? {
+            match reader.rows_if_there(&trials).map_err(message)? {
                 Some(rows) => data.trials = rows,
-                None => without_trials = format!("{} is not there", trials.display()),
+                None => without_trials = format!("{} does not exist", trials.display()),
             }
         }
         Ok(Self { path, fits, alternatives, bootstrap, data, without_trials })
     }
 
-    /// The model that the comparison of a campaign's fits prefers.
+    /// Returns the preferred model of a campaign.
     ///
     /// # Errors
-    /// There is no such table, no fit in it, or the model is not told apart from others.
+    /// Returns an error if the comparison table is missing or has no fit for the campaign, or if the trials do not
+    /// discriminate between several models.
     pub fn preferred(&self, campaign: &str) -> Result<Model, SetupError> {
         let path = self.path.with_file_name("comparison.parquet");
         let rows: Vec<ComparisonRow> =
@@ -126,7 +138,7 @@ impl KnownFits {
             rows.into_iter().filter(|row| row.campaign == campaign).collect();
         match preferred(&rows)[..] {
             [] => Err(format!(
-                "--model: needed: {} has no fit of campaign {campaign}",
+                "--model: this option is required, because {} contains no fit of campaign {campaign}",
                 path.display()
             )
             .into()),
@@ -134,8 +146,8 @@ impl KnownFits {
             [first, ref others @ ..] => {
                 let others: Vec<&str> = others.iter().map(|model| model.name()).collect();
                 Err(format!(
-                    "--model: needed one of {first}, {}: the trials of campaign {campaign} do not tell \
-                     them apart",
+                    "--model: this option is required, with one of {first}, {}, because the trials of campaign \
+                     {campaign} do not discriminate between these models",
                     others.join(", ")
                 )
                 .into())
@@ -143,10 +155,10 @@ impl KnownFits {
         }
     }
 
-    /// What the trials of a fit cover.
+    /// Returns the range of frequencies and gaits covered by the fitted trials.
     ///
     /// # Errors
-    /// A sentence on why that is not known.
+    /// Returns a message if that range is unknown.
     pub fn measured_range(&self, fit: &FitRow, input: &FitInput) -> Result<MeasuredRange, String> {
         if !self.without_trials.is_empty() {
             return Err(self.without_trials.clone());
@@ -154,99 +166,97 @@ impl KnownFits {
         let measurements = input.measurements(&self.data);
         if measurements.len() as i64 != fit.trials {
             return Err(format!(
-                "the trials are not those of the fit: it is of {}, found {}",
+                "the trials are not those of the fit: {} trials were fitted, but {} were found",
                 fit.trials,
                 measurements.len()
             ));
         }
         MeasuredRange::new(&measurements, &input.gait.value.to_gait())
-            .ok_or_else(|| "the fit is of no trial".to_owned())
+            .ok_or_else(|| "the fit is not based on any trial".to_owned())
     }
 
-    /// The fit of a model to a campaign.
+    /// Returns the fit of a model to a campaign.
     ///
     /// # Errors
-    /// There is none, or it has failed.
-    pub fn of(&self, campaign: &str, model: Model) -> Result<KnownFit, SetupError> {
+    /// Returns an error if there is no such fit or the fit failed.
+    pub fn get(&self, campaign: &str, model: Model) -> Result<KnownFit, SetupError> {
         let is_own = |row: &&FitRow| row.campaign == campaign && row.model == model;
-        let found = self.fits.iter().find(is_own).cloned();
         let path = self.path.display();
-        let row = found.ok_or_else(|| {
+        let row = self.fits.iter().find(is_own).cloned().ok_or_else(|| {
             let models = self.fits.iter().filter(|row| row.campaign == campaign);
             let models: Vec<&str> = models.map(|row| row.model.name()).collect();
-            let known = match models.is_empty() {
-                true => format!("{path} has no fit of campaign {campaign}"),
-                false => {
-                    format!("{path} has of campaign {campaign} the models {}", models.join(", "))
-                }
+            let known = if models.is_empty() {
+                format!("{path} contains no fit of campaign {campaign}")
+            } else {
+                let models = models.join(", ");
+                format!(
+                    "{path} contains no fit of {model} to campaign {campaign}, only of {models}"
+                )
             };
             format!("{known}; list {model} under campaign.{campaign}.models and run `trilink fit`")
         })?;
         if !row.status.is_ok() {
-            return Err(format!("{path}: {campaign} {model}: {}", row.status).into());
+            return Err(format!("{path}: {campaign} {model}: {}", row.failure).into());
         }
         let alternative = self.alternatives.iter().find(is_own).cloned();
-        let is_own = |row: &&BootstrapRow| row.campaign == campaign && row.model == model;
-        Ok(KnownFit {
-            row,
-            alternative,
-            replicates: self.bootstrap.iter().filter(is_own).cloned().collect(),
-        })
+        let replicates =
+            self.bootstrap.iter().filter(|row| row.campaign == campaign && row.model == model);
+        Ok(KnownFit { row, alternative, replicates: replicates.cloned().collect() })
     }
 }
 
-/// Whether a robot's parameter differs from its fitted value.
-fn is_other(parameter: Parameter, robot: &Robot, fit: &FitRow) -> bool {
-    let (own, fitted) = (parameter.of(robot), fit.parameters[parameter]);
-    (own - fitted).abs() > SAME_VALUE * fitted.abs()
+/// Returns whether a parameter of a robot differs from its fitted value.
+fn differs_from_fit(parameter: Parameter, robot: &Robot, fit: &FitRow) -> bool {
+    let fitted = fit.parameters[parameter];
+    (parameter.value_in(robot) - fitted).abs() > TOLERANCE * fitted.abs()
 }
 
-/// What is to be said of setups that have coefficients from the configuration though their campaign was
-/// fitted, by model; nothing of coefficients that settings gave.
+/// Returns warnings, by model, about setups that use configured coefficients (starting values for fits) although their
+/// campaign has been fitted. Coefficients that were changed by settings are not reported.
 pub fn starting_values(config: &Config, campaign: &str, setups: &[Setup]) -> Vec<(Model, String)> {
     let path = config.paths.derived.join("fits.parquet");
-    // Tables that cannot be used are no matter of a motion that needs none.
-    let fits: Vec<FitRow> = Reader::default().rows(&path).unwrap_or_default();
-    let fits = || fits.iter().filter(|row| row.campaign == campaign && row.status.is_ok());
-    let Some((robot, _)) = config.campaign_setup(campaign) else { return Vec::new() };
-    let configured = |free: &[Parameter], setup: &Setup| {
-        let is_configured = |of: &&Parameter| of.of(&setup.robot) == of.of(&robot);
-        let names = free.iter().filter(is_configured).map(|of| of.name());
-        names.collect::<Vec<_>>().join(", ")
-    };
+    // An unreadable table is not an error here, because the simulation does not need it.
+    let mut fits: Vec<FitRow> = Reader::default().rows(&path).unwrap_or_default();
+    fits.retain(|row| row.campaign == campaign && row.status.is_ok());
+    let Some((configured, _)) = config.campaign_setup(campaign) else { return Vec::new() };
     let path = path.display();
-    let of_setup = |setup: &Setup| {
-        let (names, what) = match fits().find(|row| row.model == setup.model) {
+    let warnings = setups.iter().filter_map(|setup| {
+        let Setup { model, robot, .. } = setup;
+        let (mut parameters, hint) = match fits.iter().find(|row| row.model == *model) {
             Some(fit) => {
-                let others = fit.free.iter().copied();
-                let others: Vec<Parameter> =
-                    others.filter(|of| is_other(*of, &setup.robot, fit)).collect();
-                (configured(&others, setup), format!("--fitted takes those that {path} has"))
+                let mut differing = fit.free.clone();
+                differing.retain(|parameter| differs_from_fit(*parameter, robot, fit));
+                (differing, format!("use --fitted for the fitted values in {path}"))
             }
+            None if fits.is_empty() => return None,
             None => {
-                let models: Vec<&str> = fits().map(|row| row.model.name()).collect();
-                let free = FitInput::new(config, campaign, setup.model)?.free();
-                let free: Vec<Parameter> = free.into_iter().map(|of| of.parameter).collect();
-                let names =
-                    if models.is_empty() { String::new() } else { configured(&free, setup) };
-                let models = models.join(", ");
-                (names, format!("{path} has fits of {models}, not of {}", setup.model))
+                let models: Vec<&str> = fits.iter().map(|row| row.model.name()).collect();
+                let free = FitInput::new(config, campaign, *model)?.free();
+                let free = free.into_iter().map(|of| of.parameter).collect();
+                (free, format!("{path} contains fits of {}, but none of {model}", models.join(", ")))
             }
         };
-        let said = format!("not fitted, but starting values of the configuration: {names}; {what}");
-        (!names.is_empty()).then_some((setup.model, said))
-    };
-    setups.iter().filter_map(of_setup).collect()
+        parameters.retain(|parameter| parameter.value_in(robot) == parameter.value_in(&configured));
+        if parameters.is_empty() {
+            return None;
+        }
+        let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name()).collect();
+        let names = names.join(", ");
+        let warning =
+            format!("the configured starting values of these parameters are used instead of fitted values: {names}; \
+                     {hint}");
+        Some((*model, warning))
+    });
+    warnings.collect()
 }
 
-/// A fit that a setup's coefficients are from.
+/// Fit that provides the coefficients of a setup.
 #[derive(Debug, Clone)]
 pub(super) struct FittedSetup {
     known: KnownFit,
-    /// What the fit reads of the configuration.
     input: FitInput,
     pub summary: FitSummary,
-    /// What its trials cover, or why that is not known.
+    /// Range covered by the fitted trials, or the reason why it is unknown.
     pub range: Result<MeasuredRange, String>,
 }
 
@@ -257,15 +267,15 @@ impl FittedSetup {
         model: Model,
         fits: &KnownFits,
     ) -> Result<Self, SetupError> {
-        let known = fits.of(campaign, model)?;
+        let known = fits.get(campaign, model)?;
         let input = FitInput::new(config, campaign, model);
         let input = input.ok_or_else(|| "no such campaign or model".to_owned())?;
         let range = fits.measured_range(&known.row, &input);
         Ok(Self { summary: FitSummary::new(&known.row), known, input, range })
     }
 
-    /// The configuration with the coefficients that the model knows as they were fitted.
-    pub(super) fn configured(
+    /// Returns the configuration with the fitted coefficients of the model inserted.
+    pub(super) fn apply_to(
         &self,
         mut config: Config,
         campaign: &str,
@@ -282,12 +292,15 @@ impl FittedSetup {
         Ok(config)
     }
 
-    /// Coefficients that trials of other kinds gave.
+    /// Returns the coefficients that are known from other kinds of trials.
     pub(super) fn measured(&self) -> &[Parameter] {
         &self.known.row.measured
     }
 
-    /// Does something with how far predictions of a setup with these coefficients may be off.
+    /// Calls `task` with the confidence bands for predictions with the fitted coefficients of this setup.
+    ///
+    /// # Errors
+    /// Returns the reason if there are no bands, for example because a setting overrides a fitted coefficient.
     pub(super) fn with_bands<T>(
         &self,
         setup: &Setup,
@@ -295,9 +308,10 @@ impl FittedSetup {
         task: impl FnOnce(&PredictionBands) -> T,
     ) -> Result<T, NoInterval> {
         let row = &self.known.row;
-        let is_other = |parameter: &&Parameter| is_other(**parameter, &setup.robot, row);
-        if let Some(other) = row.free.iter().find(is_other) {
-            return Err(NoInterval::of(NoIntervalReason::ParameterSet, other.name()));
+        let replaced =
+            row.free.iter().find(|parameter| differs_from_fit(**parameter, &setup.robot, row));
+        if let Some(parameter) = replaced {
+            return Err(NoInterval::new(NoIntervalReason::ParameterSet, parameter.name()));
         }
         self.known.with_bands(&self.input, data, task)
     }

@@ -1,4 +1,4 @@
-//! The motion of a model by name, without trials: what `trilink simulate` answers, and the Python module.
+//! Simulation of configured campaigns without trials, for `trilink simulate` and the Python module.
 
 mod answer;
 mod fitted;
@@ -25,16 +25,16 @@ pub use answer::{Answer, Interval, SimulationRow};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
-use sensitivity::Uncertain;
+use sensitivity::InputUncertainty;
 use settings::with_settings;
 pub use settings::{campaign_of, number_names, with_number};
 
-/// Why something cannot be simulated.
+/// Reason why a campaign cannot be simulated.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// No such campaign, model or parameter.
+    /// Any other reason, such as an unknown name of a campaign, model or parameter, as a message.
     #[error("{0}")]
     Name(String),
 }
@@ -45,52 +45,54 @@ impl From<String> for SetupError {
     }
 }
 
-/// Sensitivities of the motions of a [`Setup`].
+/// Sensitivities of the metrics of a [`Setup`].
 #[derive(Debug)]
 pub struct Sensitivities {
-    /// Of each frequency, or why there are none.
+    /// Frequencies, rad/s, each with its sensitivities, or with the reason why the model has no periodic solution.
     pub motions: Vec<(f64, Result<Vec<SensitivityRow>, MotionError>)>,
-    /// Why nothing is known of how far the fitted coefficients may be off.
+    /// Reason why the uncertainty of the fitted coefficients is unknown; `None` if it is known or not applicable.
     pub unknown: Option<NoInterval>,
 }
 
-/// A campaign's robot and gait under the laws of a model.
+/// Robot and gait of a campaign with the friction laws of a model.
 #[derive(Debug, Clone)]
 pub struct Setup {
     pub robot: Robot,
     pub gait: Gait,
     pub laws: Laws,
     pub model: Model,
-    /// The keys of both, and how the answers show them.
     pub robot_config: RobotConfig,
     pub gait_config: GaitConfig,
+    /// Keys and values of the robot in the configuration, as shown in answers.
     parameters: Map<String, Value>,
+    /// Keys and values of the gait in the configuration, as shown in answers.
     commands: Map<String, Value>,
-    /// What the configuration says of how well the robot is known.
-    uncertain: Uncertain,
-    /// Where its coefficients are fitted ones.
+    /// Uncertainty of the robot's parameters according to the configuration.
+    uncertainty: InputUncertainty,
+    /// Fit that provides the coefficients; `None` for configured coefficients.
     fitted: Option<FittedSetup>,
 }
 
 impl Setup {
-    /// Of a campaign of `config`, whose robot and gait have what the `settings` say: each a `key=value`
-    /// as `trilink simulate --set` takes it.
+    /// Sets up a campaign of `config` with changes to its robot and gait: `settings` are `key=value` strings as for
+    /// `trilink simulate --set`.
     ///
     /// # Errors
-    /// There is no such campaign, model or parameter, or the robot lacks what the model needs.
+    /// Returns an error if the campaign, model or parameter does not exist, or if the robot lacks a parameter that the
+    /// model needs.
     pub fn new(
         config: Config,
         campaign: &str,
         model: &str,
         settings: &[String],
     ) -> Result<Self, SetupError> {
-        Self::of(with_settings(config, campaign, settings)?, campaign, model)
+        Self::from_config(with_settings(config, campaign, settings)?, campaign, model)
     }
 
-    /// The same with the coefficients that were fitted; settings go first.
+    /// Sets up a campaign as [`Setup::new`] does, but with fitted coefficients; settings override these.
     ///
     /// # Errors
-    /// As [`Setup::new`], or there is no such fit.
+    /// Returns the same errors as [`Setup::new`], and an error if the model has not been fitted to the campaign.
     pub fn fitted(
         config: Config,
         campaign: &str,
@@ -98,21 +100,22 @@ impl Setup {
         settings: &[String],
         fits: &KnownFits,
     ) -> Result<Self, SetupError> {
-        // Names that are wrong have their own errors.
-        let known = Self::of(with_settings(config.clone(), campaign, &[])?, campaign, model)?;
-        let fitted = FittedSetup::new(&config, campaign, known.model, fits)?;
-        let config = with_settings(fitted.configured(config, campaign)?, campaign, settings)?;
-        Ok(Self { fitted: Some(fitted), ..Self::of(config, campaign, model)? })
+        // Build the configured setup first, because its errors about unknown names are more helpful.
+        let configured = with_settings(config.clone(), campaign, &[])?;
+        let configured = Self::from_config(configured, campaign, model)?;
+        let fitted = FittedSetup::new(&config, campaign, configured.model, fits)?;
+        let config = with_settings(fitted.apply_to(config, campaign)?, campaign, settings)?;
+        Ok(Self { fitted: Some(fitted), ..Self::from_config(config, campaign, model)? })
     }
 
-    fn of(config: Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
+    fn from_config(config: Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
         let setup = config.campaign_setup(campaign);
         let (robot, gait) = setup.ok_or_else(|| "no such campaign".to_owned())?;
         let laws = laws_of(&config, campaign, model)?;
-        let of = &config.campaign[campaign];
-        let uncertain = Uncertain::configured(&config.robot[&of.robot], laws, &gait);
-        let (robot_config, gait_config) =
-            (config.robot[&of.robot].clone(), config.gait[&of.gait].clone());
+        let names = &config.campaign[campaign];
+        let robot_config = config.robot[&names.robot].clone();
+        let gait_config = config.gait[&names.gait].clone();
+        let uncertainty = InputUncertainty::configured(&robot_config, laws, &gait);
         Ok(Self {
             robot,
             gait,
@@ -122,33 +125,34 @@ impl Setup {
             commands: keys_of(&gait_config)?,
             robot_config,
             gait_config,
-            uncertain,
+            uncertainty,
             fitted: None,
         })
     }
 
-    /// Its problem at a frequency.
+    /// Returns the problem to solve at a frequency.
     pub fn problem(&self, omega_rad_s: f64) -> Problem {
         Problem { robot: self.robot.clone(), gait: self.gait, laws: self.laws, omega_rad_s }
     }
 
-    /// Its motion at a frequency; with `from_rest` the one in which the robot from rest ends.
+    /// Solves for the steady-state motion at a frequency, or for the attractor reached from rest if `from_rest`.
     pub fn answer(&self, omega_rad_s: f64, from_rest: bool) -> Answer<'_> {
         Answer::new(self, &self.problem(omega_rad_s), from_rest)
     }
 
-    /// What there is to say of the fit that the coefficients are from.
+    /// Returns the summary of the fit that provides the coefficients; `None` for configured coefficients.
     pub fn fit(&self) -> Option<&FitSummary> {
         self.fitted.as_ref().map(|fitted| &fitted.summary)
     }
 
-    /// What the trials of that fit cover, or why that is not known; `None` where nothing is fitted.
+    /// Returns the range covered by the fitted trials, or the reason why it is unknown; `None` for configured
+    /// coefficients.
     pub fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
         let range = &self.fitted.as_ref()?.range;
         Some(range.as_ref().map_err(String::as_str))
     }
 
-    /// Whether a motion with its coefficients is beyond the trials that these were fitted to.
+    /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
     pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
         match self.measured_range() {
             None => Extrapolation::blank(),
@@ -159,38 +163,44 @@ impl Setup {
         }
     }
 
-    /// Adds to its answers how far their metrics may be off by what the coefficients may be, or why
-    /// that is not known; `fits` were read with bands.
+    /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed
+    /// with the same `from_rest`; does nothing for configured coefficients. `fits` must come from [`KnownFits::read`]
+    /// with `bands`.
     pub fn add_bands(&self, answers: &mut [&mut Answer], from_rest: bool, fits: &KnownFits) {
         let Some(fitted) = &self.fitted else { return };
-        let given = fitted.with_bands(self, &fits.data, |bands| {
+        let result = fitted.with_bands(self, &fits.data, |bands| {
             answers.par_iter_mut().for_each(|answer| {
                 let interval = self.interval(answer.omega_rad_s, from_rest, bands);
                 answer.interval = Some(interval);
             });
         });
-        if let Err(why) = given {
+        if let Err(reason) = result {
             for answer in answers {
-                answer.interval = Some(Interval::unknown(why.clone()));
+                answer.interval = Some(Interval::unknown(reason.clone()));
             }
         }
     }
 
-    /// The robots that may be the true one as well, by `most` replicates at most; `fits` were read
-    /// with bands.
+    /// Returns copies of the robot with the coefficients of refits, including those of at most `max_replicates`
+    /// bootstrap replicates. `fits` must come from [`KnownFits::read`] with `bands`.
     ///
     /// # Errors
-    /// They are not known.
-    pub fn alternatives(&self, fits: &KnownFits, most: usize) -> Result<Alternatives, NoInterval> {
+    /// Returns the reason if the uncertainty of the coefficients is unknown.
+    pub fn alternatives(
+        &self,
+        fits: &KnownFits,
+        max_replicates: usize,
+    ) -> Result<Alternatives, NoInterval> {
         let fitted = self.fitted.as_ref().ok_or(NoIntervalReason::NotFitted)?;
-        fitted.with_bands(self, &fits.data, |bands| bands.alternatives(&self.robot, most))
+        fitted.with_bands(self, &fits.data, |bands| bands.alternatives(&self.robot, max_replicates))
     }
 
-    /// How the metrics of its motions answer to every number that they depend on, and what the
-    /// uncertainty of each contributes; that of fitted coefficients where `fits` were read with bands.
+    /// Computes the sensitivities of the metrics to all quantities that influence them, and the uncertainty budgets.
+    /// The budgets include fitted coefficients only if `fits` are given, which must come from [`KnownFits::read`] with
+    /// `bands`.
     ///
     /// # Errors
-    /// The work was cancelled.
+    /// Returns an error if the computation is cancelled.
     pub fn sensitivities(
         &self,
         omegas_rad_s: &[f64],
@@ -201,26 +211,25 @@ impl Setup {
         let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
             let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0));
             fitted.with_bands(self, &fits.data, |bands| {
-                Uncertain::fitted(bands, &problem, fitted.measured())
+                InputUncertainty::fitted(bands, &problem, fitted.measured())
             })
         });
-        let (uncertain, unknown) = match known {
-            Some(Ok(uncertain)) => (uncertain, None),
-            Some(Err(why)) => (self.uncertain.clone(), Some(why)),
-            None => (self.uncertain.clone(), None),
+        let (uncertainty, unknown) = match known {
+            Some(Ok(uncertainty)) => (uncertainty, None),
+            Some(Err(reason)) => (self.uncertainty.clone(), Some(reason)),
+            None => (self.uncertainty.clone(), None),
         };
-        let of = |&omega_rad_s: &f64| {
+        let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
             cancel.check()?;
-            Ok((omega_rad_s, sensitivity::of(self, omega_rad_s, from_rest, &uncertain)))
-        };
-        let motions =
-            omegas_rad_s.par_iter().with_max_len(1).map(of).collect::<Result<_, Cancelled>>()?;
-        Ok(Sensitivities { motions, unknown })
+            let rows = sensitivity::sensitivities(self, omega_rad_s, from_rest, &uncertainty);
+            Ok((omega_rad_s, rows))
+        });
+        Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
     }
 
     fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {
         let problem = self.problem(omega_rad_s);
-        let limits = answer::solved(&problem, from_rest)
+        let limits = answer::solve_motion(&problem, from_rest)
             .and_then(|(solver, motion)| bands.limits(solver, &problem, motion.metrics));
         match limits {
             Ok([lower, upper]) => Interval { lower, upper, no_interval: None },
@@ -228,11 +237,11 @@ impl Setup {
         }
     }
 
-    /// One steady cycle of an answer's motion at `samples + 1` moments, or with `from_rest` the
-    /// cycles from rest until it is settled and one more.
+    /// Samples one steady-state cycle of an answer at `samples + 1` times, or, if `from_rest`, all cycles from rest up
+    /// to the steady state and one more.
     ///
     /// # Errors
-    /// There is no such motion.
+    /// Returns an error if the model has no periodic solution.
     pub fn trajectory(
         &self,
         answer: &Answer,
@@ -240,24 +249,25 @@ impl Setup {
         samples: usize,
     ) -> Result<Vec<TrajectoryRow>, MotionError> {
         let problem = self.problem(answer.omega_rad_s);
-        trajectory::of(&problem, answer, from_rest, samples)
+        trajectory::sample_motion(&problem, answer, from_rest, samples)
     }
 }
 
-/// What a table of the configuration says.
+/// Returns the keys and values of a configuration table.
 fn keys_of(table: &impl serde::Serialize) -> Result<Map<String, Value>, SetupError> {
     match serde_json::to_value(table) {
         Ok(Value::Object(keys)) => Ok(keys),
-        _ => Err("no keys".to_owned().into()),
+        _ => Err("the configuration cannot be converted to keys and values".to_owned().into()),
     }
 }
 
-/// The laws of a model that does not need trials, of which a campaign's robot has what they need.
+/// Returns the friction laws of a model after checking that the model is not driven by the measured gaits of trials,
+/// and that the campaign's robot has all parameters of these laws.
 pub(crate) fn laws_of(config: &Config, campaign: &str, name: &str) -> Result<Laws, SetupError> {
     let model = Model::new(name);
     match config.model.get(&model) {
         Some(found) if found.is_of_trials() => Err(format!(
-            "--model: {name} is driven by the measured gaits of trials; fit it with `trilink fit`"
+            "--model: {name} is driven by the measured gaits of trials, so only `trilink fit` can use it"
         )
         .into()),
         Some(found) => {

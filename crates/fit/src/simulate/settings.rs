@@ -1,4 +1,4 @@
-//! Settings of a campaign's robot and gait, as `--set` has them.
+//! Settings for a campaign's robot and gait from the option `--set`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use trilink_tables::config::{
 
 use super::SetupError;
 
-/// The configuration with `key=value` settings in the campaign's robot and gait.
+/// Returns the configuration with `key=value` settings applied to the robot and gait of a campaign.
 pub(crate) fn with_settings(
     mut config: Config,
     campaign: &str,
@@ -24,22 +24,25 @@ pub(crate) fn with_settings(
             .ok_or_else(|| format!("--set: found `{setting}`, needed KEY=VALUE"))?;
         if key == "omega_rad_s" {
             return Err(format!(
-                "--set {setting}: the frequency has an option of its own, --omega"
+                "--set {setting}: set the frequency with the option --omega instead"
             )
             .into());
         }
         let is_set = set_gait(gait, key, value)
-            .map_err(|needed| format!("--set {setting}: {needed} in gait `{}`", found.gait))?;
+            .map_err(|needed| format!("--set {setting}: {needed} (gait `{}`)", found.gait))?;
         if !is_set {
             *robot = with_robot_setting(robot, key, value)
-                .map_err(|error| of_setting(setting, key, gait, error))?;
+                .map_err(|error| setting_error(setting, key, gait, error))?;
         }
     }
     config.check_setup(Path::new("--set"), campaign)?;
     Ok(config)
 }
 
-/// A campaign of a configuration.
+/// Returns the campaign with the given name.
+///
+/// # Errors
+/// Returns an error that lists the known names if there is no such campaign.
 pub fn campaign_of(
     config: &Config,
     campaign: &str,
@@ -48,13 +51,13 @@ pub fn campaign_of(
         let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
         let hint = did_you_mean(campaign, names.iter().copied());
         let known = names.join("`, `");
-        format!("campaign `{campaign}`: needed one of `{known}`{hint}").into()
+        format!("found campaign `{campaign}`, needed one of `{known}`{hint}").into()
     })
 }
 
 type JointNumber = (&'static str, fn(&mut JointConfig) -> &mut f64);
 
-/// The numbers of a joint's command.
+/// Names of the parameters of a joint's command, with accessors for their values.
 const JOINT_NUMBERS: [JointNumber; 5] = [
     ("offset", |joint| &mut joint.offset_deg),
     ("amplitude", |joint| &mut joint.amplitude_deg),
@@ -63,7 +66,7 @@ const JOINT_NUMBERS: [JointNumber; 5] = [
     ("second_phase", |joint| joint.phase2_deg.get_or_insert(0.0)),
 ];
 
-/// Gives a joint's number, such as `offset1_deg`, its value; whether there is such a key.
+/// Sets a parameter of a joint's command, such as `offset1_deg`; returns whether the key names such a parameter.
 fn set_gait(gait: &mut GaitConfig, key: &str, value: &str) -> Result<bool, String> {
     for (joint, command) in [(1, &mut gait.joint1), (2, &mut gait.joint2)] {
         for (name, number) in JOINT_NUMBERS {
@@ -71,18 +74,18 @@ fn set_gait(gait: &mut GaitConfig, key: &str, value: &str) -> Result<bool, Strin
                 continue;
             }
             let command = command.as_mut().ok_or_else(|| {
-                format!("found a number of joint {joint}, which is passive and has no command")
+                format!("found a value for joint {joint}, which is passive and has no command")
             })?;
             let parsed = value.parse();
             *number(command) =
-                parsed.map_err(|_| format!("found `{value}`, needed a number of degrees"))?;
+                parsed.map_err(|_| format!("found `{value}`, needed a number (in degrees)"))?;
             return Ok(true);
         }
     }
     Ok(false)
 }
 
-/// The keys of a gait's commanded joints.
+/// Returns the keys for the parameters of a gait's commanded joints.
 fn gait_keys(gait: &GaitConfig) -> Vec<String> {
     let joints = [(1, &gait.joint1), (2, &gait.joint2)];
     let commanded = joints.into_iter().filter(|(_, command)| command.is_some());
@@ -91,30 +94,32 @@ fn gait_keys(gait: &GaitConfig) -> Vec<String> {
         .collect()
 }
 
+/// Returns the robot with one parameter, or one key of its configuration, set to a value.
 fn with_robot_setting(
     robot: &RobotConfig,
     key: &str,
     value: &str,
 ) -> Result<RobotConfig, ConfigError> {
-    let place = Path::new("--set");
+    let source = Path::new("--set");
     let value = if value.contains(',') { format!("[{value}]") } else { value.to_owned() };
     if robot.with(key, 0.0).is_some() {
-        let number: BTreeMap<String, f64> = parse_toml(place, &format!("{key} = {value}\n"))?;
+        let number: BTreeMap<String, f64> = parse_toml(source, &format!("{key} = {value}\n"))?;
         let changed = number.get(key).and_then(|number| robot.with(key, *number));
         return Ok(changed.unwrap_or_else(|| robot.clone()));
     }
-    let mut keys = toml::Table::try_from(robot).expect("a configuration is plain data");
-    keys.extend(parse_toml::<toml::Table>(place, &format!("{key} = {value}\n"))?);
-    parse_toml(place, &keys.to_string())
+    let mut keys = toml::Table::try_from(robot).expect("a configuration can be serialised");
+    keys.extend(parse_toml::<toml::Table>(source, &format!("{key} = {value}\n"))?);
+    parse_toml(source, &keys.to_string())
 }
 
-/// The names of the single numbers of a robot and a gait, those of links, wheels and joints with their
-/// number: what `simulate --sensitivities` answers with, but for the frequency.
+/// Returns the names of all scalar quantities of a robot and a gait, which include the index of the link, wheel or
+/// joint. These are the quantities of `simulate --sensitivities` except the frequency.
 pub fn number_names(robot: &RobotConfig, gait: &GaitConfig) -> Vec<String> {
     robot.names().into_iter().chain(gait_keys(gait)).collect()
 }
 
-/// A robot and a gait with one of these numbers changed; `None` if they have none of this name.
+/// Returns the robot and the gait with one of the quantities listed by [`number_names`] set to `value`; `None` if the
+/// name is unknown.
 pub fn with_number(
     robot: &RobotConfig,
     gait: &GaitConfig,
@@ -129,15 +134,18 @@ pub fn with_number(
     }
 }
 
-/// What is wrong with a setting, which has no lines.
-fn of_setting(setting: &str, key: &str, gait: &GaitConfig, error: ConfigError) -> String {
+/// Returns the error message for a setting, without the line number that refers to a configuration file.
+fn setting_error(setting: &str, key: &str, gait: &GaitConfig, error: ConfigError) -> String {
     match error {
         ConfigError::Syntax { message, suggestion, .. } if message.starts_with("unknown ") => {
-            let of_gait = gait_keys(gait);
-            let names = suggestion.iter().chain(&of_gait).map(String::as_str);
+            let gait_keys = gait_keys(gait);
+            let names = suggestion.iter().chain(&gait_keys).map(String::as_str);
             let hint = nearest(key, names)
                 .map_or(String::new(), |name| format!("; did you mean `{name}`?"));
-            format!("--set {setting}: {message}, or of the gait `{}`{hint}", of_gait.join("`, `"))
+            format!(
+                "--set {setting}: {message}, or one of the keys of the gait, `{}`{hint}",
+                gait_keys.join("`, `")
+            )
         }
         ConfigError::Syntax { message, suggestion, .. } => {
             let hint = suggestion.map_or(String::new(), |name| format!("; did you mean `{name}`?"));
@@ -153,7 +161,7 @@ mod tests {
 
     use super::*;
 
-    /// The paper's campaigns, one with what the paper does not have.
+    /// Returns the campaigns of the paper, with the optional parameters set for one robot and one gait.
     fn config() -> Config {
         let mut config = Config::default();
         let robot = config.robot.get_mut("kinematic").expect("the paper's");
@@ -161,11 +169,10 @@ mod tests {
         robot.set(Quantity::SkidStatic, [0.3, 0.2, 0.1]);
         robot.set(Quantity::Stribeck, [0.02]);
         robot.set(Quantity::RollDry, [0.01, 0.02, 0.03]);
-        let joint = |gait: &mut GaitConfig| gait.joint2.clone().expect("commanded");
         let gait = config.gait.get_mut("skewed").expect("the paper's");
-        let second =
-            JointConfig { amplitude2_deg: Some(5.0), phase2_deg: Some(20.0), ..joint(gait) };
-        gait.joint2 = Some(second);
+        let joint = gait.joint2.as_mut().expect("commanded");
+        joint.amplitude2_deg = Some(5.0);
+        joint.phase2_deg = Some(20.0);
         config
     }
 
@@ -173,7 +180,8 @@ mod tests {
     fn every_number_of_a_robot_and_a_gait_can_be_changed_and_nothing_else() {
         let config = config();
         for campaign in config.campaign.values() {
-            let (robot, gait) = (&config.robot[&campaign.robot], &config.gait[&campaign.gait]);
+            let robot = &config.robot[&campaign.robot];
+            let gait = &config.gait[&campaign.gait];
             let known = number_names(robot, gait);
             for name in
                 ["h_m", "mass0_kg", "inertia2_kg_m2", "skid1_kg_s", "roll_sum_kg_s", "offset2_deg"]
@@ -190,14 +198,14 @@ mod tests {
                 assert_eq!(with_number(robot, gait, name, 1.0), None, "{name}");
             }
         }
-        let [robot, gait] = ["semi-passive", "passive-symmetric"];
-        let (robot, gait) = (&config.robot[robot], &config.gait[gait]);
+        let robot = &config.robot["semi-passive"];
+        let gait = &config.gait["passive-symmetric"];
         assert_eq!(gait.to_gait(), Gait::passive_symmetric());
         assert_eq!(with_number(robot, gait, "offset1_deg", 1.0), None);
     }
 
     #[test]
-    fn what_is_set_by_its_name_is_that_in_its_unit() {
+    fn a_setting_is_in_the_unit_of_its_name() {
         let set = |setting: &str| {
             let settings = [setting.to_owned()];
             let config = with_settings(config(), "kinematic-symmetric", &settings).expect(setting);
@@ -209,16 +217,16 @@ mod tests {
         assert_eq!(robot("skid1=40").skid_kg_s, robot("skid1_kg_s=40").skid_kg_s);
         assert_eq!(robot("roll=2.4").roll_kg_s, [1.2, 0.6, 0.6]);
         assert_eq!(robot("roll_sum_kg_s=2.4").roll_kg_s, [1.2, 0.6, 0.6]);
-        // In newtons, of which the load is known; the others stay as they were said.
+        // In newtons, which is possible because the load is known; the other wheels keep their values.
         assert_eq!(robot("skid_dry1_n=1.5").skid_dry_n[1], 1.5);
         let known = config().robot["kinematic"].clone();
         let changed = set("skid_dry1_n=1.5");
         let others = |of: &RobotConfig| of.get(Quantity::SkidDry).map(|dry| [dry[0], dry[2]]);
         assert_eq!(others(&changed), others(&known));
         assert_eq!(changed.get(Quantity::RollDry), known.get(Quantity::RollDry));
-        // The key itself is a part of the load.
-        let parts = set("skid_dry_n=0.1,0.2,0.3");
-        assert_eq!(parts.get(Quantity::SkidDry), Some(&[0.1, 0.2, 0.3][..]));
+        // The key for all wheels is relative to the load.
+        let relative = set("skid_dry_n=0.1,0.2,0.3");
+        assert_eq!(relative.get(Quantity::SkidDry), Some(&[0.1, 0.2, 0.3][..]));
     }
 
     #[test]

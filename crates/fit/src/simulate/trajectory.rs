@@ -1,4 +1,4 @@
-//! Motions over time.
+//! Time series of simulated motions.
 
 use trilink_mechanics::{
     FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver,
@@ -7,28 +7,29 @@ use trilink_tables::TrajectoryRow;
 
 use super::Answer;
 
-/// Cycles that there are of a motion which does not settle.
+/// Number of cycles to simulate from rest if the motion does not reach a steady state.
 const UNSETTLED_CYCLES: usize = 50;
 
-pub(super) fn of(
+/// Samples a motion: one steady-state cycle, or, if `from_rest`, all cycles from rest up to the steady state and one
+/// more.
+pub(super) fn sample_motion(
     problem: &Problem,
     answer: &Answer,
     from_rest: bool,
     samples: usize,
 ) -> Result<Vec<TrajectoryRow>, MotionError> {
-    let found = match from_rest {
-        true => {
-            let cycles = answer.cycles_to_settle.map_or(UNSETTLED_CYCLES, |cycles| cycles + 1);
-            problem.cycles_from_rest(cycles, samples)
-        }
-        false => steady_cycle(problem, samples),
+    let samples = if from_rest {
+        let cycles = answer.cycles_to_settle.map_or(UNSETTLED_CYCLES, |cycles| cycles + 1);
+        problem.cycles_from_rest(cycles, samples)
+    } else {
+        steady_cycle(problem, samples)
     };
-    Ok(found?.iter().map(|sample| row(answer, sample)).collect())
+    Ok(samples?.iter().map(|sample| row(answer, sample)).collect())
 }
 
 fn steady_cycle(problem: &Problem, samples: usize) -> Result<Vec<Sample>, MotionError> {
     let mut solver = Solver::default();
-    // The roughest motions cannot be had to the higher accuracy.
+    // The least smooth solutions cannot reach the higher accuracy.
     let fine = solver.solve(problem, FORCES_ACCURACY);
     fine.or_else(|_| solver.solve(problem, REFERENCE_ACCURACY))?;
     solver.cycle(samples)

@@ -1,5 +1,5 @@
-//! The search against the best known objective of noisy campaigns, from a long differential
-//! evolution (R. Storn and K. Price, J. Global Optim. 11, 1997) that is in this file, too.
+//! Comparison of the search with the best known objectives for noisy campaigns, which come from a long run of
+//! differential evolution (R. Storn and K. Price, J. Global Optim. 11, 1997); this file includes its implementation.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,7 +15,7 @@ const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.
 /// Relative noise of every metric.
 const NOISE: f64 = 0.04;
 
-/// Campaign, model, and for each of three seeds the lowest objective known.
+/// Campaign, model, and the lowest known objective for each of three random seeds.
 type Known = (&'static str, Model, [f64; 3]);
 
 const KNOWN: [Known; 6] = [
@@ -27,11 +27,11 @@ const KNOWN: [Known; 6] = [
     ("semi-passive-symmetric", Model::SKID_ROLL, [1.778931577, 2.722902841, 2.043762884]),
 ];
 
-/// The objective of a campaign that `skid-roll` moved, with noise, and what the model frees.
+/// Returns the objective for a simulated noisy campaign under `skid-roll`, and the model's free parameters.
 fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParameter>) {
     let config = Config::default();
     let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
-    // The joint of the paper's simulations, which the best known objectives were found with.
+    // The passive joint of the paper's simulations, for which the best known objectives were found.
     if robot.stiffness_nm_rad > 0.0 {
         robot.stiffness_nm_rad = Robot::semi_passive().stiffness_nm_rad;
         robot.damping_nm_s_rad = Robot::semi_passive().damping_nm_s_rad;
@@ -52,6 +52,7 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
             Measurement {
                 campaign: 0,
                 trial: String::new(),
+                day: String::new(),
                 frequency_rad_s: omega_rad_s,
                 omega_rad_s,
                 metrics,
@@ -64,14 +65,16 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
             }
         })
         .collect();
-    let (weights, gait_input) = (config.campaign[campaign].weights, config.fit.gait_input);
     let input = FitInput::new(&config, campaign, model).unwrap();
     let parameters = input.free();
     let laws = input.model.value.laws();
+    let weights = config.campaign[campaign].weights;
+    let gait_input = config.fit.gait_input;
     (Objective::new(laws, robot, gait, weights, gait_input, measurements), parameters)
 }
 
-/// The lowest objective after so many generations in the logarithms of the parameters.
+/// Returns the lowest objective found by differential evolution in the logarithms of the parameters, after the given
+/// number of generations.
 fn evolve(
     objective: &Objective,
     parameters: &[FreeParameter],
@@ -128,10 +131,10 @@ fn the_search_finds_the_best_known_objective_to_a_millionth() {
                 .map(|start| search(&objective, &parameters, start).cost)
                 .collect();
             let found = starts.iter().copied().fold(f64::INFINITY, f64::min);
-            let missed = found / known - 1.0;
-            assert!(missed < 1e-6, "{campaign} {model} {seed}: {found} for {known}");
-            // The evolution does not end exactly at the bottom, but near.
-            assert!(missed > -1e-4, "{campaign} {model} {seed}: {found} for {known}");
+            let excess = found / known - 1.0;
+            assert!(excess < 1e-6, "{campaign} {model} {seed}: {found} for {known}");
+            // The evolution ends close to the minimum, but not exactly at it.
+            assert!(excess > -1e-4, "{campaign} {model} {seed}: {found} for {known}");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Laws compete for trials of each other: the true one is preferred and fits, the others' lack of
-//! fit is found, and a campaign that cannot tell says so.
+//! Selection among friction laws for simulated trials: the true law is preferred and adequate, the lack of fit of the
+//! others is detected, and a campaign that cannot discriminate between the laws is reported as such.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -20,7 +20,7 @@ const SEMI_PASSIVE: &str = "semi-passive-symmetric";
 /// Relative standard errors of a trial's metrics.
 const NOISE: f64 = 0.01;
 
-/// A law of the wheels' skidding as a model, and with what coefficients it is true.
+/// True law of the wheels' skid resistance, as a model with its coefficients.
 struct Truth {
     model: &'static str,
     laws: Laws,
@@ -50,8 +50,7 @@ const BOTH: Truth = Truth {
 impl Truth {
     fn motions(&self, campaign: &str) -> Vec<(f64, GaitMetrics)> {
         let (robot, gait) = Config::default().campaign_setup(campaign).unwrap();
-        let (skid_kg_s, skid_dry_n) = (self.skid_kg_s, self.skid_dry_n);
-        let robot = Robot { skid_kg_s, skid_dry_n, ..robot };
+        let robot = Robot { skid_kg_s: self.skid_kg_s, skid_dry_n: self.skid_dry_n, ..robot };
         let motion = |omega_rad_s: f64| {
             let problem = Problem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s };
             (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
@@ -60,7 +59,7 @@ impl Truth {
     }
 }
 
-/// Trials with noise of these metrics, and its standard errors.
+/// Creates trials from given metrics with added noise, and with standard errors that match this noise.
 fn trials(campaign: &str, motions: &[(f64, GaitMetrics)], seed: u64) -> Vec<TrialRow> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let trial = |(omega_rad_s, motion): &(f64, GaitMetrics)| {
@@ -73,22 +72,22 @@ fn trials(campaign: &str, motions: &[(f64, GaitMetrics)], seed: u64) -> Vec<Tria
     motions.iter().map(trial).collect()
 }
 
-/// What is seen of a competition.
+/// Number of simulated campaigns with each outcome.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
-struct Seen {
-    /// The true law is preferred and fits.
+struct Outcomes {
+    /// Number of campaigns in which the true law is preferred and adequate.
     right: usize,
-    /// And clearly so.
+    /// Number of campaigns in which the true law is clearly preferred and adequate.
     clearly: usize,
-    /// No law that does not hold the true one fits.
+    /// Number of campaigns in which every law that does not include the true one as a special case is inadequate.
     others_refused: usize,
-    /// The sentence says that laws are not told apart.
-    not_told: usize,
-    /// Another law is said to be preferred.
+    /// Number of campaigns in which the preferred law cannot be distinguished from some other law.
+    with_rivals: usize,
+    /// Number of campaigns in which a law other than the true one is clearly preferred.
     wrong: usize,
 }
 
-impl std::ops::Add for Seen {
+impl std::ops::Add for Outcomes {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
@@ -96,20 +95,23 @@ impl std::ops::Add for Seen {
             right: self.right + other.right,
             clearly: self.clearly + other.clearly,
             others_refused: self.others_refused + other.others_refused,
-            not_told: self.not_told + other.not_told,
+            with_rivals: self.with_rivals + other.with_rivals,
             wrong: self.wrong + other.wrong,
         }
     }
 }
 
-fn compete(campaign: &str, truth: &Truth, seed: u64, motions: &[(f64, GaitMetrics)]) -> Seen {
+fn compete(campaign: &str, truth: &Truth, seed: u64, motions: &[(f64, GaitMetrics)]) -> Outcomes {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == campaign);
     let models = [VISCOUS, DRY, BOTH].map(|truth| Model::new(truth.model));
     config.campaign.get_mut(campaign).unwrap().models =
         [vec![Model::NO_SKID_ROLL], models.to_vec()].concat();
-    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (4, 40, false);
-    (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
+    config.fit.starts = 4;
+    config.fit.bootstrap = 40;
+    config.fit.profiles = false;
+    config.fit.sigma = SigmaKind::Raw;
+    config.fit.gait_input = GaitInput::Commanded;
     let data = FitData::from(trials(campaign, motions, seed));
     let Fitted { fits, comparison, .. } = fit(&config, &data, &|_| {});
     for (row, fit) in comparison.iter().zip(&fits) {
@@ -126,33 +128,33 @@ fn compete(campaign: &str, truth: &Truth, seed: u64, motions: &[(f64, GaitMetric
         );
     }
     println!("{}", Comparison::new(&comparison, &fits).unwrap());
-    let of = |model: &str| fits.iter().find(|fit| fit.model.name() == model).unwrap();
+    let true_fit = fits.iter().find(|fit| fit.model.name() == truth.model).unwrap();
     let preferred = comparison.iter().find(|row| row.preferred).unwrap();
-    let is_right = preferred.model.name() == truth.model && of(truth.model).adequate == Some(true);
+    let is_right = preferred.model.name() == truth.model && true_fit.adequate == Some(true);
     let is_nested = |model: &str| model == BOTH.model || model == truth.model;
     let refused = fits.iter().filter(|fit| !is_nested(fit.model.name()));
     let is_clear = preferred.outcome == Outcome::Clear;
-    Seen {
+    Outcomes {
         right: usize::from(is_right),
         clearly: usize::from(is_right && is_clear),
         others_refused: usize::from(refused.into_iter().all(|fit| fit.adequate == Some(false))),
-        not_told: usize::from(comparison.iter().any(|row| row.rival)),
+        with_rivals: usize::from(comparison.iter().any(|row| row.rival)),
         wrong: usize::from(is_clear && preferred.model.name() != truth.model),
     }
 }
 
-fn count(campaign: &str, truth: &Truth, seeds: u64) -> Seen {
+fn count(campaign: &str, truth: &Truth, seeds: u64) -> Outcomes {
     let motions = truth.motions(campaign);
-    let seen = (0..seeds).into_par_iter().map(|seed| compete(campaign, truth, seed, &motions));
-    let seen = seen.reduce(Seen::default, |a, b| a + b);
-    println!("{campaign} {}: {seen:?}", truth.model);
-    seen
+    let each = (0..seeds).into_par_iter().map(|seed| compete(campaign, truth, seed, &motions));
+    let outcomes = each.reduce(Outcomes::default, |a, b| a + b);
+    println!("{campaign} {}: {outcomes:?}", truth.model);
+    outcomes
 }
 
 #[test]
-fn of_a_kinematic_campaign_the_true_law_is_preferred_and_the_nested_one_is_not() {
+fn for_a_kinematic_campaign_the_true_law_is_preferred_and_the_nested_one_is_not() {
     for truth in [&VISCOUS, &DRY] {
-        let Seen { right, others_refused, wrong, .. } = count(KINEMATIC[0], truth, 1);
+        let Outcomes { right, others_refused, wrong, .. } = count(KINEMATIC[0], truth, 1);
         assert_eq!((right, others_refused, wrong), (1, 1, 0), "{}", truth.model);
     }
 }
@@ -161,16 +163,16 @@ fn of_a_kinematic_campaign_the_true_law_is_preferred_and_the_nested_one_is_not()
 #[ignore = "40 seeds of three laws and three campaigns: minutes: cargo test --release -p trilink-fit --test it competition:: -- --ignored"]
 fn in_nine_of_ten_campaigns_the_true_law_is_preferred_and_fits() {
     let seeds: u64 = std::env::var("SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(40);
-    let mut missed = Vec::new();
+    let mut failures = Vec::new();
     for truth in [&VISCOUS, &DRY, &BOTH] {
         for campaign in KINEMATIC {
-            let seen = count(campaign, truth, seeds);
-            let least = (seeds * 9).div_ceil(10) as usize;
-            if seen.right < least || seen.others_refused < least {
-                missed.push(format!("{campaign} {}: {seen:?}", truth.model));
+            let outcomes = count(campaign, truth, seeds);
+            let min = (seeds * 9).div_ceil(10) as usize;
+            if outcomes.right < min || outcomes.others_refused < min {
+                failures.push(format!("{campaign} {}: {outcomes:?}", truth.model));
             }
         }
         count(SEMI_PASSIVE, truth, seeds);
     }
-    assert!(missed.is_empty(), "{missed:#?}");
+    assert!(failures.is_empty(), "{failures:#?}");
 }

@@ -1,8 +1,8 @@
-//! Whether 95 % intervals hold the truth in 95 of 100 campaigns.
+//! Coverage of 95 % intervals: about 95 of 100 simulated campaigns contain the true value.
 //!
-//! The campaigns are made from the model itself: every trial's cycles are its motion's metrics
-//! with noise, and a trial may be off as a whole. Or they are the demo's, of other nights: the same
-//! motions seen by the cameras with other noise, from the markers on.
+//! The simulated data are of two kinds. Either the model itself generates the metrics of every trial's cycles, with
+//! noise for cycles and for whole trials; or the demo recordings are simulated again with different noise, and
+//! processed starting from the marker coordinates.
 
 use std::collections::BTreeMap;
 use std::ops::{Range, RangeInclusive};
@@ -25,12 +25,13 @@ use trilink_tables::{
 };
 
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
-/// Relative noise of d and v, of the skid ratios and of alpha_1 from cycle to cycle.
+/// Relative noise from cycle to cycle in d and v, in the skid ratios, and in alpha_1.
 const CYCLE_NOISE: [f64; 3] = [0.02, 0.08, 0.02];
-/// The same of whole trials, where they repeat.
+/// Relative noise from trial to trial in d and v, in the skid ratios, and in alpha_1; added only if trials are
+/// repeated.
 const TRIAL_NOISE: [f64; 3] = [0.01, 0.03, 0.01];
-/// Quantiles of Student's distribution, 97.5 %, of 3 to 8 cycles: as many means are within 1.96 of
-/// the standard errors that `trials.parquet` has of them.
+/// 97.5 % quantiles of Student's t distribution for 3 to 8 cycles: the standard errors in `trials.parquet` are widened
+/// so that 95 % of the trial means are within 1.96 standard errors of the truth.
 const STUDENT: [f64; 6] = [4.302653, 3.182446, 2.776445, 2.570582, 2.446912, 2.364624];
 
 struct Truth {
@@ -66,7 +67,7 @@ fn truth_at(campaign: &'static str, skid_kg_s: [f64; 3], omegas_rad_s: &'static 
     Truth { motions, ..truth }
 }
 
-/// A campaign with `repeats` trials at every frequency.
+/// Simulates a campaign with `repeats` trials at every frequency.
 fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut data = FitData::default();
@@ -79,13 +80,14 @@ fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
                 let d = d * normal();
                 [d, d, sigma * normal(), sigma * normal(), sigma * normal(), alpha * normal()]
             };
-            let off = noises(trial_noise);
+            let trial_deviation = noises(trial_noise);
             let trial = format!("{omega_rad_s}-{repeat}");
             let count = 3 + (seed as usize + repeat + data.trials.len()) % 6;
             let cycles: Vec<[f64; 6]> = (0..count)
                 .map(|_| {
                     let noise = noises(CYCLE_NOISE);
-                    std::array::from_fn(|i| motion.to_array()[i] * (1.0 + off[i] + noise[i]))
+                    let deviation = |i: usize| 1.0 + trial_deviation[i] + noise[i];
+                    std::array::from_fn(|i| motion.to_array()[i] * deviation(i))
                 })
                 .collect();
             let mean = |i: usize| cycles.iter().map(|cycle| cycle[i]).sum::<f64>() / count as f64;
@@ -114,32 +116,33 @@ fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
             data.cycles.insert(trial.clone(), cycles.iter().enumerate().map(row).collect());
         }
     }
-    // The stage does not depend on the order of the trials.
+    // Rotate the trials: the fit must not depend on their order.
     let turn = random.random_range(0..data.trials.len());
     data.trials.rotate_left(turn);
     data
 }
 
-/// Metrics of the objective's six terms.
+/// Builds the metrics from the six quantities in the objective, and the change in heading.
 fn metrics([d_m, v_m_s, sigma @ .., alpha1_rad]: [f64; 6], dtheta_rad: f64) -> GaitMetrics {
     GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
 }
 
-/// Of one coefficient over many campaigns.
+/// Coverage of the confidence intervals for one coefficient over many campaigns.
 #[derive(Debug, Clone, Copy, Default)]
 struct Coverage {
-    /// Intervals that hold the truth.
+    /// Number of intervals that contain the true value.
     held: usize,
-    /// Of so many: a model that does not fit, as the true one seems to by chance, has none.
+    /// Number of intervals; a fit that fails the lack-of-fit test by chance has no interval.
     intervals: usize,
-    /// Root mean square of the logarithm's error, and of what the scatter takes it for.
+    /// RMS error of the logarithm of the coefficient.
     error: f64,
+    /// RMS of the estimated standard deviations of the coefficient's logarithm due to the scatter.
     claimed: f64,
-    /// Widest interval, in widths by scatter alone.
+    /// Maximum half width of an interval, divided by the half width due to the scatter alone.
     widest: f64,
 }
 
-/// Fits so many campaigns.
+/// Fits the given number of simulated campaigns.
 fn fitted(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) -> Vec<Fitted> {
     let fitted: Vec<Fitted> = (0..campaigns)
         .into_par_iter()
@@ -155,7 +158,7 @@ fn fitted(truth: &Truth, campaigns: u64, repeats: usize, with_cycles: bool) -> V
     fitted
 }
 
-/// The coverage of each skid coefficient.
+/// Returns the coverage for each skid coefficient.
 fn coverage(truth: &Truth, fitted: &[Fitted]) -> [Coverage; 3] {
     let campaigns = fitted.len();
     let fits: Vec<&FitRow> = fitted.iter().map(|fitted| &fitted.fits[0]).collect();
@@ -165,7 +168,7 @@ fn coverage(truth: &Truth, fitted: &[Fitted]) -> [Coverage; 3] {
         for fit in &fits {
             let skid = Quantity::Skid.of_each()[wheel];
             let (found, low, high) = (fit.parameters[skid], fit.lower[skid], fit.upper[skid]);
-            // An open side holds everything.
+            // An open side of an interval counts as containing every value.
             let is_above = low.is_nan() || low <= known;
             let has_interval = fit.no_interval.is_none();
             let is_held = is_above && (high.is_nan() || known <= high);
@@ -180,10 +183,11 @@ fn coverage(truth: &Truth, fitted: &[Fitted]) -> [Coverage; 3] {
     })
 }
 
-/// Of the curves of d, v and the skid ratios at each `every`-th frequency: the part of the
-/// intervals that hold the truth, and how wide they are over what the curves are off.
+/// Evaluates the prediction curves for d, v and the skid ratios at every `every`-th frequency. Returns the fraction of
+/// the intervals that contain the true value, and the ratio of their RMS half width to 1.96 times the RMS error of the
+/// predictions.
 fn coverage_of_curves(truth: &Truth, fitted: &[Fitted], every: usize) -> (f64, f64) {
-    let (mut held, mut intervals, mut claimed, mut error) = (0.0, 0.0, 0.0, 0.0);
+    let [mut held, mut intervals, mut claimed, mut error] = [0.0; 4];
     let curve = |fitted: &Fitted| -> Vec<PredictionRow> {
         let rows = fitted.predictions.iter().filter(|row| row.source == PredictionSource::Curve);
         rows.step_by(every).cloned().collect()
@@ -207,12 +211,13 @@ fn coverage_of_curves(truth: &Truth, fitted: &[Fitted], every: usize) -> (f64, f
             }
         }
     }
-    let (share, ratio) = (held / intervals, f64::sqrt(claimed / error));
+    let share = held / intervals;
+    let ratio = f64::sqrt(claimed / error);
     eprintln!("{}: {share:.3} of the curves held, bands {ratio:.2} times as wide", truth.campaign);
     (share, ratio)
 }
 
-/// The part of the intervals that hold the truth.
+/// Returns the fraction of all intervals that contain the true value.
 fn held(found: &[Coverage; 3]) -> f64 {
     let sum = |of: fn(&Coverage) -> usize| found.iter().map(of).sum::<usize>() as f64;
     sum(|coverage| coverage.held) / sum(|coverage| coverage.intervals)
@@ -223,14 +228,15 @@ const SKEWED: (&str, [f64; 3]) = ("kinematic-skewed", [74.0, 88.0, 96.0]);
 const PASSIVE: (&str, [f64; 3]) = ("semi-passive-symmetric", [420.0, 200.0, 70.0]);
 
 #[test]
-fn intervals_are_about_as_wide_as_the_estimates_are_off() {
+fn intervals_are_about_as_wide_as_the_errors_of_the_estimates() {
     let (campaign, skid_kg_s) = SKEWED;
     let mut truth = truth(campaign, skid_kg_s);
-    (truth.config.fit.bootstrap, truth.config.fit.profiles) = (60, false);
+    truth.config.fit.bootstrap = 60;
+    truth.config.fit.profiles = false;
     let fitted = fitted(&truth, 16, 1, true);
     let (of_curves, ratio) = coverage_of_curves(&truth, &fitted, 16);
     assert!((0.86..=1.0).contains(&of_curves), "{of_curves} of the curves");
-    assert!((0.65..1.6).contains(&ratio), "bands are {ratio} as wide as curves are off");
+    assert!((0.65..1.6).contains(&ratio), "width of the bands over error of the curves: {ratio}");
     let found = coverage(&truth, &fitted);
     assert!((0.86..=1.0).contains(&held(&found)), "{found:?}");
     for coverage in found {
@@ -240,7 +246,7 @@ fn intervals_are_about_as_wide_as_the_estimates_are_off() {
     }
 }
 
-/// Slow trials without skid ratios hardly tell how much the wheels resist: most fits end at a bound.
+/// Slow trials without skid ratios barely determine the skid resistance: most fits end at a bound.
 #[test]
 fn coefficients_that_trials_do_not_determine_have_no_limits() {
     const SLOW_RAD_S: [f64; 6] = [0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
@@ -248,7 +254,8 @@ fn coefficients_that_trials_do_not_determine_have_no_limits() {
     truth.config.campaign.values_mut().for_each(|campaign| campaign.weights.sigma = 0.0);
     let (mut at_bound, mut coefficients, mut held) = (0, 0, 0);
     for (bootstrap, profiles, campaigns) in [(0, true, 12), (60, true, 4), (60, false, 4)] {
-        (truth.config.fit.bootstrap, truth.config.fit.profiles) = (bootstrap, profiles);
+        truth.config.fit.bootstrap = bootstrap;
+        truth.config.fit.profiles = profiles;
         for fitted in fitted(&truth, campaigns, 1, true) {
             let fit = &fitted.fits[0];
             for (skid, known) in Quantity::Skid.of_each().into_iter().zip(truth.skid_kg_s) {
@@ -257,7 +264,7 @@ fn coefficients_that_trials_do_not_determine_have_no_limits() {
                 if fit.practically_not.contains(&skid) || is_at_bound {
                     assert!(limits.iter().all(|limit| limit.is_nan()), "{skid}: {limits:?}");
                 }
-                // Where a profile is under its limit is the truth, too.
+                // The true value is within the range where the profile is below its threshold.
                 let of_skid = fitted.profiles.iter().filter(|row| row.parameter == skid);
                 let inside = of_skid.filter(|row| row.j <= row.limit_j).map(|row| row.value);
                 let [lowest, highest] = inside
@@ -285,7 +292,8 @@ fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
             (PASSIVE, 1, true),
         ] {
             let mut truth = truth(campaign, skid_kg_s);
-            (truth.config.fit.bootstrap, truth.config.fit.profiles) = (bootstrap, profiles);
+            truth.config.fit.bootstrap = bootstrap;
+            truth.config.fit.profiles = profiles;
             let fitted = fitted(&truth, 100, repeats, with_cycles);
             let found = coverage(&truth, &fitted);
             let kind = if profiles { "profiles" } else { "bootstrap" };
@@ -295,17 +303,17 @@ fn ninety_five_percent_intervals_hold_the_truth_in_88_to_99_of_100_campaigns() {
                 let (of_curves, _) = coverage_of_curves(&truth, &fitted, 4);
                 assert!((0.88..=0.99).contains(&of_curves), "{of_curves} of the curves");
             }
-            assert!(found.iter().all(|of| (90..=99).contains(&of.intervals)), "{found:?}");
+            assert!(found.iter().all(|of| (90..=100).contains(&of.intervals)), "{found:?}");
             assert!(found.iter().all(|of| of.widest < 5.0), "{found:?}");
         }
     }
 }
 
-/// Noise seeds of recordings of the same motions by the demo's cameras. Of sixty nights, what is so in 97 of 100
-/// is in all of them every sixth time.
+/// Noise seeds for simulated nightly runs of the demo recordings. Among sixty runs, an event with a probability of 97 %
+/// happens in every run with a probability of one sixth.
 const NIGHTS: [Range<u64>; 3] = [1000..1060, 2000..2060, 3000..3060];
 
-/// One recording, processed and fitted with the default settings.
+/// Simulated nightly run: all recordings with one noise seed, processed and fitted with the default settings.
 struct Night {
     truth: Value,
     trials: Vec<TrialRow>,
@@ -331,23 +339,24 @@ fn night(noise_seed: u64) -> Night {
     Night { truth, trials: data.trials, fits, predictions }
 }
 
-/// How often something is so; what is out of its bounds is noted.
+/// Fraction of cases that satisfy a condition.
 struct Share {
-    of: String,
+    label: String,
     yes: usize,
     all: usize,
 }
 
 impl Share {
-    fn new(of: String, cases: impl Iterator<Item = bool>) -> Self {
+    fn new(label: String, cases: impl Iterator<Item = bool>) -> Self {
         let (yes, all) = cases.fold((0, 0), |(yes, all), is| (yes + usize::from(is), all + 1));
-        Self { of, yes, all }
+        Self { label, yes, all }
     }
 
+    /// Prints the fraction, and adds it to the failures if it is outside the bounds.
     fn check(&self, bounds: RangeInclusive<f64>, failures: &mut Vec<String>) {
-        let Self { of, yes, all } = self;
+        let Self { label, yes, all } = self;
         let share = *yes as f64 / *all as f64;
-        let text = format!("{of}: {yes} of {all}, {:.1} %", 100.0 * share);
+        let text = format!("{label}: {yes} of {all}, {:.1} %", 100.0 * share);
         eprintln!("{text}");
         if *all > 0 && !bounds.contains(&share) {
             failures.push(format!("{text}, needed {bounds:?}"));
@@ -355,25 +364,26 @@ impl Share {
     }
 }
 
-/// Coverage of the coefficients of the model that was planted, and its adequacy.
-fn judge_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
+/// Checks the coverage for the coefficients of the true model, and how often the model is found adequate.
+fn check_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
     let is_true = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
     let fits = || nights.iter().map(|night| (night, night.fits.iter().find(is_true).unwrap()));
     for (wheel, skid) in Quantity::Skid.of_each().into_iter().enumerate() {
-        let told = || {
+        let determined = || {
             fits().filter(|(_, fit)| fit.identifiable.contains(&skid) && fit.no_interval.is_none())
         };
         let is_held = |(night, fit): (&Night, &FitRow)| {
             let known = night.truth["campaigns"][campaign]["skid_kg_s"][wheel].as_f64().unwrap();
             fit.lower[skid] <= known && known <= fit.upper[skid]
         };
-        let of = format!("{campaign} {skid} holds the truth");
-        Share::new(of, told().map(is_held)).check(0.88..=0.99, failures);
-        let count = told().count() as f64;
-        let mean =
-            |of: &dyn Fn(&FitRow) -> f64| told().map(|(_, fit)| of(fit)).sum::<f64>() / count;
-        let middle = mean(&|fit| fit.parameters[skid]);
-        let scatter = mean(&|fit| (fit.parameters[skid] - middle).powi(2)).sqrt();
+        let label = format!("{campaign} {skid} contains the truth");
+        Share::new(label, determined().map(is_held)).check(0.88..=0.99, failures);
+        let count = determined().count() as f64;
+        let mean = |number: &dyn Fn(&FitRow) -> f64| {
+            determined().map(|(_, fit)| number(fit)).sum::<f64>() / count
+        };
+        let center = mean(&|fit| fit.parameters[skid]);
+        let scatter = mean(&|fit| (fit.parameters[skid] - center).powi(2)).sqrt();
         let half_width = mean(&|fit| 0.5 * (fit.upper[skid] - fit.lower[skid]));
         let times = half_width / (1.96 * scatter);
         let text = format!("{campaign} {skid}: {half_width:.3} kg/s, {times:.2} times the scatter");
@@ -382,13 +392,13 @@ fn judge_fits(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
             failures.push(format!("{text}, needed 5 at most"));
         }
     }
-    let of = format!("{campaign} fits by the model that is true");
+    let label = format!("{campaign}: the true model is adequate");
     let is_adequate = fits().map(|(_, fit)| fit.adequate == Some(true));
-    Share::new(of, is_adequate).check(0.90..=0.99, failures);
+    Share::new(label, is_adequate).check(0.90..=0.99, failures);
 }
 
-/// How often a trial's metric is within 1.96 of its standard errors of the truth.
-fn judge_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
+/// Checks how often a trial's metric is within 1.96 standard errors of the true value.
+fn check_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
     let mut metrics: BTreeMap<String, Vec<bool>> = BTreeMap::new();
     for night in nights {
         for row in night.trials.iter().filter(|row| row.campaign == campaign) {
@@ -396,8 +406,8 @@ fn judge_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
             let (found, errors) = (row.metrics, row.metrics_se);
             let mut add = |name: String, value: f64, se: f64, truth: &Value| {
                 if value.is_finite() && se > 0.0 {
-                    let off = (value - truth.as_f64().unwrap()).abs();
-                    metrics.entry(name).or_default().push(off <= 1.96 * se);
+                    let error = (value - truth.as_f64().unwrap()).abs();
+                    metrics.entry(name).or_default().push(error <= 1.96 * se);
                 }
             };
             add("d".to_owned(), found.d_m, errors.d_m, &truth["d_m"]);
@@ -409,13 +419,13 @@ fn judge_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
         }
     }
     for (name, are_near) in metrics {
-        let of = format!("{campaign} {name} is within 1.96 errors of the truth");
-        Share::new(of, are_near.into_iter()).check(0.90..=0.99, failures);
+        let label = format!("{campaign} {name} is within 1.96 standard errors of the truth");
+        Share::new(label, are_near.into_iter()).check(0.90..=0.99, failures);
     }
 }
 
-/// How often the interval of what the true model predicts at a trial's frequency holds the truth.
-fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
+/// Checks how often the true model's prediction interval for a trial contains the true value.
+fn check_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
     let mut metrics: BTreeMap<&str, Vec<bool>> = BTreeMap::new();
     for night in nights {
         let is_true =
@@ -439,8 +449,8 @@ fn judge_predictions(campaign: &str, nights: &[Night], failures: &mut Vec<String
         }
     }
     for (name, are_held) in metrics {
-        let of = format!("{campaign} predicted {name} holds the truth");
-        Share::new(of, are_held.into_iter()).check(0.88..=0.99, failures);
+        let label = format!("{campaign} predicted {name} contains the truth");
+        Share::new(label, are_held.into_iter()).check(0.88..=0.99, failures);
     }
 }
 
@@ -454,12 +464,12 @@ fn intervals_and_errors_of_a_hundred_and_eighty_nights_hold_the_planted_truth() 
     let all_fit = nights
         .iter()
         .map(|night| night.fits.iter().filter(is_true).all(|fit| fit.adequate == Some(true)));
-    let of = "nights whose campaigns all fit by the model that is true".to_owned();
-    Share::new(of, all_fit).check(0.90..=0.99, &mut failures);
+    let label = "nights in which the true model is adequate in all campaigns".to_owned();
+    Share::new(label, all_fit).check(0.90..=0.99, &mut failures);
     for campaign in Config::default().campaign.keys() {
-        judge_fits(campaign, &nights, &mut failures);
-        judge_trials(campaign, &nights, &mut failures);
-        judge_predictions(campaign, &nights, &mut failures);
+        check_fits(campaign, &nights, &mut failures);
+        check_trials(campaign, &nights, &mut failures);
+        check_predictions(campaign, &nights, &mut failures);
     }
     assert!(failures.is_empty(), "{failures:#?}");
 }

@@ -1,4 +1,4 @@
-//! Fits against the best known objective of data made by an independent program.
+//! Comparison of fits with the best known objectives for data from an independent program.
 
 use std::f64::consts::TAU;
 
@@ -13,11 +13,11 @@ use trilink_tables::config::{
 };
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
-    Columns as _, Comparison, FitRow, FitStatus, JointGait, PredictionSource, RobotParameterRow,
-    TrialRow, TrialStatus,
+    Columns as _, Comparison, FitRow, FitStatus, JointGait, LawStatus, PredictionSource,
+    RobotParameterRow, TrialRow, TrialStatus,
 };
 
-/// The reference's campaign: metrics at twelve frequencies with 3 % noise.
+/// Campaign simulated by the reference program: metrics at twelve frequencies with 3 % noise.
 struct Reference {
     campaign: &'static str,
     data: &'static str,
@@ -71,7 +71,7 @@ fn trials(reference: &Reference) -> Vec<TrialRow> {
         .collect()
 }
 
-/// The paper's configuration with this one campaign.
+/// Returns the default configuration with only the reference's campaign.
 fn config(reference: &Reference) -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| name == reference.campaign);
@@ -79,9 +79,10 @@ fn config(reference: &Reference) -> Config {
         campaign.models = vec![Model::SKID_ROLL];
     });
     config.fit.starts = 32;
-    // The reference's trials are those of the command.
+    // The reference's trials follow the command exactly.
     config.fit.gait_input = GaitInput::Commanded;
-    (config.fit.bootstrap, config.fit.profiles) = (0, false);
+    config.fit.bootstrap = 0;
+    config.fit.profiles = false;
     config
 }
 
@@ -96,9 +97,14 @@ fn the_reference_s_best_coefficients_have_its_objective() {
             .iter()
             .filter_map(|row| trilink_fit::Measurement::new(row, SigmaKind::Raw))
             .collect();
-        let (weights, gait_input) = (campaign.weights, GaitInput::Commanded);
-        let objective =
-            Objective::new(Laws::SKID_ROLL, robot, gait, weights, gait_input, measurements);
+        let objective = Objective::new(
+            Laws::SKID_ROLL,
+            robot,
+            gait,
+            campaign.weights,
+            GaitInput::Commanded,
+            measurements,
+        );
         let input = FitInput::new(&config, reference.campaign, Model::SKID_ROLL).unwrap();
         let parameters = input.free();
         let j = objective.evaluator(parameters).cost(&reference.best_skid_kg_s);
@@ -120,7 +126,7 @@ fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
         assert!(best(found.j), "{}: {} after {} solves", reference.campaign, found.j, found.solves);
         let reached = fitted.starts.iter().filter(|start| best(start.j)).count();
         assert!(reached >= 30, "{}: {reached} of 32: {:?}", reference.campaign, fitted.starts);
-        // The work is bounded too: a start takes some ten evaluations of twelve motions.
+        // The effort is limited, too: a start needs about ten evaluations at twelve frequencies.
         assert!(found.solves < 32 * 12 * 20, "{}: {}", reference.campaign, found.solves);
         let skid = Quantity::Skid.of_each().map(|skid| found.parameters[skid]);
         for (found, known) in skid.iter().zip(reference.best_skid_kg_s) {
@@ -130,8 +136,8 @@ fn thirty_of_thirty_two_starts_end_at_the_reference_s_best_objective() {
 }
 
 #[test]
-fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
-    // Trials of the model itself under a gait that is 3 % smaller than commanded.
+fn a_fit_to_servos_that_do_not_follow_their_command_needs_the_measured_gait() {
+    // Trials simulated by the model itself, with an actual gait that is 3 % smaller than commanded.
     let reference = &REFERENCES[2];
     let mut config = config(reference);
     config.fit.starts = 4;
@@ -139,31 +145,36 @@ fn a_fit_to_servos_that_miss_their_command_needs_the_measured_gait() {
     robot.skid_kg_s = reference.best_skid_kg_s;
     let joint = gait.joints[1].as_mut().unwrap();
     joint.amplitude_rad *= 0.97;
-    let (offset_rad, amplitude_rad) = (joint.offset_rad, joint.amplitude_rad);
+    let offset_rad = joint.offset_rad;
+    let amplitude_rad = joint.amplitude_rad;
     let mut rows = trials(reference);
     for row in &mut rows {
-        let (robot, omega_rad_s) = (robot.clone(), row.omega_rad_s);
-        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
+        let problem = Problem {
+            robot: robot.clone(),
+            gait,
+            laws: Laws::SKID_ROLL,
+            omega_rad_s: row.omega_rad_s,
+        };
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         row.gait[1] = JointGait { offset_rad, amplitude_rad, phase_rad: 0.0, ..row.gait[1] };
     }
     config.fit.sigma = SigmaKind::Raw;
-    let mut missed = |input: GaitInput| {
+    let mut max_error = |input: GaitInput| {
         config.fit.gait_input = input;
         let found = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
         let skid = Quantity::Skid.of_each().map(|skid| found.parameters[skid]);
-        let missed =
-            skid.iter().zip(reference.best_skid_kg_s).map(|(c, known)| (c / known - 1.0).abs());
-        missed.fold(0.0, f64::max)
+        let pairs = skid.iter().zip(reference.best_skid_kg_s);
+        pairs.map(|(c, known)| (c / known - 1.0).abs()).fold(0.0, f64::max)
     };
-    let (commanded, measured) = (missed(GaitInput::Commanded), missed(GaitInput::Measured));
-    // Noise-free data give every coefficient back.
+    let commanded = max_error(GaitInput::Commanded);
+    let measured = max_error(GaitInput::Measured);
+    // Fits to noise-free data recover every coefficient.
     assert!(measured < 1e-3 && commanded > 0.01, "{measured} {commanded}");
 }
 
 #[test]
-fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
+fn a_user_defined_model_is_fitted_as_a_shipped_one_with_the_same_laws() {
     let reference = &REFERENCES[0];
     let mut config = quick(reference);
     let own = Model::new("ours");
@@ -178,14 +189,14 @@ fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
         Quantity::Skid.of_each().map(|skid| ours.parameters[skid]),
         Quantity::Skid.of_each().map(|skid| shipped.parameters[skid])
     );
-    let of = |model: Model| {
+    let distances = |model: Model| {
         predictions
             .iter()
             .filter(move |row| row.model == model)
             .map(|row| row.metrics.d_m.to_bits())
     };
-    assert!(of(own).eq(of(Model::SKID_ROLL)) && of(own).count() > 100);
-    // With a gait of its own it does not depend on that of the other fits.
+    assert!(distances(own).eq(distances(Model::SKID_ROLL)) && distances(own).count() > 100);
+    // A model with its own gait input does not depend on the gait input of the other fits.
     config.model.get_mut(&own).unwrap().input = Some(GaitInput::Commanded);
     config.fit.gait_input = GaitInput::Measured;
     let Fitted { fits, alternatives, .. } = fit(&config, &named(reference).into(), &|_| {});
@@ -195,7 +206,7 @@ fn a_model_of_one_s_own_is_fitted_as_a_shipped_one_with_its_laws() {
 }
 
 #[test]
-fn data_of_dry_friction_give_back_its_coefficients() {
+fn fits_to_data_of_dry_friction_recover_its_coefficients() {
     let reference = &REFERENCES[1];
     let mut config = quick(reference);
     config.fit.starts = 1;
@@ -206,27 +217,32 @@ fn data_of_dry_friction_give_back_its_coefficients() {
     let truth = Robot { skid_dry_n: planted, ..robot };
     let mut rows = named(reference);
     for row in &mut rows {
-        let (robot, laws, omega_rad_s) = (truth.clone(), Laws::COULOMB, row.omega_rad_s);
-        let problem = Problem { robot, gait, laws, omega_rad_s };
+        let problem = Problem {
+            robot: truth.clone(),
+            gait,
+            laws: Laws::COULOMB,
+            omega_rad_s: row.omega_rad_s,
+        };
         row.metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
     }
     let Fitted { fits, predictions, .. } = fit(&config, &rows.into(), &|_| {});
-    let of = |model| fits.iter().find(|row| row.model == model).unwrap();
-    let (dry, viscous) = (of(model), of(Model::SKID_ROLL));
+    let fit_of = |model| fits.iter().find(|row| row.model == model).unwrap();
+    let dry = fit_of(model);
+    let viscous = fit_of(Model::SKID_ROLL);
     assert_eq!(dry.free, Quantity::SkidDry.of_each());
     for (parameter, planted) in Quantity::SkidDry.of_each().into_iter().zip(planted) {
         let found = dry.parameters[parameter];
         assert!((found / planted - 1.0).abs() < 1e-3, "{parameter}: {found}");
     }
     assert_eq!(dry.parameters[Quantity::Transition.one()], 0.005);
-    assert!(dry.parameters[Quantity::Skid.of(0)].is_nan());
-    assert!(viscous.parameters[Quantity::SkidDry.of(0)].is_nan());
+    assert!(dry.parameters[Quantity::Skid.parameter(0)].is_nan());
+    assert!(viscous.parameters[Quantity::SkidDry.parameter(0)].is_nan());
     assert!(dry.j < 1e-3 * viscous.j, "{} {}", dry.j, viscous.j);
     assert!(predictions.iter().any(|row| row.model == model && row.metrics.d_m > 0.0));
 }
 
 #[test]
-fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
+fn the_fit_to_the_other_gait_is_an_alternative_with_its_own_intervals() {
     let reference = &REFERENCES[1];
     let mut config = quick(reference);
     let (_, gait) = config.campaign_setup(reference.campaign).unwrap();
@@ -251,7 +267,7 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
             fits.iter().map(|row| row.gait_input).collect::<Vec<_>>(),
             [GaitInput::Measured, *input]
         );
-        // A model that is always driven by the measured gait has no alternative.
+        // A model that is configured to be driven by the measured gait has no alternative fit.
         let [alternative] = alternatives.as_slice() else { panic!("{alternatives:?}") };
         assert_eq!((alternative.model, alternative.gait_input), (Model::SKID_ROLL, input.other()));
         let known = by_input.iter().find(|(other, _)| *other == input.other());
@@ -260,7 +276,7 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
         for (found, known) in skid(alternative).into_iter().zip(skid(known)) {
             assert!((found / known - 1.0).abs() < 1e-6, "{found} {known}");
         }
-        // Of the same resamples; the profiles, which can open an interval, are the main fit's.
+        // The resamples are the same; the profiles, which can make an interval open, are those of the main fit.
         for skid in Quantity::Skid.of_each() {
             for (found, known) in
                 [(alternative.lower, known.lower), (alternative.upper, known.upper)]
@@ -278,29 +294,32 @@ fn what_the_other_gait_gives_stands_beside_with_its_intervals() {
 }
 
 #[test]
-fn a_curve_goes_through_what_is_predicted_for_the_trials_own_gaits() {
+fn a_curve_passes_through_the_predictions_for_the_trials_own_gaits() {
     let reference = &REFERENCES[0];
     let mut config = quick(reference);
-    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 0, false);
+    config.fit.starts = 1;
+    config.fit.bootstrap = 0;
+    config.fit.profiles = false;
     config.fit.gait_input = GaitInput::Measured;
     let (robot, gait) = config.campaign_setup(reference.campaign).unwrap();
-    // The curve's steps are a 111th of the range.
+    // The prediction curve has 112 points, so that its step is 1/111 of the range.
     let trials = [(1.0, 0.95, 3.2), (2.0, 1.01, -3.1), (4.0, 0.98, 3.1)];
-    let trial = |(omega_rad_s, part, turned): (f64, f64, f64)| {
+    let trial = |(omega_rad_s, amplitude_ratio, turned): (f64, f64, f64)| {
         let mut gait = gait;
         for joint in gait.joints.iter_mut().flatten() {
-            joint.amplitude_rad *= part;
-            joint.offset_rad += 0.02 * (part - 1.0);
+            joint.amplitude_rad *= amplitude_ratio;
+            joint.offset_rad += 0.02 * (amplitude_ratio - 1.0);
             joint.phase_rad += 0.01 * turned;
         }
         let robot = robot.clone();
         let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let mut row = TrialRow { omega_rad_s, metrics, ..named(reference).remove(0) };
-        (row.trial, row.omega_commanded_rad_s) = (format!("at-{omega_rad_s}"), omega_rad_s);
+        row.trial = format!("at-{omega_rad_s}");
+        row.omega_commanded_rad_s = omega_rad_s;
         for (joint, found) in gait.joints.iter().flatten().zip(&mut row.gait) {
             let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = *joint;
-            // A turn more is the same phase.
+            // Phases that differ by a full turn are equivalent.
             let phase_rad = phase_rad + if turned < 0.0 { TAU } else { 0.0 };
             *found = JointGait { offset_rad, amplitude_rad, phase_rad, ..*found };
         }
@@ -308,21 +327,21 @@ fn a_curve_goes_through_what_is_predicted_for_the_trials_own_gaits() {
     };
     let rows: Vec<TrialRow> = trials.map(trial).into();
     let predictions = fit(&config, &rows.into(), &|_| {}).predictions;
-    let of = |source: PredictionSource| predictions.iter().filter(move |row| row.source == source);
-    let curve: Vec<_> = of(PredictionSource::Curve).collect();
-    for (trial, at) in of(PredictionSource::Trial).zip([0, 37, 111]) {
+    let with_source =
+        |source: PredictionSource| predictions.iter().filter(move |row| row.source == source);
+    let curve: Vec<_> = with_source(PredictionSource::Curve).collect();
+    for (trial, at) in with_source(PredictionSource::Trial).zip([0, 37, 111]) {
         assert!((curve[at].omega_rad_s - trial.omega_rad_s).abs() < 1e-12);
         let (found, known) = (curve[at].metrics.to_array(), trial.metrics.to_array());
         for (found, known) in found.into_iter().zip(known) {
             assert!((found - known).abs() < 1e-6 * known.abs().max(0.1), "{found} {known}");
         }
     }
-    // Between two trials it is between what their gaits give, not what the command does.
+    // Between two trials, the prediction curve uses the mean of their gaits, not the command.
     let alpha1_rad = 0.5 * (0.95 + 1.01) * 30_f64.to_radians();
-    let halfway = curve.iter().map(|row| row.metrics.alpha1_rad - alpha1_rad);
-    assert!(
-        halfway.clone().any(|off| off.abs() < 1e-3) && curve[5].metrics.alpha1_rad < alpha1_rad
-    );
+    let mut deviations = curve.iter().map(|row| row.metrics.alpha1_rad - alpha1_rad);
+    assert!(deviations.any(|deviation| deviation.abs() < 1e-3));
+    assert!(curve[5].metrics.alpha1_rad < alpha1_rad);
 }
 
 #[test]
@@ -330,11 +349,12 @@ fn a_campaign_without_trials_is_a_row_that_says_so() {
     let config = config(&REFERENCES[0]);
     let fitted = fit(&config, &FitData::default(), &|_| {});
     assert_eq!(fitted.fits.len(), 1);
-    assert_eq!(fitted.fits[0].status.to_string(), "failed: no trial with metrics");
+    let fit = &fitted.fits[0];
+    assert_eq!((fit.status, fit.failure.as_str()), (FitStatus::Failed, "no trial with metrics"));
     assert!(fitted.predictions.is_empty());
 }
 
-/// The reference's trials with names, frequencies and errors.
+/// Returns the reference's trials with names, frequencies and standard errors added.
 fn named(reference: &Reference) -> Vec<TrialRow> {
     let mut rows = trials(reference);
     for (number, row) in rows.iter_mut().enumerate() {
@@ -349,16 +369,18 @@ fn named(reference: &Reference) -> Vec<TrialRow> {
     rows
 }
 
-/// Fits of two starts and few replicates.
+/// Returns a configuration for a quick fit, with two starts, few replicates and profiles.
 fn quick(reference: &Reference) -> Config {
     let mut config = config(reference);
     config.fit.sigma = SigmaKind::Raw;
-    (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (2, 10, true);
+    config.fit.starts = 2;
+    config.fit.bootstrap = 10;
+    config.fit.profiles = true;
     config
 }
 
 #[test]
-fn neither_threads_nor_the_order_of_the_trials_change_a_bit() {
+fn neither_the_threads_nor_the_order_of_the_trials_change_a_bit() {
     let reference = &REFERENCES[0];
     let config = quick(reference);
     let rows = named(reference);
@@ -366,7 +388,7 @@ fn neither_threads_nor_the_order_of_the_trials_change_a_bit() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| fit(&config, &rows.into(), &|_| {}))
     };
-    // Missing values are not equal to themselves, so the text is compared; it has all digits.
+    // Missing values (NaN) are not equal to themselves, so compare the debug format, which represents numbers exactly.
     let text = |fitted: &Fitted| format!("{fitted:?}");
     let one = with_threads(1, rows.clone());
     assert_eq!(one.bootstrap.len(), 10);
@@ -395,14 +417,17 @@ fn failed_trials_and_missing_metrics_are_left_out_and_the_others_fitted() {
     rows[13].metrics.d_m = 9.0;
     let same = fit(&config, &rows.clone().into(), &|_| {}).fits.remove(0);
     assert_eq!((same.trials, same.j), (12, whole.j));
-    // A whole frequency and a single metric.
+    // Remove a whole frequency and a single metric.
     rows.remove(4);
     rows[2].metrics.sigma[1] = f64::NAN;
     let fitted = fit(&config, &rows.into(), &|_| {});
     let fit = &fitted.fits[0];
-    assert_eq!((fit.trials, &fit.status), (11, &FitStatus::Ok));
+    assert_eq!((fit.trials, fit.status), (11, FitStatus::Ok));
     assert!(
-        (fit.parameters[Quantity::Skid.of(0)] / whole.parameters[Quantity::Skid.of(0)] - 1.0).abs()
+        (fit.parameters[Quantity::Skid.parameter(0)]
+            / whole.parameters[Quantity::Skid.parameter(0)]
+            - 1.0)
+            .abs()
             < 0.1
     );
     // d and v of a trial are one measurement.
@@ -413,7 +438,7 @@ fn failed_trials_and_missing_metrics_are_left_out_and_the_others_fitted() {
 fn bounds_that_exclude_the_configured_start_are_respected_and_marked() {
     let reference = &REFERENCES[0];
     let mut config = quick(reference);
-    // The robot has 100, 50, 50 kg/s and the best is 101, 34, 44 kg/s.
+    // The configured robot has 100, 50, 50 kg/s; the minimum is at 101, 34, 44 kg/s.
     config.fit.skid_bounds_kg_s = [55.0, 90.0];
     let fitted = fit(&config, &named(reference).into(), &|_| {});
     let fit = &fitted.fits[0];
@@ -427,7 +452,7 @@ fn bounds_that_exclude_the_configured_start_are_respected_and_marked() {
             Quantity::Skid.of_each().iter().all(|skid| (55.0..=90.0).contains(&start.began[*skid]))
         );
     }
-    // What lies beyond the bounds is not known.
+    // Limits beyond the bounds are reported as unknown.
     assert!(fit.lower[skid1].is_nan() && fit.lower[skid2].is_nan());
     assert!(fit.practically_not.contains(&skid1));
 }
@@ -439,7 +464,7 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
     campaign.models = vec![Model::NO_SKID_MEASURED, Model::NO_SKID, Model::SKID_ROLL];
     let mut rows = named(reference);
-    // A gait that is a little off crosses the singular shape without meeting condition (5).
+    // A slightly different gait passes through a singular shape without meeting condition (5).
     for row in &mut rows {
         row.gait =
             [(0.0, 0.5, 0.01), (0.01, 0.52, -1.5)].map(|(offset_rad, amplitude_rad, phase_rad)| {
@@ -447,9 +472,10 @@ fn a_model_without_a_motion_says_so_and_the_others_are_fitted() {
             });
     }
     let fitted = fit(&config, &rows.into(), &|_| {});
-    let statuses: Vec<String> = fitted.fits.iter().map(|fit| fit.status.to_string()).collect();
-    assert!(statuses[0].starts_with("singular: at 0.500 rad/s"), "{statuses:?}");
-    assert_eq!(statuses[1..], ["ok", "ok"]);
+    let statuses: Vec<FitStatus> = fitted.fits.iter().map(|fit| fit.status).collect();
+    assert_eq!(statuses, [FitStatus::Singular, FitStatus::Ok, FitStatus::Ok]);
+    let failure = &fitted.fits[0].failure;
+    assert!(failure.starts_with("at 0.500 rad/s: no skid-free motion exists"), "{failure}");
     assert!(fitted.fits[0].j.is_nan() && fitted.comparison[0].j.is_nan());
     let sentence = Comparison::new(&fitted.comparison, &fitted.fits).expect("rows").to_string();
     assert!(sentence.starts_with("The data prefer skid-roll: J = 0.2614"), "{sentence}");
@@ -496,19 +522,20 @@ fn trials_without_a_measured_gait_leave_the_models_that_need_it_without_a_fit() 
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
     campaign.models = vec![Model::NO_SKID_MEASURED, Model::SKID_ROLL];
     let fitted = fit(&config, &named(reference).into(), &|_| {});
-    let status = fitted.fits[0].status.to_string();
-    let expected = "failed: at 0.500 rad/s the offset, amplitude and phase of the commanded joints";
-    assert!(status.starts_with(expected), "{status}");
+    let FitRow { status, failure, .. } = &fitted.fits[0];
+    assert_eq!(*status, FitStatus::Failed);
+    let expected = "at 0.500 rad/s: the offset, amplitude and phase of the commanded joints";
+    assert!(failure.starts_with(expected), "{failure}");
     assert_eq!(fitted.fits[1].status, FitStatus::Ok);
-    assert_eq!(fitted.alternatives[0].status.to_string(), status);
-    let of_first = fitted.predictions.iter().filter(|row| row.model == Model::NO_SKID_MEASURED);
-    assert!(of_first.clone().count() > 0);
-    assert!(of_first.into_iter().all(|row| row.status == MotionStatus::Failed));
+    assert_eq!(fitted.alternatives[0].failure, *failure);
+    let ideal = fitted.predictions.iter().filter(|row| row.model == Model::NO_SKID_MEASURED);
+    assert!(ideal.clone().count() > 0);
+    assert!(ideal.into_iter().all(|row| row.status == MotionStatus::Failed));
 }
 
 #[test]
 fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
-    // With the weight on alpha_1 at a single frequency there is one number for two coefficients.
+    // alpha_1 at a single frequency is one measurement for two coefficients.
     let reference = &REFERENCES[2];
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
@@ -527,8 +554,8 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
 }
 
 #[test]
-fn a_coefficient_that_nothing_measured_depends_on_is_structurally_not_identifiable() {
-    // The weight is on alpha_1 alone, which the gait commands: no skid coefficient moves it.
+fn a_coefficient_without_effect_on_the_measurements_is_structurally_not_identifiable() {
+    // Only alpha_1 has a weight; it is commanded by the gait, so that no skid coefficient changes it.
     let reference = &REFERENCES[0];
     let mut config = quick(reference);
     let campaign = config.campaign.get_mut(reference.campaign).unwrap();
@@ -540,7 +567,7 @@ fn a_coefficient_that_nothing_measured_depends_on_is_structurally_not_identifiab
 }
 
 #[test]
-fn noise_free_trials_give_back_whatever_is_free() {
+fn fits_to_noise_free_trials_recover_the_free_parameters() {
     let reference = &REFERENCES[2];
     let mut config = quick(reference);
     config.fit.starts = 4;
@@ -552,8 +579,8 @@ fn noise_free_trials_give_back_whatever_is_free() {
             vec![Quantity::Roll.sum()],
         ),
         (
-            vec![Quantity::Roll.of(0), Quantity::Skid.of(2)],
-            vec![Quantity::Roll.of(0), Quantity::Skid.of(2)],
+            vec![Quantity::Roll.parameter(0), Quantity::Skid.parameter(2)],
+            vec![Quantity::Roll.parameter(0), Quantity::Skid.parameter(2)],
         ),
         (
             vec![Quantity::Stiffness.one(), Quantity::Damping.one()],
@@ -562,7 +589,7 @@ fn noise_free_trials_give_back_whatever_is_free() {
     ] {
         let mut truth = robot.clone();
         for coefficient in &planted {
-            coefficient.set(&mut truth, 1.3 * coefficient.of(&robot));
+            coefficient.set(&mut truth, 1.3 * coefficient.value_in(&robot));
         }
         let mut rows = named(reference);
         for row in &mut rows {
@@ -578,9 +605,9 @@ fn noise_free_trials_give_back_whatever_is_free() {
         let found = &fitted.fits[0];
         assert!(found.j < 1e-6, "{free:?}: {}", found.j);
         assert_eq!(found.identifiable, found.free, "{free:?}");
-        let known = |of: &Parameter| Laws::SKID_ROLL.know(*of, &gait);
+        let known = |of: &Parameter| Laws::SKID_ROLL.is_relevant(*of, &gait);
         for coefficient in Parameter::ALL.into_iter().filter(known) {
-            let (found, known) = (found.parameters[coefficient], coefficient.of(&truth));
+            let (found, known) = (found.parameters[coefficient], coefficient.value_in(&truth));
             assert!(
                 (found / known - 1.0).abs() < 1e-3,
                 "{free:?} {coefficient:?}: {found} {known}"
@@ -590,7 +617,7 @@ fn noise_free_trials_give_back_whatever_is_free() {
 }
 
 #[test]
-fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
+fn measured_robot_parameters_replace_configured_ones() {
     let reference = &REFERENCES[2];
     let mut config = quick(reference);
     config.fit.robot_parameters = ParameterSource::Measured;
@@ -599,15 +626,15 @@ fn measured_parameters_of_the_robot_take_the_place_of_configured_ones() {
         stiffness_nm_rad: Estimate::new(0.15, f64::NAN),
         damping_nm_s_rad: Estimate::new(0.0065, f64::NAN),
         law: Some(DecayLaw::Viscous),
-        status: FitStatus::Ok,
+        status: LawStatus::Ok,
         ..RobotParameterRow::blank()
     };
     let data = FitData { robots: vec![release], ..FitData::from(named(reference)) };
     let fit = fit(&config, &data, &|_| {}).fits.remove(0);
     let joint = [Quantity::Stiffness.one(), Quantity::Damping.one()];
     assert_eq!(joint.map(|of| fit.parameters[of]), [0.15, 0.0065]);
-    // There is no coast-down.
-    let roll = [Quantity::Roll.of(0), Quantity::Roll.sum()];
+    // There is no coast-down trial.
+    let roll = [Quantity::Roll.parameter(0), Quantity::Roll.sum()];
     assert_eq!(roll.map(|of| fit.parameters[of]), [0.6, 1.2]);
     assert_eq!(fit.measured, joint);
 }

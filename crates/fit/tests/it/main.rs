@@ -1,4 +1,4 @@
-//! Fits of trials with a known truth, and what their limits and tests of adequacy are worth.
+//! Fits to trials with known true values, and the validity of their confidence intervals and adequacy tests.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -9,5 +9,7 @@ mod common;
 mod competition;
 mod coverage;
 mod fit;
+mod laboratory;
 mod recovery;
 mod shared;
+mod worlds;

@@ -1,4 +1,4 @@
-//! One set of coefficients for all campaigns of a robot, and whether that is refused.
+//! Fits with one set of coefficients for all campaigns of a robot, and the test of whether the coefficients are shared.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -12,15 +12,15 @@ use trilink_tables::{FitRow, Misfit, NotTested, NotTestedReason, SharedFitRow, S
 
 use crate::common::noisy_trial;
 
-/// Relative noise of d and v, and of the skid ratios.
+/// Relative noise of d and v (first) and of the skid ratios (second).
 const NOISE: [f64; 2] = [0.01, 0.02];
 const CAMPAIGNS: [&str; 2] = ["kinematic-skewed", "kinematic-symmetric"];
 const COULOMB: &str = "coulomb";
 
-/// A campaign's motions.
+/// Frequencies of a campaign, rad/s, with the metrics of the steady-state motion at each.
 type Motions = Vec<(f64, GaitMetrics)>;
 
-/// The kinematic robot's campaigns with these models, fitted together, too.
+/// Returns a configuration with the kinematic robot's campaigns, the given models, and shared fits.
 fn config(models: &[Model]) -> Config {
     let mut config = Config::default();
     config.campaign.retain(|name, _| CAMPAIGNS.contains(&name.as_str()));
@@ -32,7 +32,7 @@ fn config(models: &[Model]) -> Config {
     config
 }
 
-/// Motions of a campaign under some laws, with these changes of its robot.
+/// Solves for the metrics of a campaign under the given laws, with `change` applied to its robot.
 fn motions(campaign: &str, laws: Laws, change: impl Fn(&mut Robot)) -> Motions {
     let (mut robot, gait) = Config::default().campaign_setup(campaign).unwrap();
     change(&mut robot);
@@ -43,7 +43,7 @@ fn motions(campaign: &str, laws: Laws, change: impl Fn(&mut Robot)) -> Motions {
     (0..13).map(|i| motion(0.5 + 0.45 * f64::from(i))).collect()
 }
 
-/// Under dry friction.
+/// Solves for the metrics of both campaigns under dry friction.
 fn dry() -> [Motions; 2] {
     CAMPAIGNS.map(|campaign| {
         motions(campaign, Laws::COULOMB, |robot| {
@@ -52,30 +52,34 @@ fn dry() -> [Motions; 2] {
     })
 }
 
-/// Under viscous resistance with these coefficients in each campaign.
+/// Solves for the metrics of both campaigns under viscous resistance, with the given coefficients for each campaign.
 fn viscous(skid_kg_s: [[f64; 3]; 2]) -> [Motions; 2] {
-    let of = |i: usize| motions(CAMPAIGNS[i], Laws::SKID_ROLL, |to| to.skid_kg_s = skid_kg_s[i]);
-    [of(0), of(1)]
+    [0, 1].map(|i| motions(CAMPAIGNS[i], Laws::SKID_ROLL, |robot| robot.skid_kg_s = skid_kg_s[i]))
 }
 
-/// Trials of both campaigns with noise times `part` of [`NOISE`], and its standard errors.
-fn trials(motions: &[Motions; 2], part: f64, seed: u64) -> FitData {
+/// Creates trials of both campaigns with `noise_factor` times the noise in [`NOISE`], and with standard errors that
+/// match this noise.
+fn trials(motions: &[Motions; 2], noise_factor: f64, seed: u64) -> FitData {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let noise = NOISE.map(|noise| part * noise);
-    let both = CAMPAIGNS.iter().zip(motions);
-    let of_campaigns = both.flat_map(|(of, all)| all.iter().map(move |one| (*of, one)));
-    let rows = of_campaigns.map(|(of, one)| TrialRow {
-        trial: format!("{of}-{}", one.0),
-        ..noisy_trial(of, one, noise, &mut random)
-    });
-    FitData::from(rows.collect::<Vec<_>>())
+    let noise = NOISE.map(|noise| noise_factor * noise);
+    let mut rows = Vec::new();
+    for (campaign, motions) in CAMPAIGNS.iter().zip(motions) {
+        for motion in motions {
+            rows.push(TrialRow {
+                trial: format!("{campaign}-{}", motion.0),
+                ..noisy_trial(campaign, motion, noise, &mut random)
+            });
+        }
+    }
+    FitData::from(rows)
 }
 
 fn fitted(models: &[Model], data: &FitData) -> Fitted {
     fit(&config(models), data, &|_| {})
 }
 
-/// How often sharing is kept and refused of each model.
+/// Counts, for each model, in how many of `seeds` simulations the sharing test keeps the assumption of shared
+/// coefficients (first) and in how many it rejects this assumption (second); `what` labels the printed results.
 fn counts(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) -> Vec<[usize; 2]> {
     let all: Vec<Vec<SharedFitRow>> = (0..seeds)
         .into_par_iter()
@@ -108,7 +112,7 @@ fn counts(what: &str, models: &[Model], motions: &[Motions; 2], seeds: u64) -> V
 
 #[test]
 #[ignore = "minutes: cargo test --release -p trilink-fit --test it shared:: -- --ignored --nocapture"]
-fn sharing_is_nearly_always_judged_right() {
+fn the_sharing_test_is_nearly_always_right() {
     let models = [Model::SKID_ROLL, Model::new(COULOMB)];
     let [[_, refused], [kept, _]] = counts("dry", &models, &dry(), 24)[..] else { panic!() };
     assert!(refused >= 22 && kept >= 22, "{refused} {kept}");
@@ -124,13 +128,18 @@ fn sharing_is_nearly_always_judged_right() {
     }
 }
 
-/// What is shared of a model.
-fn shared(models: &[Model], motions: &[Motions; 2], part: f64, seed: u64) -> Vec<SharedFitRow> {
-    fitted(models, &trials(motions, part, seed)).shared
+/// Returns the shared fits for simulated data of both campaigns.
+fn shared(
+    models: &[Model],
+    motions: &[Motions; 2],
+    noise_factor: f64,
+    seed: u64,
+) -> Vec<SharedFitRow> {
+    fitted(models, &trials(motions, noise_factor, seed)).shared
 }
 
 #[test]
-fn noise_free_data_of_one_set_of_coefficients_give_it_back() {
+fn a_shared_fit_to_noise_free_data_recovers_the_coefficients() {
     let planted = [100.0, 40.0, 50.0];
     let rows = shared(&[Model::SKID_ROLL], &viscous([planted; 2]), 0.0, 0);
     let [row] = rows.as_slice() else { panic!("{rows:?}") };
@@ -148,7 +157,7 @@ fn noise_free_data_of_one_set_of_coefficients_give_it_back() {
 }
 
 #[test]
-fn sharing_is_kept_where_the_coefficients_are_the_same_and_refused_where_not() {
+fn sharing_is_kept_for_equal_coefficients_and_refused_for_different_ones() {
     for (sets, expected) in [
         ([[100.0, 40.0, 50.0]; 2], Sharing::Kept),
         ([[75.0, 91.0, 95.0], [104.0, 34.0, 45.0]], Sharing::Refused),
@@ -171,8 +180,7 @@ fn sharing_is_kept_where_the_coefficients_are_the_same_and_refused_where_not() {
 }
 
 #[test]
-fn one_robot_with_dry_friction_is_refused_one_set_of_viscous_coefficients_and_has_one_of_dry_ones()
-{
+fn with_dry_friction_shared_viscous_coefficients_are_refused_and_shared_dry_ones_are_kept() {
     let models = [Model::SKID_ROLL, Model::new(COULOMB)];
     let Fitted { fits, shared, .. } = fitted(&models, &trials(&dry(), 1.0, 1));
     let [viscous, dry] = shared.as_slice() else { panic!("{shared:?}") };
@@ -182,27 +190,28 @@ fn one_robot_with_dry_friction_is_refused_one_set_of_viscous_coefficients_and_ha
         let found = dry.fit.parameters[parameter];
         assert!((found / planted - 1.0).abs() < 0.03, "{parameter}: {found}");
     }
-    // Each campaign's viscous coefficients are others.
-    let of = |campaign: &str| {
+    // The viscous coefficients of the campaigns differ.
+    let viscous_skid = |campaign: &str| {
         let is_of = |fit: &&FitRow| fit.campaign == campaign && fit.model == Model::SKID_ROLL;
         let fit = fits.iter().find(is_of).unwrap();
         Quantity::Skid.of_each().map(|skid| fit.parameters[skid])
     };
-    let [skewed, symmetric] = CAMPAIGNS.map(of);
-    let apart = (0..3).map(|i| (skewed[i] / symmetric[i]).ln().abs()).fold(0.0, f64::max);
-    assert!(apart > 0.3, "{skewed:?} {symmetric:?}");
+    let [skewed, symmetric] = CAMPAIGNS.map(viscous_skid);
+    let log_ratio = (0..3).map(|i| (skewed[i] / symmetric[i]).ln().abs()).fold(0.0, f64::max);
+    assert!(log_ratio > 0.3, "{skewed:?} {symmetric:?}");
 }
 
 #[test]
-fn what_is_shared_has_intervals_and_the_campaigns_own_fits_stay_as_they_are() {
+fn a_shared_fit_has_intervals_and_does_not_change_the_separate_fits() {
     let mut config = config(&[Model::SKID_ROLL]);
-    (config.fit.bootstrap, config.fit.profiles) = (20, true);
+    config.fit.bootstrap = 20;
+    config.fit.profiles = true;
     let data = trials(&viscous([[100.0, 40.0, 50.0]; 2]), 1.0, 2);
     let with = fit(&config, &data, &|_| {});
     let row = &with.shared[0].fit;
     for (parameter, planted) in Quantity::Skid.of_each().into_iter().zip([100.0, 40.0, 50.0]) {
         let limits = row.lower[parameter]..row.upper[parameter];
-        // Of 20 replicates.
+        // Limits from only 20 replicates are uncertain.
         let widened = 0.9 * limits.start..1.1 * limits.end;
         assert!(widened.contains(&planted) && limits.contains(&row.parameters[parameter]));
         let own = with.fits.iter().map(|fit| fit.scatter[parameter]).fold(f64::INFINITY, f64::min);
@@ -217,13 +226,13 @@ fn what_is_shared_has_intervals_and_the_campaigns_own_fits_stay_as_they_are() {
 }
 
 #[test]
-fn campaigns_that_leave_other_coefficients_free_are_fitted_together_and_not_tested() {
+fn campaigns_with_different_free_coefficients_are_fitted_together_and_not_tested() {
     let mut config = config(&[Model::SKID_ROLL]);
     let campaign = config.campaign.get_mut(CAMPAIGNS[0]).unwrap();
-    campaign.free.insert(Model::SKID_ROLL, Free(vec![Quantity::Skid.of(1)]));
+    campaign.free.insert(Model::SKID_ROLL, Free(vec![Quantity::Skid.parameter(1)]));
     let data = trials(&viscous([[100.0, 40.0, 50.0]; 2]), 1.0, 3);
     let row = &fit(&config, &data, &|_| {}).shared[0];
     assert_eq!((row.fit.free.len(), row.fit.sharing), (3, None));
-    let why = NotTested::of(NotTestedReason::OtherFree, CAMPAIGNS[0]);
+    let why = NotTested::new(NotTestedReason::OtherFree, CAMPAIGNS[0]);
     assert_eq!(row.not_tested, Some(why));
 }

@@ -1,50 +1,45 @@
-//! Which markers are a link's if the configuration does not say it: those that move rigidly
-//! together. The middle link has a joint with both others.
+//! Assigns markers to links without a configuration: the markers of a link move as one rigid body, and the middle link
+//! shares a joint with each of the other two.
 //!
-//! Seen from behind, the front joint's angle is minus the rear one's and the other way round. So
-//! the two ways to name the side links differ in which joint does what, and in which of them is
-//! ahead: the one that the commanded gait fits better is right. The direction in which the robot
-//! moves does not decide: some gaits drive it backwards.
+//! Seen from behind, the front joint angle is minus the rear one and vice versa. The two possible assignments of front
+//! and rear therefore differ in the joint motions and in which side link is ahead; the commanded gait decides between
+//! them. The direction of travel does not decide, because some gaits drive the robot backwards.
 
 use trilink_mocap::Recording;
-use trilink_robot::JointCommand;
 use trilink_statistics::{quantiles_low, unwrap};
 
-use super::estimate::between;
+use super::estimate::locate_joint;
 use super::shape::Body;
 use crate::error::Problem;
 use crate::phase::{CommandedGait, GAIT_HARMONICS, Harmonics};
 use crate::poses::frame_grid;
 
-/// Rows that are looked at, spread over the trial.
+/// Number of rows, spread over the trial, that are evaluated.
 const ROWS: usize = 600;
-/// Rows in which two markers must be seen together.
-const LEAST_ROWS: usize = 20;
-/// A distance that changes by less than this is rigid, mm. Noise of 0.2 mm makes 0.3; markers
-/// of two links that turn by ten degrees change theirs by many millimetres.
-const RIGID_MM: f64 = 2.0;
-/// The middle part of the distances that counts, and its width for normal deviates of unit
-/// deviation: swapped labels in a few frames do not matter.
+/// Minimum number of rows in which two markers must be visible together.
+const MIN_ROWS: usize = 20;
+/// Maximum spread of a distance between two markers of one rigid body, mm. Noise of 0.2 mm contributes 0.3 mm; the
+/// distance between markers of two links that turn by 10 degrees varies by many millimetres.
+const MAX_RIGID_SPREAD_MM: f64 = 2.0;
+/// Quantiles between which the spread of the distance between two markers is measured, so that swapped labels in a few
+/// frames hardly affect it.
 const QUANTILES: [f64; 2] = [0.1, 0.9];
-const WIDTH: f64 = 2.563;
+/// Distance between the 0.1 and 0.9 quantiles of a standard normal distribution.
+const QUANTILE_DISTANCE: f64 = 2.563;
 
-/// Groups of the columns of a file, each of two at least and rigid, by their first column; other
-/// columns are in no group. Two groups join if all distances between them are constant, the most
-/// constant first (complete linkage).
+/// Groups the columns (markers) of a file into rigid bodies of at least two markers, ordered by their first columns. A
+/// column that moves rigidly with no other column is omitted. Two groups are merged if all distances between their
+/// markers are constant, beginning with the least variable distances (complete linkage).
 pub fn rigid_groups(file: &Recording) -> Vec<Vec<usize>> {
     let columns = 0..file.labels.len();
-    let spread = |a: usize| columns.clone().map(move |b| spread_mm(file, a, b)).collect();
-    let spreads: Vec<Vec<f64>> = columns.clone().map(spread).collect();
+    let spreads: Vec<Vec<f64>> =
+        columns.clone().map(|a| columns.clone().map(|b| spread_mm(file, a, b)).collect()).collect();
     let mut groups: Vec<Vec<usize>> = columns.map(|column| vec![column]).collect();
     loop {
-        let apart = |i: usize, j: usize| {
-            let pairs = groups[i].iter().flat_map(|&a| groups[j].iter().map(move |&b| (a, b)));
-            pairs.map(|(a, b)| spreads[a][b]).fold(0.0, f64::max)
-        };
         let nearest = (0..groups.len())
             .flat_map(|j| (0..j).map(move |i| (i, j)))
-            .map(|(i, j)| (apart(i, j), i, j))
-            .filter(|(apart, _, _)| *apart < RIGID_MM)
+            .map(|(i, j)| (max_spread(&spreads, &groups[i], &groups[j]), i, j))
+            .filter(|(spread, _, _)| *spread < MAX_RIGID_SPREAD_MM)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let Some((_, i, j)) = nearest else { break };
         let joined = groups.remove(j);
@@ -56,8 +51,14 @@ pub fn rigid_groups(file: &Recording) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Robust standard deviation of the distance of two markers; infinite if they are hardly ever
-/// seen together.
+/// Returns the largest spread of the distances between markers of two groups, mm.
+fn max_spread(spreads: &[Vec<f64>], one: &[usize], other: &[usize]) -> f64 {
+    let pairs = one.iter().flat_map(|&a| other.iter().map(move |&b| (a, b)));
+    pairs.map(|(a, b)| spreads[a][b]).fold(0.0, f64::max)
+}
+
+/// Returns the robust standard deviation of the distance between two markers, mm; infinite if the markers are visible
+/// together in too few rows.
 fn spread_mm(file: &Recording, a: usize, b: usize) -> f64 {
     if a == b {
         return 0.0;
@@ -71,26 +72,28 @@ fn spread_mm(file: &Recording, a: usize, b: usize) -> f64 {
         })
         .filter(|distance| !distance.is_nan())
         .collect();
-    if distances.len() < LEAST_ROWS {
+    if distances.len() < MIN_ROWS {
         return f64::INFINITY;
     }
     let [low, high] = quantiles_low(distances, QUANTILES);
-    (high - low) / WIDTH
+    (high - low) / QUANTILE_DISTANCE
 }
 
-/// The bodies with the middle link first, and then the one in front, as far as there is a commanded
+/// Orders the rigid bodies as middle, front, rear link; front and rear are distinguished only if there is a commanded
 /// gait.
-pub fn in_order(
+///
+/// # Errors
+/// Returns an error if two bodies do not turn relative to each other or if the frame numbers jump implausibly.
+pub fn order_links(
     file: &Recording,
     mut bodies: [Body; 3],
     command: Option<CommandedGait>,
 ) -> Result<[Body; 3], Problem> {
-    let misfit = |a: usize, b: usize| {
-        between(&bodies[a], &bodies[b], &|_| true)
-            .map(|(_, residual_mm)| residual_mm)
-            .ok_or(Problem::NoLayout)
-    };
-    let apart = [misfit(1, 2)?, misfit(0, 2)?, misfit(0, 1)?];
+    let mut apart = [0.0; 3];
+    for (residual, [a, b]) in apart.iter_mut().zip([[1, 2], [0, 2], [0, 1]]) {
+        let joint = locate_joint(&bodies[a], &bodies[b], &|_| true).ok_or(Problem::NoLayout)?;
+        *residual = joint.1;
+    }
     let middle = (0..3).max_by(|&a, &b| apart[a].total_cmp(&apart[b])).unwrap_or(0);
     bodies.swap(0, middle);
     let Some(command) = command else { return Ok(bodies) };
@@ -104,7 +107,7 @@ pub fn in_order(
             unwrap(&mut phi_rad);
             phi_rad
         });
-        off_command(&command, &phi_rad)
+        command_misfit(&command, &phi_rad)
     };
     if misfit(2, 1) < misfit(1, 2) {
         bodies.swap(1, 2);
@@ -112,15 +115,16 @@ pub fn in_order(
     Ok(bodies)
 }
 
-/// How far the first harmonics of two joints are from the command, rad^2.
-fn off_command(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> f64 {
+/// Returns the sum of squared deviations of the first harmonics of both joint angles from the command, rad^2.
+fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> f64 {
     let Ok(driven) = command.estimate_phase(phi_rad) else { return f64::INFINITY };
-    let off = |(phi_rad, joint): (&Vec<f64>, _)| -> Option<f64> {
-        let joint: JointCommand = joint?;
+    let squares = phi_rad.iter().zip(command.gait.joints).filter_map(|(phi_rad, joint)| {
+        let joint = joint?;
         let found = Harmonics::fit(phi_rad, driven.moving.clone(), &driven.phase, GAIT_HARMONICS)?;
-        let (amplitude, turn) = (found.amplitude(1), found.phase_rad() - joint.phase_rad);
+        let amplitude = found.amplitude(1);
+        let turn = found.phase_rad() - joint.phase_rad;
         let product = amplitude * joint.amplitude_rad * turn.cos();
         Some(amplitude.powi(2) + joint.amplitude_rad.powi(2) - 2.0 * product)
-    };
-    phi_rad.iter().zip(command.gait.joints).filter_map(off).sum()
+    });
+    squares.sum()
 }

@@ -1,9 +1,9 @@
-//! The direction in which a side link's wheel rolls.
+//! Estimates the direction in which a side link's wheel rolls.
 //!
-//! The joint's motion shows where a link's joint is, and nothing about where its wheel is: any
-//! direction and any distance from the joint move alike. The wheel does: it rolls along the link
-//! and hardly skids across it. The direction is the one in which the skid velocity of the axle,
-//! at a distance l from the joint, is smallest in the sense of least squares.
+//! The motion of the joint determines the joint's position in a link, but not the wheel's: the joint moves in the same
+//! way whatever the direction and distance of the wheel. The wheel's own motion determines both: it rolls along the
+//! link and barely skids across it. The direction minimises the sum of squared skid velocities of the axle at a
+//! distance l from the joint.
 
 use nalgebra::{Vector1, Vector2};
 use trilink_robot::rotated;
@@ -12,12 +12,12 @@ use trilink_statistics::wrap;
 
 use super::shape::Body;
 
-/// Half the time over which velocities are taken, s.
+/// Half the time interval over which velocities are measured, s.
 const HALF_S: f64 = 0.025;
-/// A step of this part of the standard error ends the search for the direction.
+/// Step size, in standard errors, at which the search for the direction stops.
 const SMALL_STEP: f64 = 1e-8;
 
-/// Velocity of a point of a body in the body's own frame, mm/s, and its rate of turn, rad/s.
+/// Velocity of a point on a body, mm/s in the body frame, and angular rate of the body, rad/s.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Velocity {
     pub row: usize,
@@ -25,7 +25,7 @@ pub(super) struct Velocity {
     pub turn_rad_s: f64,
 }
 
-/// Of every row with poses shortly before and after it.
+/// Measures the velocity of a point of a body in every row that has poses shortly before and after it.
 pub(super) fn velocities(
     body: &Body,
     point_mm: [f64; 2],
@@ -36,13 +36,14 @@ pub(super) fn velocities(
     let span_s = 2.0 * half as f64 / rate_hz;
     (half..frames.len().saturating_sub(half))
         .filter_map(|row| {
-            let (before, after) = (row - half, row + half);
+            let before = row - half;
+            let after = row + half;
             if frames[after] - frames[before] != 2 * half as i64 {
                 return None;
             }
             let [earlier, now, later] = [before, row, after].map(|row| body.fits[row].pose());
-            let (earlier, now, later) = (earlier?, now?, later?);
-            let (from, to) = (earlier.at(point_mm), later.at(point_mm));
+            let [earlier, now, later] = [earlier?, now?, later?];
+            let [from, to] = [earlier, later].map(|pose| pose.at(point_mm));
             let velocity_mm_s = [0, 1].map(|axis| (to[axis] - from[axis]) / span_s);
             Some(Velocity {
                 row,
@@ -53,29 +54,30 @@ pub(super) fn velocities(
         .collect()
 }
 
-/// The direction of the link in the body's frame, rad, near `guess_rad`, if the axle is at
-/// `lever_mm` along it (negative: behind the joint); `None` if the velocities do not determine it.
+/// Fits the direction of the link in the body frame, rad, starting from `guess_rad`, with the axle at `lever_mm` along
+/// that direction (negative if the axle is behind the joint). `None` if the velocities do not determine the direction.
 pub(super) fn direction(velocities: &[Velocity], lever_mm: f64, guess_rad: f64) -> Option<f64> {
-    let skid = |direction_rad: &Vector1<f64>, velocity: &Velocity| {
+    let guess = Vector1::new(guess_rad);
+    let minimum = minimise(velocities, guess, SMALL_STEP, 0.0, |direction_rad, velocity| {
         let (skid, [slope, _]) = skid(velocity, direction_rad.x, lever_mm);
         (skid, Vector1::new(slope))
-    };
-    let minimum = minimise(velocities, Vector1::new(guess_rad), SMALL_STEP, 0.0, skid)?;
+    })?;
     Some(wrap(minimum.parameters.x))
 }
 
-/// The distance of the axle from the joint at which the axle skids least, mm, if its direction is
-/// free too; from a direction and a lever that are near.
+/// Fits the distance from joint to axle at which the axle skids least, mm, together with the direction of the link;
+/// `direction_rad` and `lever_mm` are starting values. `None` if the velocities do not determine both.
 pub(super) fn lever_mm(velocities: &[Velocity], direction_rad: f64, lever_mm: f64) -> Option<f64> {
-    let skid = |at: &Vector2<f64>, velocity: &Velocity| {
+    let guess = Vector2::new(direction_rad, lever_mm);
+    let minimum = minimise(velocities, guess, SMALL_STEP, 0.0, |at, velocity| {
         let (skid, slopes) = skid(velocity, at.x, at.y);
         (skid, slopes.into())
-    };
-    let guess = Vector2::new(direction_rad, lever_mm);
-    Some(minimise(velocities, guess, SMALL_STEP, 0.0, skid)?.parameters.y)
+    })?;
+    Some(minimum.parameters.y)
 }
 
-/// Skid velocity of the axle, and by how much it falls with direction and lever.
+/// Returns the skid velocity of the axle, mm/s, and the negatives of its derivatives with respect to the link's
+/// direction and to the lever (distance from joint to axle).
 fn skid(velocity: &Velocity, direction_rad: f64, lever_mm: f64) -> (f64, [f64; 2]) {
     let Velocity { along_mm_s: [x, y], turn_rad_s, .. } = velocity;
     let (sin, cos) = direction_rad.sin_cos();

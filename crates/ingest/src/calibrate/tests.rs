@@ -1,4 +1,4 @@
-//! Layouts that are estimated from synthetic trials, against those that made them.
+//! Layouts estimated from synthetic trials, compared with the true layouts.
 
 use rayon::prelude::*;
 use trilink_statistics::median;
@@ -12,8 +12,8 @@ fn trials(recipe: &Recipe) -> tempfile::TempDir {
     folder
 }
 
-/// Largest distance of a link's markers from the truth, mm, and how far they are turned about
-/// the link's joint, rad.
+/// Returns the largest error in a link's marker positions, mm, and the error in their rotation about the link's joint,
+/// rad.
 fn errors(found: &Calibration, link: usize) -> (f64, f64) {
     let truth = Config::default().markers;
     let joint_mm = [0.0, -112.0, 112.0][link];
@@ -31,10 +31,10 @@ fn errors(found: &Calibration, link: usize) -> (f64, f64) {
     });
     let turned = if link == 0 { 0.0 } else { f64::atan2(cross, dot) };
     let (sin, cos) = turned.sin_cos();
-    let away = pairs
+    let errors_mm = pairs
         .iter()
         .map(|([x, y], [tx, ty])| (x - cos * tx + sin * ty).hypot(y - sin * tx - cos * ty));
-    (away.fold(0.0, f64::max), turned)
+    (errors_mm.fold(0.0, f64::max), turned)
 }
 
 #[test]
@@ -49,8 +49,8 @@ fn layouts_and_h_are_found_to_a_fifth_of_a_millimetre() {
                 assert!(found.h_mm.se < 0.15, "{id}: {:?}", found.h_mm);
                 assert!(!found.is_grouped && found.left_out.is_empty());
                 for link in 0..3 {
-                    let (away_mm, turned) = errors(&found, link);
-                    assert!(away_mm < 0.2, "{id}, link {link}: {away_mm}");
+                    let (error_mm, turned) = errors(&found, link);
+                    assert!(error_mm < 0.2, "{id}, link {link}: {error_mm}");
                     assert!(turned.to_degrees().abs() < 0.25, "{id}, link {link}: {turned}");
                 }
             }
@@ -58,31 +58,31 @@ fn layouts_and_h_are_found_to_a_fifth_of_a_millimetre() {
     }
 }
 
-/// Errors of the side links' directions and the stated ones, degrees, by gaits about links of which
-/// the middle one is aslant by an angle.
-fn directions(seeds: std::ops::RangeInclusive<u64>, aslant_deg: f64) -> Vec<[f64; 2]> {
+/// Returns errors and standard errors of the side links' directions, degrees, for synthetic gaits in which the middle
+/// link is oblique by a given angle.
+fn directions(seeds: std::ops::RangeInclusive<u64>, oblique_deg: f64) -> Vec<[f64; 2]> {
     let mut config = Config::default();
     let gait = config.gait.get_mut("symmetric").unwrap();
-    gait.joint1.as_mut().unwrap().offset_deg += aslant_deg;
-    gait.joint2.as_mut().unwrap().offset_deg -= aslant_deg;
+    gait.joint1.as_mut().unwrap().offset_deg += oblique_deg;
+    gait.joint2.as_mut().unwrap().offset_deg -= oblique_deg;
     config.campaign.retain(|name, _| name == "kinematic-symmetric");
     let of_seed = |seed: u64| {
         let folder = tempfile::tempdir().unwrap();
         let recipe = Recipe { omegas_rad_s: vec![3.0, 5.0], ..Recipe::new(seed) };
         synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
-        let of_trial = |omega: &str| {
+        let directions = ["3.00", "5.00"].map(|omega| {
             let id = format!("kinematic-symmetric-{omega}-r1");
             let found = calibrate(&config, folder.path(), &id).unwrap();
             [1, 2]
                 .map(|link| [errors(&found, link).1.to_degrees(), found.direction_se_deg[link - 1]])
-        };
-        ["3.00", "5.00"].map(of_trial).concat()
+        });
+        directions.concat()
     };
     seeds.into_par_iter().flat_map_iter(of_seed).collect()
 }
 
-/// The part of the errors within 1.96 stated ones, and the median stated error over the RMS error.
-fn judged(found: &[[f64; 2]]) -> [f64; 2] {
+/// Returns the fraction of errors within 1.96 standard errors, and the ratio of median standard error to RMS error.
+fn evaluate(found: &[[f64; 2]]) -> [f64; 2] {
     let count = found.len() as f64;
     let within = found.iter().filter(|[off, se]| off.abs() < 1.96 * se).count() as f64 / count;
     let rms = (found.iter().map(|[off, _]| off * off).sum::<f64>() / count).sqrt();
@@ -90,28 +90,29 @@ fn judged(found: &[[f64; 2]]) -> [f64; 2] {
 }
 
 #[test]
-fn directions_are_known_as_well_as_is_said() {
-    for aslant_deg in [0.0, 1.5] {
-        let found = directions(1..=3, aslant_deg);
-        let [within, width] = judged(&found);
-        println!("{aslant_deg}: {within:.3} within 1.96, stated {width:.2} of the RMS error");
+fn standard_errors_of_directions_are_right() {
+    for oblique_deg in [0.0, 1.5] {
+        let found = directions(1..=3, oblique_deg);
+        let [within, width] = evaluate(&found);
+        println!("{oblique_deg}: {within:.3} within 1.96, stated {width:.2} of the RMS error");
         assert!(within > 0.8 && (0.5..3.5).contains(&width), "{within} {width} {found:?}");
     }
 }
 
 #[test]
 #[ignore = "60 folders"]
-fn directions_of_thirty_gaits_are_known_as_well_as_is_said() {
-    for aslant_deg in [0.0, 1.5] {
-        let [within, width] = judged(&directions(101..=130, aslant_deg));
-        println!("{aslant_deg}: {within:.3} within 1.96, stated {width:.2} of the RMS error");
+fn standard_errors_of_the_directions_of_thirty_gaits_are_right() {
+    for oblique_deg in [0.0, 1.5] {
+        let [within, width] = evaluate(&directions(101..=130, oblique_deg));
+        println!("{oblique_deg}: {within:.3} within 1.96, stated {width:.2} of the RMS error");
         assert!(within >= 0.9 && (0.7..3.0).contains(&width), "{within} {width}");
     }
 }
 
 #[test]
-fn standard_errors_of_h_are_honest() {
-    let (mut within, mut count) = (0, 0);
+fn standard_errors_of_h_are_right() {
+    let mut within = 0;
+    let mut count = 0;
     for seed in 11..=16 {
         let folder = trials(&Recipe { omegas_rad_s: vec![3.0, 5.0], ..Recipe::new(seed) });
         for omega in ["3.00", "5.00"] {
@@ -125,11 +126,11 @@ fn standard_errors_of_h_are_honest() {
 }
 
 #[test]
-fn links_are_found_by_how_the_markers_move_if_their_labels_are_not_configured() {
+fn links_are_found_by_the_motion_of_the_markers_if_their_labels_are_not_configured() {
     let folder = trials(&Recipe { omegas_rad_s: vec![3.9], misplaced: 0.05, ..Recipe::new(7) });
     let mut config = Config::default();
     for link in [&mut config.markers.link0, &mut config.markers.link1, &mut config.markers.link2] {
-        *link = link.iter().map(|(label, place)| (format!("old-{label}"), *place)).collect();
+        *link = link.iter().map(|(label, position)| (format!("old-{label}"), *position)).collect();
     }
     for gait in config.campaign.keys().filter(|gait| *gait != "kinematic-skewed") {
         let id = &format!("{gait}-3.90-r1");
@@ -140,14 +141,14 @@ fn links_are_found_by_how_the_markers_move_if_their_labels_are_not_configured() 
         });
         assert_eq!(labels, ["M1 M2 M3 M4", "F1 F2 F3", "R1 R2 R3"]);
         for link in 0..3 {
-            let (away_mm, _) = errors(&found, link);
-            assert!(away_mm < 0.25, "{id}, link {link}: {away_mm}");
+            let (error_mm, _) = errors(&found, link);
+            assert!(error_mm < 0.25, "{id}, link {link}: {error_mm}");
         }
     }
 }
 
 #[test]
-fn a_trial_that_does_not_show_the_layout_says_why() {
+fn a_trial_that_does_not_determine_the_layout_gives_the_reason() {
     let folder = trials(&Recipe { omegas_rad_s: vec![3.9], ..Recipe::new(1) });
     let message = |config: &Config, id: &str| {
         let error = calibrate(config, folder.path(), id).unwrap_err().to_string();
@@ -156,32 +157,30 @@ fn a_trial_that_does_not_show_the_layout_says_why() {
     let config = Config::default();
     assert_eq!(
         message(&config, "kinematic-symetric-3.90-r1"),
-        "F: found no trial `kinematic-symetric-3.90-r1`, needed one of trials.toml; \
+        "F: trials.toml has no trial `kinematic-symetric-3.90-r1`; \
          did you mean `kinematic-symmetric-3.90-r1`?"
     );
     let straight = message(&config, "kinematic-coast-down-r1");
-    assert!(
-        straight.starts_with("F/kinematic-coast-down-r1.csv: found joint 1 turning by only 0.")
-    );
-    assert!(straight.ends_with("take a trial in which both joints move"), "{straight}");
+    assert!(straight.starts_with("F/kinematic-coast-down-r1.csv: joint 1 turns by only 0."));
+    assert!(straight.ends_with("use a trial in which both joints move"), "{straight}");
     let bent = message(&config, "kinematic-skewed-3.90-r1");
-    let found =
-        "F/kinematic-skewed-3.90-r1.csv: found a gait about links that are bent by 45.0 degrees";
+    let found = "F/kinematic-skewed-3.90-r1.csv: the gait's mean joint angle is 45.0 degrees";
     assert!(
-        bent.starts_with(found) && bent.contains("take a trial of a gait about straight"),
+        bent.starts_with(found)
+            && bent.contains("use a trial whose gait oscillates about the straight configuration"),
         "{bent}"
     );
-    // A gait whose command does not say that it drives an arc.
+    // The links are bent on average, although the command has no offsets.
     let mut silent = config.clone();
     let gait = silent.gait.get_mut("skewed").unwrap();
     for joint in [&mut gait.joint1, &mut gait.joint2] {
         joint.as_mut().unwrap().offset_deg = 0.0;
     }
     let bent = message(&silent, "kinematic-skewed-3.90-r1");
-    assert!(bent.contains("found a gait about links that are bent by "), "{bent}");
+    assert!(bent.contains("the gait's mean joint angle is "), "{bent}");
     let mut unknown = config;
     unknown.markers.link0.insert("M9".to_owned(), [0.0; 3]);
     let one = message(&unknown, "kinematic-coast-down-r1");
     assert!(one.contains(": found 1 group of markers that move rigidly together ("), "{one}");
-    assert!(one.contains("needed three groups, one for each link"), "{one}");
+    assert!(one.contains("but three groups are needed, one for each link"), "{one}");
 }

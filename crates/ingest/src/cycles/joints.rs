@@ -1,9 +1,9 @@
-//! What the joints' positions do to the means: they are measured in the trial itself, so all its
-//! cycles have their error in common, and no difference between cycles shows it.
+//! Contribution of the joint positions to the standard errors of the means. The joint positions are estimated from the
+//! trial itself, so their error is common to all cycles and does not show in the differences between cycles.
 //!
-//! It is the jackknife's over parts of the trial: every part's joints move the links a little
-//! ([`JointShift`]), and with them a wheel by `a` along and `b` across its link, which turns by `c`. With the
-//! link's rate of turn and the wheel's roll velocity its skid velocity changes by
+//! The contribution is estimated by the jackknife over parts of the trial. Using the joint positions estimated without
+//! one part shifts the links slightly ([`JointShift`]): a wheel moves by `a` along and `b` across its link and rotates
+//! by `c`. With the link's angular rate theta' and the wheel's roll velocity, the skid velocity changes by
 //! `b' + a theta' - c roll`.
 
 use std::ops::Range;
@@ -15,15 +15,15 @@ use super::measure::CycleData;
 use crate::phase::{GAIT_HARMONICS, Harmonics};
 use crate::poses::{JointShift, PARTS};
 
-/// Standard errors that a trial's cycles have in common.
+/// Standard errors due to the uncertainty of the joint positions, whose errors are common to all cycles of a trial.
 pub(super) struct JointErrors {
-    /// Of the offset, amplitude and phase of each joint's first harmonic.
+    /// Standard errors of offset, amplitude and phase of each joint's first harmonic, rad.
     pub gait_rad: [[f64; 3]; 2],
-    /// Of the wheels' mean squared skid velocities, m^2/s^2.
+    /// Standard errors of the wheels' mean squared skid velocities, m^2/s^2.
     pub skid_square: [f64; 3],
 }
 
-/// Of the cycles in some frames.
+/// Computes the standard errors due to the uncertainty of the joint positions for the cycles in a range of frames.
 pub(super) fn joint_errors(data: &CycleData, frames: &Range<usize>) -> JointErrors {
     let shifts: Vec<&JointShift> =
         data.tracked.joint_shifts.iter().filter(|shift| frames.contains(&shift.frame)).collect();
@@ -33,7 +33,8 @@ pub(super) fn joint_errors(data: &CycleData, frames: &Range<usize>) -> JointErro
     }
 }
 
-/// By how much the offset, amplitude and phase of a joint's first harmonic are larger without each part.
+/// Returns, for each part of the trial, the changes in offset, amplitude and phase of a joint's first harmonic if the
+/// joint positions are estimated without this part.
 fn gait_shifts(
     data: &CycleData,
     frames: &Range<usize>,
@@ -44,7 +45,7 @@ fn gait_shifts(
     let phi_rad = &data.tracked.seen.phi_rad[joint];
     let first = Harmonics::fit(phi_rad, frames.clone(), phase, GAIT_HARMONICS);
     let Some(first) = first else { return [[f64::NAN; PARTS]; 3] };
-    // Of phi1 = theta_0 - theta_1 and phi2 = theta_2 - theta_0.
+    // Sign of link 0's heading in phi1 = theta_0 - theta_1 and phi2 = theta_2 - theta_0.
     let side = [1.0, -1.0][joint];
     let weights: [&dyn Fn(f64) -> f64; 3] =
         [&|_| 1.0, &|phase| 2.0 * phase.cos(), &|phase| -2.0 * phase.sin() / first.amplitude(1)];
@@ -58,14 +59,17 @@ fn gait_shifts(
     })
 }
 
-/// By how much the mean square of a wheel's skid velocity is larger without each part.
+/// Returns, for each part of the trial, the change in a wheel's mean squared skid velocity if the joint positions are
+/// estimated without this part.
 fn skid_shifts(
     data: &CycleData,
     frames: &Range<usize>,
     shifts: &[&JointShift],
     wheel: usize,
 ) -> [f64; PARTS] {
-    let (robot, driven, half_rate_hz) = (data.robot, data.driven, 0.5 * data.rate_hz);
+    let robot = data.robot;
+    let driven = data.driven;
+    let half_rate_hz = 0.5 * data.rate_hz;
     let skid = &data.raw_wheels.skid_m_s[wheel];
     let fit = Harmonics::fit(skid, frames.clone(), &driven.phase, driven.shape_harmonics);
     let Some(fit) = fit else { return [f64::NAN; PARTS] };
@@ -80,16 +84,19 @@ fn skid_shifts(
         let product = |JointShift { frame, without }: &&JointShift| {
             let [along, across, middle_rad, ..] = without[part];
             let turn_rad = without[part][2 + wheel];
-            // The wheel is where h and l of the robot put it (eq. 1): the link turns about link 0.
+            // The robot's h and l give the position of the wheel (eq. 1), so that the link rotates about its joint with
+            // link 0.
             let side = [0.0, 1.0, -1.0][wheel];
-            let to_link = side * data.smooth.phi_rad[wheel.saturating_sub(1)][*frame];
-            let to_joint = [along, across + side * robot.h_m * middle_rad];
+            let joint = wheel.saturating_sub(1);
+            let to_link = side * data.smooth.phi_rad[joint][*frame];
+            let to_joint = [along, across + side * robot.h_m[joint] * middle_rad];
             let [along, across] = if wheel == 0 { to_joint } else { rotated(to_link, to_joint) };
-            let across = across + side * robot.l_m * turn_rad;
+            let across = across + side * robot.l_m[joint] * turn_rad;
             let turning_rad_s = (heading(frame + 1) - heading(frame - 1)) * half_rate_hz;
             let own = along * turning_rad_s - turn_rad * data.wheels.roll_m_s[wheel][*frame];
             let i = frame - frames.start;
-            // Over whole cycles, the product with a rate is minus that with the other's rate.
+            // Over whole cycles, the mean product of a series with a rate is minus the mean product of the series'
+            // derivative with the integrated rate.
             2.0 * (fit[i] * own - slope[i] * driven.omega_rad_s * across)
         };
         let products: Vec<f64> = products.filter(|shift| shift.frame > 0).map(product).collect();
@@ -97,7 +104,7 @@ fn skid_shifts(
     })
 }
 
-/// The standard error by what comes out without each part; none if nothing does.
+/// Returns the jackknife standard error, given the estimates without each part; zero if one of them is NaN.
 fn jackknife(without: [f64; PARTS]) -> f64 {
     let middle = mean(without);
     let squares: f64 = without.iter().map(|value| (value - middle).powi(2)).sum();

@@ -1,4 +1,4 @@
-//! The metrics of every whole cycle (eq. 17 and 20).
+//! Metrics of every whole cycle (eq. 17 and 20).
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -11,101 +11,114 @@ use trilink_tables::{Columns as _, Coordinates, JointCycle, WheelVelocities};
 use crate::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::poses::Tracked;
 
-/// A cycle in which a commanded joint is off its gait by more than this part of the amplitude
-/// (RMS) is not the gait: a start, a stop, a pause.
-const LARGEST_DEVIATION: f64 = 0.2;
+/// Maximum RMS deviation of a commanded joint from its mean gait, relative to its amplitude. A cycle that exceeds it
+/// contains a start, a stop or a pause.
+const MAX_DEVIATION: f64 = 0.2;
 
-/// A cycle may begin or end this many frames outside the recording, so that noise in the phase
-/// does not decide whether a cycle that begins with the recording is there.
+/// Number of frames by which a cycle may extend beyond either end of the recording, so that noise in the phase does not
+/// decide whether a cycle at the very start of the recording is included.
 const END_TOLERANCE: f64 = 0.4;
 
-/// One actuation period, from one zero phase of the command to the next.
+/// Cycle: one actuation period, from one zero of the command's phase to the next.
 #[derive(Debug, Clone)]
 pub(crate) struct Cycle {
-    /// Start and end, in frames after the first.
+    /// Start of the cycle, in frames from the first frame of the recording.
     pub start: f64,
+    /// End of the cycle, in frames from the first frame of the recording.
     pub end: f64,
-    /// All missing if the cycle touches a gap or a jump.
+    /// Metrics of the cycle; all NaN if it overlaps a gap or a jump.
     pub metrics: GaitMetrics,
-    /// What the joints do, as seen, without smoothing.
+    /// First harmonics of the joint angles as recorded, without smoothing.
     pub gait: [JointCycle; 2],
-    /// Components of the wheels' skid velocities, m/s: offset and harmonics, of which nothing is
-    /// smoothed away, such that their squares sum to the mean square. Empty if the cycle touches
-    /// a gap.
+    /// Offset and harmonics of the wheels' unsmoothed skid velocities, m/s, scaled so that their squares sum to the
+    /// mean square. Empty if the cycle overlaps a gap.
     pub skid_m_s: [Vec<f64>; 3],
-    /// Whether the commanded joints did what they did in the other cycles.
+    /// Whether the commanded joints moved as in the other cycles.
     pub is_gait: bool,
 }
 
 impl Cycle {
+    /// Returns whether the cycle is free of gaps and jumps.
     pub(crate) fn is_whole(&self) -> bool {
         !self.metrics.d_m.is_nan()
     }
 }
 
-/// What cycles are measured on.
+/// Trajectories, command and settings from which cycles are measured.
 pub(crate) struct CycleData<'a> {
     pub robot: &'a Robot,
     pub gait: &'a Gait,
     pub driven: &'a GaitPhase,
-    /// Not smoothed, and what follows from that.
+    /// Unsmoothed trajectories.
     pub tracked: &'a Tracked,
+    /// Wheel velocities derived from the unsmoothed trajectories.
     pub raw_wheels: &'a WheelVelocities,
     pub rate_hz: f64,
-    /// Smoothed, and what follows from that.
+    /// Smoothed coordinates.
     pub smooth: &'a Coordinates,
+    /// Wheel velocities derived from the smoothed coordinates.
     pub wheels: &'a WheelVelocities,
 }
 
 impl CycleData<'_> {
-    /// All whole cycles of the time in which the robot is driven.
+    /// Measures all cycles in the period in which the robot is driven.
     pub(crate) fn cycles(&self) -> Vec<Cycle> {
         let GaitPhase { phase, moving, .. } = self.driven;
         let first_frame = moving.start as f64 - END_TOLERANCE;
         let last_frame = moving.end as f64 - 1.0 + END_TOLERANCE;
         let first = (phase.at(first_frame) / TAU).ceil() as i64;
         let last = (phase.at(last_frame) / TAU).floor() as i64;
-        // Squared distances of the commanded joints from what they do on the whole.
-        let commanded = (0..2).filter(|&joint| self.gait.joints[joint].is_some());
-        let off_gait = commanded.filter_map(|joint| {
-            let phi = &self.tracked.seen.phi_rad[joint];
-            let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
-            let fitted = fit.over(0..phi.len(), phase);
-            let squares = phi.iter().zip(fitted).map(|(phi, fitted)| (phi - fitted).powi(2));
-            Some((squares.collect(), LARGEST_DEVIATION * fit.amplitude(1)))
-        });
-        let off_gait: Vec<(Vec<f64>, f64)> = off_gait.collect();
+        let deviations = self.gait_deviations();
         (first..last)
             .map(|k| {
-                let [start, end] = [k, k + 1].map(|k| phase.frame_of(TAU * k as f64));
-                let is_gait = off_gait.iter().all(|(squares, largest)| {
-                    let squares = seen(&squares[frames_within(start, end)]);
-                    mean(squares).max(0.0).sqrt() <= *largest
-                });
-                let metrics = self.metrics(start, end);
-                let components = |skid_m_s: &Vec<f64>| {
-                    let shape = metrics.and_then(|_| self.shape(skid_m_s, start, end));
-                    shape.map_or(Vec::new(), Harmonics::components)
-                };
-                let skid_m_s = self.raw_wheels.skid_m_s.each_ref().map(components);
-                let metrics = metrics.unwrap_or(GaitMetrics::MISSING);
-                let gait = self.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
-                    let frames = frames_within(start, end);
-                    Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS)
-                        .map_or_else(JointCycle::blank, |fit| first_harmonic(&fit))
-                });
-                Cycle { start, end, metrics, gait, skid_m_s, is_gait }
+                let [start, end] = [k, k + 1].map(|k| phase.frame_at(TAU * k as f64));
+                self.cycle(start, end, &deviations)
             })
             .collect()
     }
 
-    /// A series as it goes over a cycle.
+    /// Returns, for each commanded joint, the squared deviation of its angle from the mean gait in every frame, rad^2,
+    /// and the largest RMS deviation over a cycle, rad, with which the cycle still counts as following the gait. Joints
+    /// whose mean gait cannot be fitted are omitted.
+    fn gait_deviations(&self) -> Vec<(Vec<f64>, f64)> {
+        let GaitPhase { phase, moving, .. } = self.driven;
+        let commanded = (0..2).filter(|&joint| self.gait.joints[joint].is_some());
+        commanded
+            .filter_map(|joint| {
+                let phi = &self.tracked.seen.phi_rad[joint];
+                let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
+                let fitted = fit.over(0..phi.len(), phase);
+                let squares = phi.iter().zip(fitted).map(|(phi, fitted)| (phi - fitted).powi(2));
+                Some((squares.collect(), MAX_DEVIATION * fit.amplitude(1)))
+            })
+            .collect()
+    }
+
+    fn cycle(&self, start: f64, end: f64, deviations: &[(Vec<f64>, f64)]) -> Cycle {
+        let frames = frames_within(start, end);
+        let is_gait = deviations.iter().all(|(squares, max_deviation)| {
+            mean(seen(&squares[frames.clone()])).max(0.0).sqrt() <= *max_deviation
+        });
+        let metrics = self.metrics(start, end);
+        let skid_m_s = self.raw_wheels.skid_m_s.each_ref().map(|skid_m_s| {
+            let shape = metrics.and_then(|_| self.shape(skid_m_s, start, end));
+            shape.map_or(Vec::new(), Harmonics::components)
+        });
+        let gait = self.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
+            Harmonics::fit(phi_rad, frames.clone(), &self.driven.phase, GAIT_HARMONICS)
+                .map_or_else(JointCycle::blank, |fit| first_harmonic(&fit))
+        });
+        let metrics = metrics.unwrap_or(GaitMetrics::MISSING);
+        Cycle { start, end, metrics, gait, skid_m_s, is_gait }
+    }
+
+    /// Fits the Fourier series of a time series over a cycle; `None` if too few samples are available.
     pub(crate) fn shape(&self, series: &[f64], start: f64, end: f64) -> Option<Harmonics> {
         let GaitPhase { phase, shape_harmonics, .. } = self.driven;
         Harmonics::fit(series, frames_within(start, end), phase, *shape_harmonics)
     }
 
-    /// `None` if the cycle touches a gap.
+    /// Computes the metrics; `None` if the cycle overlaps a gap.
     fn metrics(&self, start: f64, end: f64) -> Option<GaitMetrics> {
         let Coordinates { x_m, y_m, theta_rad, phi_rad } = self.smooth;
         let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
@@ -114,26 +127,25 @@ impl CycleData<'_> {
         if has_gap {
             return None;
         }
-        // Not of the smoothed angle: that would take from its amplitude; nor the extremes of the
-        // angle itself, which noise adds to.
+        // The smoothed angle has a reduced amplitude, and noise widens the range of the recorded angle; so neither is
+        // used.
         let phi1 = self.shape(&self.tracked.filled.phi_rad[0], start, end)?;
-        let change = |series: &[f64]| interpolate(series, end) - interpolate(series, start);
-        let d_m = change(x_m).hypot(change(y_m));
+        let d_m = change(x_m, start, end).hypot(change(y_m, start, end));
         let omega_rad_s = self.driven.omega_rad_s;
-        let scale = self.robot.l_m * omega_rad_s;
+        let scale = self.robot.skid_length_m() * omega_rad_s;
         let metrics = GaitMetrics {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
             sigma: [0, 1, 2]
                 .map(|wheel| mean_square(&self.wheels.skid_m_s[wheel], start, end).sqrt() / scale),
             alpha1_rad: phi1.half_range(),
-            dtheta_rad: change(theta_rad),
+            dtheta_rad: change(theta_rad, start, end),
         };
         (!metrics.to_array().iter().any(|x| x.is_nan())).then_some(metrics)
     }
 }
 
-/// What a joint does, but for higher harmonics.
+/// Returns the offset, the amplitude and the phase of a joint's first harmonic.
 pub(super) fn first_harmonic(fit: &Harmonics) -> JointCycle {
     JointCycle {
         offset_rad: fit.offset(),
@@ -142,29 +154,39 @@ pub(super) fn first_harmonic(fit: &Harmonics) -> JointCycle {
     }
 }
 
-/// The frames between two times given in frames.
+/// Returns the range of frames between two times given in frames.
 pub(super) fn frames_within(start: f64, end: f64) -> Range<usize> {
     start.ceil() as usize..end.floor() as usize + 1
 }
 
-/// Mean square between two times given in frames: every sample stands for the time halfway to
-/// its neighbours.
+/// Returns the change in a series between two times given in frames.
+fn change(series: &[f64], start: f64, end: f64) -> f64 {
+    interpolate(series, end) - interpolate(series, start)
+}
+
+/// Returns the mean square of a series between two times given in frames. Each sample represents the interval that
+/// extends halfway to each of its neighbours.
 fn mean_square(series: &[f64], start: f64, end: f64) -> f64 {
     let first = (start - 0.5).ceil().max(0.0) as usize;
     let last = (end + 0.5).ceil().min(series.len() as f64) as usize;
-    let part = |i: usize| (i as f64 + 0.5).min(end) - (i as f64 - 0.5).max(start);
-    (first..last).map(|i| part(i) * series[i] * series[i]).sum::<f64>() / (end - start)
+    let squares = (first..last).map(|i| {
+        let duration = (i as f64 + 0.5).min(end) - (i as f64 - 0.5).max(start);
+        duration * series[i] * series[i]
+    });
+    squares.sum::<f64>() / (end - start)
 }
 
-/// The cubic through the four samples about a time given in frames (the outermost four at the
-/// ends); NaN if one of them is missing.
+/// Interpolates a series at a time given in frames with the cubic through the four surrounding samples (the four
+/// outermost ones at the ends); NaN if one of them is missing.
 fn interpolate(series: &[f64], frame: f64) -> f64 {
     if series.len() < 4 {
         return f64::NAN;
     }
     let first = (frame.floor() as usize).saturating_sub(1).min(series.len() - 4);
     let t = frame - first as f64;
-    let (t1, t2, t3) = (t - 1.0, t - 2.0, t - 3.0);
+    let t1 = t - 1.0;
+    let t2 = t - 2.0;
+    let t3 = t - 3.0;
     let s = &series[first..first + 4];
     (s[3] * t * t1 * t2 - s[0] * t1 * t2 * t3) / 6.0 + (s[1] * t2 - s[2] * t1) * t * t3 / 2.0
 }

@@ -1,5 +1,5 @@
-//! From coordinates and phase to cycles: the wheels' velocities, the metrics of every cycle, which
-//! cycles are steady, and the trial's means and checks.
+//! Divides the coordinates into cycles by the phase and computes wheel velocities, metrics of every cycle, the
+//! selection of steady cycles, trial means and checks.
 
 mod joints;
 mod means;
@@ -16,8 +16,8 @@ use trilink_tables::{Coordinates, WheelVelocities};
 
 use crate::signals::derivative;
 
-/// Differentiates smoothed coordinates and applies eq. 1 in link 0's frame. A wheel's velocity
-/// is known without the other side link.
+/// Computes the wheel velocities by differentiating the coordinates and applying the kinematics of the links (eq. 1 of
+/// the paper) in the frame of link 0. The velocity of a side wheel does not depend on the other side link.
 pub(crate) fn wheel_velocities(
     robot: &Robot,
     coordinates: &Coordinates,
@@ -25,24 +25,28 @@ pub(crate) fn wheel_velocities(
 ) -> WheelVelocities {
     let frames = coordinates.frames();
     let rates = coordinates.map(|series| derivative(series, rate_hz));
-    let missing = || [(); 3].map(|()| vec![f64::NAN; frames]);
-    let (mut roll_m_s, mut skid_m_s) = (missing(), missing());
+    let mut roll_m_s = [(); 3].map(|()| vec![f64::NAN; frames]);
+    let mut skid_m_s = roll_m_s.clone();
     for i in 0..frames {
         let [u, v] = rotated(-coordinates.theta_rad[i], [rates.x_m[i], rates.y_m[i]]);
         let [w1, w2] = [0, 1].map(|joint| rates.phi_rad[joint][i]);
         let velocity = [u, v, rates.theta_rad[i], w1, w2];
-        let apply = |row: &[f64; 5]| -> f64 {
-            let needed = row.iter().zip(velocity).filter(|(weight, _)| **weight != 0.0);
-            needed.map(|(weight, rate)| weight * rate).sum()
-        };
         let trig = Trig::new([0, 1].map(|joint| coordinates.phi_rad[joint][i]));
-        let (roll, skid) = (roll_rows(robot, &trig), skid_rows(robot, &trig));
+        let roll = roll_rows(robot, &trig);
+        let skid = skid_rows(robot, &trig);
         for wheel in 0..3 {
-            roll_m_s[wheel][i] = apply(&roll[wheel]);
-            skid_m_s[wheel][i] = apply(&skid[wheel]);
+            roll_m_s[wheel][i] = product(&roll[wheel], &velocity);
+            skid_m_s[wheel][i] = product(&skid[wheel], &velocity);
         }
     }
     WheelVelocities { roll_m_s, skid_m_s }
+}
+
+/// Returns the dot product of a row with the velocity. Terms with zero weight are skipped, as their velocity may be
+/// missing.
+fn product(row: &[f64; 5], velocity: &[f64; 5]) -> f64 {
+    let needed = row.iter().zip(velocity).filter(|(weight, _)| **weight != 0.0);
+    needed.map(|(weight, rate)| weight * rate).sum()
 }
 
 #[cfg(test)]
@@ -50,9 +54,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_turning_robot_has_the_velocities_of_its_wheels_paths() {
-        // Straight robot turning about the middle of link 0: the side wheels are h + l away.
-        let (robot, rate, turn) = (Robot::kinematic(), 120.0, 0.7);
+    fn wheel_velocities_of_a_turning_robot_are_those_of_its_wheel_paths() {
+        // A straight robot turning about the centre of link 0: the side wheels are h + l away.
+        let robot = Robot::kinematic();
+        let rate = 120.0;
+        let turn = 0.7;
         let frames = 30;
         let coordinates = Coordinates {
             x_m: vec![0.0; frames],
@@ -61,7 +67,7 @@ mod tests {
             phi_rad: [vec![0.0; frames], vec![0.0; frames]],
         };
         let wheels = wheel_velocities(&robot, &coordinates, rate);
-        let arm = robot.h_m + robot.l_m;
+        let [arm, _] = robot.reach_m();
         for i in 0..frames {
             for (wheel, truth) in [0.0, arm * turn, -arm * turn].into_iter().enumerate() {
                 assert!((wheels.skid_m_s[wheel][i] - truth).abs() < 1e-12);
@@ -71,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_out_of_sight_hides_only_its_own_wheel() {
+    fn an_occluded_link_leaves_only_its_own_wheel_without_velocity() {
         let frames = 10;
         let coordinates = Coordinates {
             x_m: vec![0.0; frames],

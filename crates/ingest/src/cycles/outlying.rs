@@ -1,27 +1,25 @@
-//! Whether one of the cycles that count is unlike the others: a robot that was touched, a camera that moved.
+//! Detects a used cycle that differs from the others, because the robot was touched or a camera moved.
 
 use trilink_robot::metrics::Metric;
-use trilink_statistics::{fisher, mean};
+use trilink_statistics::{fisher, mean, normal_tail};
 
 use super::measure::Cycle;
-use super::steady::Steady;
+use super::steady::CycleSelection;
 use crate::checks::{Check, Finding};
 
-/// What chance does no more often than so many standard deviations is not taken for chance.
-const DEVIATIONS: f64 = 4.0;
+/// Minimum number of standard deviations for a difference to be significant.
+const MIN_DEVIATIONS: f64 = 4.0;
 
-/// By how much the cycle that differs most from the others does so, as a part of their mean, in a metric; 0 if
-/// chance would do as much. v follows d, and what is no size may be none. Its neighbours are none of the others: what happens where
-/// one cycle ends is in two of them.
-pub(super) fn outlying_cycle(cycles: &[Cycle], steady: &Steady, rate_hz: f64) -> Finding {
+/// Returns a finding with the largest significant difference of a cycle from the others in any tested metric, as a
+/// fraction of the mean of the others; 0 if no difference is significant. A cycle is not compared with its neighbours,
+/// because an event at the end of a cycle affects two of them.
+pub(super) fn outlying_cycle(cycles: &[Cycle], steady: &CycleSelection, rate_hz: f64) -> Finding {
     let used = &steady.used;
     let mut value = 0.0;
-    let mut message = "no cycle differs from the others".to_owned();
-    let is_tested = |of: &Metric| *of != Metric::V && of.definition().is_size;
-    for metric in Metric::ALL.into_iter().filter(is_tested) {
+    let mut message = "no cycle differs significantly from the others".to_owned();
+    for metric in Metric::ALL.into_iter().filter(|metric| metric.is_independent_size()) {
         let name = metric.column();
-        let of = |&cycle: &usize| cycles[cycle].metrics[metric];
-        let found: Vec<f64> = used.iter().map(of).collect();
+        let found: Vec<f64> = used.iter().map(|&cycle| cycles[cycle].metrics[metric]).collect();
         let middle = mean(found.iter().copied());
         let off: Vec<f64> = found.iter().map(|found| found - middle).collect();
         let all = sums(&off);
@@ -33,15 +31,19 @@ pub(super) fn outlying_cycle(cycles: &[Cycle], steady: &Steady, rate_hz: f64) ->
             let [count, sum, squares] = std::array::from_fn(|k| all[k] - near[k]);
             let usual = sum / count;
             let variance = ((squares - sum * usual) / (count - 1.0)).max(0.0);
-            // Student's t, whose square is F, of a value against the mean of others.
-            let chance = fisher(DEVIATIONS, [1.0, count - 1.0]) * variance * (1.0 + 1.0 / count);
-            let part = ((off[i] - usual) / (middle + usual)).abs();
-            // Of a few others anything may be chance.
-            if chance.is_finite() && (off[i] - usual).powi(2) > chance && part > value {
-                value = part;
+            // Student's t squared, which follows the F distribution, for a value against the mean of the others.
+            let square = (off[i] - usual).powi(2) / (variance * (1.0 + 1.0 / count));
+            let difference = ((off[i] - usual) / (middle + usual)).abs();
+            // The limit of F decreases with the degrees of freedom, so that the quantile is not needed for most cycles.
+            if difference > value && square > MIN_DEVIATIONS.powi(2) {
+                let is_chance = square <= fisher(normal_tail(MIN_DEVIATIONS), [1.0, count - 1.0]);
+                if is_chance {
+                    continue;
+                }
+                value = difference;
                 message = format!(
-                    "cycle {cycle}, from {:.1} s on, has {name} {:.4} and the others {:.4}: was the robot touched, \
-                     or did a camera move?",
+                    "cycle {cycle}, which begins at {:.1} s, has {name} = {:.4}, but the mean of the other cycles is \
+                     {:.4}: was the robot touched, or did a camera move?",
                     cycles[cycle].start / rate_hz,
                     found[i],
                     middle + usual
@@ -52,7 +54,7 @@ pub(super) fn outlying_cycle(cycles: &[Cycle], steady: &Steady, rate_hz: f64) ->
     Finding::at_most(Check::OutlyingCycle, value, message)
 }
 
-/// How many, their sum and that of their squares.
+/// Returns the number of values, their sum and the sum of their squares.
 fn sums(values: &[f64]) -> [f64; 3] {
     let squares = values.iter().map(|value| value * value);
     [values.len() as f64, values.iter().sum(), squares.sum()]
@@ -65,7 +67,8 @@ mod tests {
 
     use super::*;
 
-    /// Found among cycles whose d differ by 0.1 % and more by what is added.
+    /// Returns the finding for `count` cycles whose displacements vary by 0.1 %, after the relative changes in `added`
+    /// (each with the index of its cycle) have been added to the displacements.
     fn found(count: usize, added: &[(usize, f64)]) -> Finding {
         let cycle = |i: usize| {
             let noise = 1e-3 * (7.7 * i as f64).sin();
@@ -81,7 +84,7 @@ mod tests {
             }
         };
         let cycles: Vec<Cycle> = (0..count).map(cycle).collect();
-        let steady = Steady { used: (2..count).collect(), ..Steady::default() };
+        let steady = CycleSelection { used: (2..count).collect(), ..CycleSelection::default() };
         outlying_cycle(&cycles, &steady, 120.0)
     }
 
@@ -93,15 +96,15 @@ mod tests {
             let at = added[0].0;
             assert!((found.value - 0.08).abs() < 0.002, "{}", found.value);
             let start_s = 100.0 * at as f64 / 120.0;
-            let says = format!("cycle {at}, from {start_s:.1} s on, has d_m 0.1");
-            assert!(!found.holds() && found.message.starts_with(&says[..says.len() - 3]));
+            let start = format!("cycle {at}, which begins at {start_s:.1} s, has d_m 0.1");
+            assert!(!found.holds() && found.message.starts_with(&start[..start.len() - 3]));
         }
     }
 
     #[test]
-    fn what_chance_does_and_what_is_small_is_not_outlying() {
+    fn insignificant_and_small_differences_are_not_outlying() {
         assert!(found(12, &[(6, 0.04)]).holds());
-        // Too few to tell, and all different.
+        // With too few cycles, differences are not significant even if all cycles differ.
         for count in 3..7 {
             assert_eq!(found(count, &[(count - 1, 0.08)]).value, 0.0);
         }

@@ -1,26 +1,26 @@
-//! One row for a trial: its means, its gait and its checks.
+//! Summarises a trial in one row of means and measured gait, and runs the checks of its cycles.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_robot::Gait;
 use trilink_robot::metrics::{GaitMetrics, Metric};
-use trilink_statistics::{self, Estimate, wrap};
+use trilink_statistics::{Estimate, mean, wrap};
 use trilink_tables::trial::Trial;
 use trilink_tables::{Columns as _, CycleRow, JointCycle, JointGait, TrialRow, TrialStatus};
 
 use super::joints::joint_errors;
-use super::means::{mean_change, mean_of, rms_without_noise};
+use super::means::{independent_mean, mean_of_changes, rms_without_noise};
 use super::measure::{Cycle, CycleData, first_harmonic};
 use super::noise::{SkidNoise, end_variances};
 use super::outlying::outlying_cycle;
-use super::steady::Steady;
+use super::steady::CycleSelection;
 use crate::checks::{Check, Finding};
 use crate::diagnosis::check_gait;
 use crate::phase::{GAIT_HARMONICS, Harmonics, LinearPhase};
 use crate::signals::response;
 
-/// A row in which nothing is known but what is in the list of trials.
+/// Creates the row of a trial that has not been processed, with only the values of its entry in the trial list.
 pub(crate) fn blank_row(trial: &Trial) -> TrialRow {
     TrialRow {
         trial: trial.id.clone(),
@@ -34,12 +34,12 @@ pub(crate) fn blank_row(trial: &Trial) -> TrialRow {
     }
 }
 
-/// Adds to a row the means over the steady cycles and the measured gait.
+/// Adds the means over the used cycles and the measured gait to a row.
 pub(crate) fn describe_gait(
     row: &mut TrialRow,
     data: &CycleData,
     cycles: &[Cycle],
-    steady: &Steady,
+    steady: &CycleSelection,
 ) {
     let driven = data.driven;
     row.omega_rad_s = driven.omega_rad_s;
@@ -51,12 +51,12 @@ pub(crate) fn describe_gait(
     let of =
         |metric: Metric| -> Vec<f64> { used.iter().map(|cycle| cycle.metrics[metric]).collect() };
     let [position, heading] = end_variances(data, row.smoothing_window as usize);
-    let d = mean_change(&of(Metric::D), &steady.used, position, 0.0);
+    let d = mean_of_changes(&of(Metric::D), &steady.used, position, 0.0);
     let per_turn = driven.omega_rad_s / TAU;
-    let dtheta = mean_change(&of(Metric::Dtheta), &steady.used, heading, 0.0);
-    let alpha1 = mean_of(&of(Metric::Alpha1));
-    let scale = data.robot.l_m * driven.omega_rad_s;
-    let sigma = Metric::SIGMA.map(|metric| mean_of(&of(metric)));
+    let dtheta = mean_of_changes(&of(Metric::Dtheta), &steady.used, heading, 0.0);
+    let alpha1 = independent_mean(&of(Metric::Alpha1));
+    let scale = data.robot.skid_length_m() * driven.omega_rad_s;
+    let sigma = Metric::SIGMA.map(|metric| independent_mean(&of(metric)));
     row.metrics = GaitMetrics {
         d_m: d.value,
         v_m_s: d.value * per_turn,
@@ -81,32 +81,40 @@ pub(crate) fn describe_gait(
         dtheta_rad: dtheta.se,
     };
     row.gait = joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase);
+    row.heading_rad = data.smooth.direction_rad(frames.clone());
     for (joint, gait) in row.gait.iter_mut().enumerate() {
         let phase_rad = gait.phase_rad;
-        let error = |of: &dyn Fn(&JointCycle) -> f64| {
-            mean_of(&used.iter().map(|cycle| of(&cycle.gait[joint])).collect::<Vec<_>>()).se
-        };
         let common = common.gait_rad[joint];
-        gait.offset_rad_se = error(&|cycle| cycle.offset_rad).hypot(common[0]);
-        gait.amplitude_rad_se = error(&|cycle| cycle.amplitude_rad).hypot(common[1]);
-        gait.phase_rad_se = error(&|cycle| wrap(cycle.phase_rad - phase_rad)).hypot(common[2]);
+        gait.offset_rad_se =
+            standard_error(&used, joint, |cycle| cycle.offset_rad).hypot(common[0]);
+        gait.amplitude_rad_se =
+            standard_error(&used, joint, |cycle| cycle.amplitude_rad).hypot(common[1]);
+        gait.phase_rad_se = standard_error(&used, joint, |cycle| wrap(cycle.phase_rad - phase_rad))
+            .hypot(common[2]);
     }
-    let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
-    [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
+    [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] =
+        [1.0, 2.0, 3.0].map(|k| response(row.smoothing_window as usize, k * driven.phase.step_rad));
 }
 
-/// What both joints do in some frames; blank where too few show it.
+/// Returns the standard error of the mean, over cycles, of a joint quantity.
+fn standard_error(cycles: &[&Cycle], joint: usize, value: impl Fn(&JointCycle) -> f64) -> f64 {
+    independent_mean(&cycles.iter().map(|cycle| value(&cycle.gait[joint])).collect::<Vec<_>>()).se
+}
+
+/// Fits the gaits of both joints in a range of frames; blank for a joint that is visible in too few frames.
 pub(crate) fn joint_gaits(
     phi_rad: &[Vec<f64>; 2],
     frames: &Range<usize>,
     phase: &LinearPhase,
 ) -> [JointGait; 2] {
-    let gait = |phi_rad: &Vec<f64>| joint_gait(phi_rad, frames.clone(), phase);
-    phi_rad.each_ref().map(|phi_rad| gait(phi_rad).unwrap_or_else(JointGait::blank))
+    phi_rad
+        .each_ref()
+        .map(|phi_rad| joint_gait(phi_rad, frames.clone(), phase).unwrap_or_else(JointGait::blank))
 }
 
-/// Offset, amplitude and phase of an angle's first harmonic, and the RMS of its higher ones, rad.
-/// The angle is not smoothed, so nothing of the amplitude is lost.
+/// Fits the offset, amplitude and phase of an angle's first harmonic, rad, and the RMS of its higher harmonics, rad;
+/// `None` if the angle is known in too few frames. The angle must not be smoothed, because smoothing would reduce its
+/// amplitude.
 fn joint_gait(phi_rad: &[f64], frames: Range<usize>, phase: &LinearPhase) -> Option<JointGait> {
     let fit = Harmonics::fit(phi_rad, frames, phase, GAIT_HARMONICS)?;
     let squares = (2..=GAIT_HARMONICS).map(|k| 0.5 * fit.amplitude(k).powi(2)).sum::<f64>();
@@ -120,41 +128,47 @@ fn joint_gait(phi_rad: &[f64], frames: Range<usize>, phase: &LinearPhase) -> Opt
     })
 }
 
-/// `cycles/<trial>.parquet`.
+/// Builds the rows of `cycles/<trial>.parquet`.
 pub(crate) fn cycle_rows(
     trial: &Trial,
     cycles: &[Cycle],
-    steady: &Steady,
+    steady: &CycleSelection,
     rate_hz: f64,
 ) -> Vec<CycleRow> {
-    let row = |(i, cycle): (usize, &Cycle)| CycleRow {
-        trial: trial.id.clone(),
-        cycle: i as i64,
-        start_s: cycle.start / rate_hz,
-        metrics: cycle.metrics,
-        gait: cycle.gait,
-        used: steady.used.binary_search(&i).is_ok(),
-        reason: steady.reason(i, cycle),
-    };
-    cycles.iter().enumerate().map(row).collect()
+    let cycles = cycles.iter().enumerate();
+    cycles
+        .map(|(i, cycle)| CycleRow {
+            trial: trial.id.clone(),
+            cycle: i as i64,
+            start_s: cycle.start / rate_hz,
+            metrics: cycle.metrics,
+            gait: cycle.gait,
+            used: steady.used.binary_search(&i).is_ok(),
+            reason: steady.reason(i, cycle),
+        })
+        .collect()
 }
 
-/// Checks of a trial with a commanded gait.
+/// Runs the checks of a trial with a commanded gait.
 pub(crate) fn gait_checks(
     row: &TrialRow,
     data: &CycleData,
     cycles: &[Cycle],
-    steady: &Steady,
+    steady: &CycleSelection,
 ) -> Vec<Finding> {
-    let (omega, commanded) = (row.omega_rad_s, row.omega_commanded_rad_s);
+    let omega = row.omega_rad_s;
+    let commanded = row.omega_commanded_rad_s;
     let used = steady.used.len();
     let off_command = (omega / commanded - 1.0).abs();
-    let measured = format!("{omega:.4} rad/s were measured, {commanded} rad/s commanded");
+    let measured = format!("measured {omega:.4} rad/s, commanded {commanded} rad/s");
+    let off_gait = match steady.off_gait {
+        0 => String::new(),
+        off_gait => format!("; cycles in which the joints did not follow the gait: {off_gait}"),
+    };
     let counted = format!(
-        "{used} of {} whole cycles count, after {} of transient and without {} off the gait",
+        "{used} of {} cycles used; the first {} were still settling{off_gait}",
         cycles.len(),
-        steady.skipped,
-        steady.off_gait
+        steady.skipped
     );
     let part_gapped = steady.gapped as f64 / (used + steady.gapped).max(1) as f64;
     let gapped = match steady.gapped {
@@ -162,7 +176,7 @@ pub(crate) fn gait_checks(
         several => format!("{several} cycles with gaps are left out"),
     };
     let drift = drift_of_d(cycles, steady);
-    let drifted = format!("d changes by {:.2} % over the cycles used", 100.0 * drift);
+    let drifted = format!("d changes by {:.2} % over the used cycles", 100.0 * drift);
     let mut findings = vec![
         Finding::at_most(Check::Frequency, off_command, measured),
         Finding::at_least(Check::SteadyState, used as f64, counted),
@@ -170,29 +184,29 @@ pub(crate) fn gait_checks(
         check_gait(row.gait.map(|joint| joint.command()), data.gait),
         Finding::at_most(Check::Drift, drift, drifted),
     ];
-    let (phi_rad, phase) = (&data.tracked.seen.phi_rad, &data.driven.phase);
-    let clipping = |frames| clipping_check(data.gait, phi_rad, &frames, phase);
-    findings.extend(steady.frames(cycles).map(clipping));
+    if let Some(frames) = steady.frames(cycles) {
+        let phi_rad = &data.tracked.seen.phi_rad;
+        findings.push(clipping_check(data.gait, phi_rad, &frames, &data.driven.phase));
+    }
     findings.push(outlying_cycle(cycles, steady, data.rate_hz));
     findings
 }
 
-/// Relative change of d from the first half of the used cycles to the second.
-fn drift_of_d(cycles: &[Cycle], steady: &Steady) -> f64 {
+/// Returns the relative change in d from the first half of the used cycles to the second half.
+fn drift_of_d(cycles: &[Cycle], steady: &CycleSelection) -> f64 {
     let half = steady.used.len() / 2;
-    let mean =
-        |used: &[usize]| trilink_statistics::mean(used.iter().map(|&i| cycles[i].metrics.d_m));
-    let early = mean(&steady.used[..half]);
-    let late = mean(&steady.used[steady.used.len() - half..]);
+    let [early, late] = [&steady.used[..half], &steady.used[steady.used.len() - half..]]
+        .map(|used| mean(used.iter().map(|&i| cycles[i].metrics.d_m)));
     (late / early - 1.0).abs()
 }
 
-/// Whether a servo saturates, so that its joint's angle has flat tops; angles as seen, unsmoothed.
+/// Checks whether a servo saturates, which flattens the peaks of its joint's angle. The angles are used as recorded,
+/// without smoothing.
 ///
-/// A wave that is cut off at its peaks falls short of its own first harmonic there: a wave cut at
-/// 0.9 of its amplitude has a first harmonic of 0.963 and stays 6.5 % below it. Distortions that
-/// make the peaks sharper, and a servo that reaches less than its command as a whole, do not. A command
-/// with a second harmonic has peaks of its own, which count in place of the first harmonic's.
+/// The peaks of a clipped wave fall short of the wave's first harmonic: a wave clipped at 0.9 of its amplitude has a
+/// first harmonic of 0.963, and its peaks are 6.5 % below that. Distortions that sharpen the peaks have no such effect,
+/// nor has a servo that attenuates the whole command. If a command has a second harmonic, the peaks of the command are
+/// used in place of those of the first harmonic.
 fn clipping_check(
     gait: &Gait,
     phi_rad: &[Vec<f64>; 2],
@@ -200,7 +214,7 @@ fn clipping_check(
     phase: &LinearPhase,
 ) -> Finding {
     let mut value = 0.0;
-    let mut message = "no joint stays short of its first harmonic".to_owned();
+    let mut message = "every joint angle reaches the peaks of its first harmonic".to_owned();
     for (joint, command) in gait.joints.iter().enumerate() {
         let Some(command) = command else { continue };
         let fit = Harmonics::fit(&phi_rad[joint], frames.clone(), phase, GAIT_HARMONICS);
@@ -216,12 +230,13 @@ fn clipping_check(
                 Some(_) => commanded / command.amplitude_rad,
                 None => 1.0,
             };
-            // The part of its amplitude by which the first harmonic is larger.
+            // Shortfall of the peak relative to the amplitude of the first harmonic.
             let short = of_first - peak / fit.amplitude(1);
             if short > value {
-                let (joint, percent) = (joint + 1, 100.0 * short);
+                let joint = joint + 1;
+                let percent = 100.0 * short;
                 message = format!(
-                    "joint {joint}'s {name} angle stays {percent:.1} % short of its first harmonic"
+                    "the {name} angle of joint {joint} falls {percent:.1} % short of the peak of its first harmonic"
                 );
                 value = short;
             }
@@ -236,11 +251,10 @@ mod tests {
 
     fn finding(wave: impl Fn(f64) -> f64) -> Finding {
         let phase = LinearPhase { step_rad: 0.0325, offset_rad: 0.4 };
-        let phi = |frame: usize| {
-            // A little of what noise does, the same at every run.
-            wave(phase.at(frame as f64)) + 0.002 * (7.7 * frame as f64).sin()
-        };
-        let series: Vec<f64> = (0..1800).map(phi).collect();
+        let frames = (0..1800).map(f64::from);
+        // Deterministic noise.
+        let series: Vec<f64> =
+            frames.map(|frame| wave(phase.at(frame)) + 0.002 * (7.7 * frame).sin()).collect();
         clipping_check(&Gait::symmetric(), &[series.clone(), series], &(100..1700), &phase)
     }
 
@@ -252,14 +266,13 @@ mod tests {
         }
         let cut = finding(|phase| (0.5 * phase.cos()).clamp(-0.45, 0.45));
         assert!((cut.value - 0.06).abs() < 0.01, "{}", cut.value);
-        assert!(cut.message.contains("angle stays 5."), "{}", cut.message);
+        assert!(cut.message.contains("of joint 1 falls 5."), "{}", cut.message);
     }
 
     #[test]
-    fn a_servo_that_is_late_small_or_uneven_without_flat_tops_passes() {
-        let sharp = |phase: f64| 0.5 * phase.cos() + 0.02 * (3.0 * phase).cos();
-        let skewed = |phase: f64| 0.5 * phase.cos() + 0.015 * (2.0 * phase).sin();
+    fn a_late_attenuated_or_distorted_servo_without_flat_peaks_passes() {
         assert!(finding(|phase| 0.2 * (phase - 0.3).cos()).holds());
-        assert!(finding(sharp).holds() && finding(skewed).holds());
+        assert!(finding(|phase| 0.5 * phase.cos() + 0.02 * (3.0 * phase).cos()).holds());
+        assert!(finding(|phase| 0.5 * phase.cos() + 0.015 * (2.0 * phase).sin()).holds());
     }
 }

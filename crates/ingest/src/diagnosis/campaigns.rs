@@ -1,5 +1,5 @@
-//! What the gaits of several trials show: trials of another campaign, and joints that are bent alike
-//! in all trials of one.
+//! Compares the gaits of several trials to find trials that follow another campaign's gait, and joints with the same
+//! offset error in all trials of a campaign.
 
 use std::collections::BTreeMap;
 
@@ -8,27 +8,26 @@ use trilink_robot::Gait;
 use trilink_statistics::{extremes, mean};
 use trilink_tables::{CheckRow, TrialRow, TrialStatus};
 
-use super::gait::off_deg;
+use super::gait::max_deviation_deg;
 use crate::Ingested;
 use crate::checks::{Check, Finding};
 
-/// A gait that the joints follow this well is theirs, degrees.
+/// Maximum deviation of the joints from a gait that they are considered to follow, degrees.
 const FOLLOWED_DEG: f64 = 4.0;
-/// A passive joint this far from what it does at its campaign's other frequencies is not passive,
-/// degrees.
-const FOREIGN_DEG: f64 = 12.0;
-/// Joints whose offsets are off by more than this in all trials are off for one reason, degrees.
-const BENT_ALIKE_DEG: f64 = 3.0;
+/// Maximum deviation of a passive joint from the motion expected from the campaign's other frequencies, degrees.
+const PASSIVE_DEG: f64 = 12.0;
+/// Minimum offset error, common to all trials of a campaign, that is attributed to a single cause, degrees.
+const MIN_COMMON_OFFSET_DEG: f64 = 3.0;
 
-/// Fails trials that do what another campaign commands.
+/// Fails trials whose joints follow the gait of another campaign.
 pub(super) fn find_other_campaigns(rows: &mut Ingested, gaits: &BTreeMap<String, Gait>) {
     let Ingested { trials, checks, .. } = rows;
     let others: Vec<Vec<&str>> =
         trials.iter().map(|row| other_campaigns(row, trials, gaits)).collect();
     for (row, names) in trials.iter_mut().zip(others).filter(|(_, names)| !names.is_empty()) {
         let message = format!(
-            "the joints do what campaign `{}` commands, not `{}`: is campaign right in trials.toml, \
-             and is the file this trial's?",
+            "the joints follow the command of campaign `{}`, not of `{}`: is `campaign` correct in trials.toml, and \
+             does the file belong to this trial?",
             names.join("` or `"),
             row.campaign
         );
@@ -36,7 +35,7 @@ pub(super) fn find_other_campaigns(rows: &mut Ingested, gaits: &BTreeMap<String,
     }
 }
 
-/// The campaigns whose gait a trial follows instead of its own.
+/// Returns the other campaigns whose gait a trial follows instead of its own campaign's gait.
 fn other_campaigns<'g>(
     row: &TrialRow,
     trials: &[TrialRow],
@@ -46,68 +45,89 @@ fn other_campaigns<'g>(
     if row.gait.iter().any(|joint| joint.offset_rad.is_nan()) {
         return Vec::new();
     }
-    let commanded = |gait: &Gait| gait.joints.iter().flatten().count();
-    // A passive joint may do anything.
-    let least = if follows(row, own, Check::Gait.limit()) { commanded(own) + 1 } else { 0 };
-    let followed = gaits
+    // A passive joint may move in any way: if the trial follows its own gait, another gait has to command more joints.
+    let follows_own = follows(row, own, Check::Gait.limit());
+    let min_commanded = if follows_own { commanded_joints(own) + 1 } else { 0 };
+    let followed: Vec<(&String, &Gait)> = gaits
         .iter()
-        .filter(|(_, gait)| commanded(gait) >= least && follows(row, gait, FOLLOWED_DEG))
-        .filter(|(_, gait)| least == 0 || !is_passive_by_chance(row, own, gait, trials));
-    let followed: Vec<_> = followed.collect();
-    let most = followed.iter().map(|(_, gait)| commanded(gait)).max().unwrap_or(0);
-    let most_commanded = followed.into_iter().filter(|(_, gait)| commanded(gait) == most);
-    most_commanded.map(|(name, _)| name.as_str()).collect()
+        .filter(|(_, gait)| {
+            commanded_joints(gait) >= min_commanded && follows(row, gait, FOLLOWED_DEG)
+        })
+        .filter(|(_, gait)| min_commanded == 0 || !is_passive_by_chance(row, own, gait, trials))
+        .collect();
+    let max_commanded = followed.iter().map(|(_, gait)| commanded_joints(gait)).max().unwrap_or(0);
+    followed
+        .into_iter()
+        .filter(|(_, gait)| commanded_joints(gait) == max_commanded)
+        .map(|(name, _)| name.as_str())
+        .collect()
 }
 
+fn commanded_joints(gait: &Gait) -> usize {
+    gait.joints.iter().flatten().count()
+}
+
+/// Returns whether the joints of a trial follow a gait to within a tolerance.
 fn follows(row: &TrialRow, gait: &Gait, within_deg: f64) -> bool {
-    off_deg(row.gait.map(|joint| joint.command()), gait) <= within_deg
+    max_deviation_deg(row.gait.map(|joint| joint.command()), gait) <= within_deg
 }
 
-/// Whether the passive joint of a trial, which follows the command of `other`, does what the
-/// campaign's trials that do not follow it have it do at their frequencies, in proportion.
+/// Returns whether a trial's passive joint, which follows the gait `other`, does so by chance: whether linear
+/// interpolation in frequency between other trials of its own campaign also predicts this motion. Trials that also
+/// follow `other` are not used.
 fn is_passive_by_chance(row: &TrialRow, own: &Gait, other: &Gait, trials: &[TrialRow]) -> bool {
     let Some(joint) = own.passive_joint() else { return true };
-    let swing = |row: &TrialRow| {
-        let joint = row.gait[joint];
-        Complex::from_polar(joint.amplitude_rad, joint.phase_rad)
-    };
-    let is_known = |of: &&TrialRow| {
-        of.campaign == row.campaign && swing(of).re.is_finite() && !follows(of, other, FOLLOWED_DEG)
-    };
-    let mut known: Vec<&TrialRow> = trials.iter().filter(is_known).collect();
-    let distance = |of: &TrialRow| (of.omega_rad_s / row.omega_rad_s).ln().abs();
-    known.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let mut known: Vec<&TrialRow> = trials
+        .iter()
+        .filter(|trial| {
+            trial.campaign == row.campaign
+                && swing(trial, joint).re.is_finite()
+                && !follows(trial, other, FOLLOWED_DEG)
+        })
+        .collect();
+    known.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|trial| (trial.omega_rad_s / row.omega_rad_s).ln().abs());
+        a.total_cmp(&b)
+    });
     let Some(nearest) = known.first() else { return false };
-    let is_other = |of: &&&TrialRow| (of.omega_rad_s / nearest.omega_rad_s - 1.0).abs() > 0.02;
-    let Some(next) = known.iter().find(is_other) else { return false };
-    let part = (row.omega_rad_s - nearest.omega_rad_s) / (next.omega_rad_s - nearest.omega_rad_s);
-    let expected = swing(nearest) + (swing(next) - swing(nearest)) * part;
-    (swing(row) - expected).norm().to_degrees() <= FOREIGN_DEG
+    let next =
+        known.iter().find(|trial| (trial.omega_rad_s / nearest.omega_rad_s - 1.0).abs() > 0.02);
+    let Some(next) = next else { return false };
+    let position =
+        (row.omega_rad_s - nearest.omega_rad_s) / (next.omega_rad_s - nearest.omega_rad_s);
+    let expected = swing(nearest, joint) + (swing(next, joint) - swing(nearest, joint)) * position;
+    (swing(row, joint) - expected).norm().to_degrees() <= PASSIVE_DEG
 }
 
-/// Fails trials the joints of which are bent alike in all trials of a campaign: servos miss their
-/// angles to both sides.
+/// Fails the trials of every campaign in which a joint's offset has the same error in all trials; random servo errors
+/// would have both signs.
 pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, Gait>) {
     let Ingested { trials, checks, .. } = rows;
     let mut found = Vec::new();
     for (campaign, gait) in gaits {
-        let of_campaign =
-            |row: &&TrialRow| row.campaign == *campaign && row.status != TrialStatus::Failed;
-        let of_campaign: Vec<&TrialRow> = trials.iter().filter(of_campaign).collect();
+        let of_campaign: Vec<&TrialRow> = trials
+            .iter()
+            .filter(|row| row.campaign == *campaign && row.status != TrialStatus::Failed)
+            .collect();
         for (joint, command) in gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
-            let off = |row: &&TrialRow| row.gait[joint].offset_rad - command.offset_rad;
-            let off_deg: Vec<f64> = of_campaign.iter().map(|row| off(row).to_degrees()).collect();
+            let off_deg: Vec<f64> = of_campaign
+                .iter()
+                .map(|row| (row.gait[joint].offset_rad - command.offset_rad).to_degrees())
+                .collect();
             let [low, high] = extremes(off_deg.iter().copied());
-            if off_deg.len() < 2 || low.max(-high) < BENT_ALIKE_DEG {
+            if off_deg.len() < 2 || low.max(-high) < MIN_COMMON_OFFSET_DEG {
                 continue;
             }
-            let (configured, off_deg) = (command.offset_rad.to_degrees(), mean(off_deg));
-            let (count, link) = (of_campaign.len(), joint + 1);
+            let configured = command.offset_rad.to_degrees();
+            let off_deg = mean(off_deg);
+            let count = of_campaign.len();
+            let link = joint + 1;
             let message = format!(
-                "joint {link}: measured offset {:+.1} deg in all {count} trials, configured \
-                 {configured}: is offset_deg right, or are markers.link0 or markers.link{link} \
-                 turned? ingest --calibrate with a trial of a gait about straight links tells",
+                "joint {link}: measured offset {:+.1} deg in all {count} trials, configured {configured}: is \
+                 offset_deg correct, or are the positions in markers.link0 or markers.link{link} rotated? `trilink \
+                 ingest --calibrate` with a trial whose gait oscillates about the straight configuration shows which \
+                 of the two is wrong",
                 configured + off_deg
             );
             found.push((campaign.clone(), message));
@@ -125,17 +145,32 @@ pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, 
     }
 }
 
-/// Fails a trial for what others show.
+/// Fails a trial because of a comparison with other trials: sets its status and adds the failed check.
 pub(super) fn fail(row: &mut TrialRow, checks: &mut Vec<CheckRow>, check: Check, message: String) {
-    row.message = match row.message.is_empty() {
-        true => message.clone(),
-        false => format!("{message}; {}", row.message),
-    };
     row.status = TrialStatus::Failed;
-    let finding = Finding::new(check, false, f64::NAN, f64::NAN, message).row(&row.trial);
-    // Beside the trial's other checks.
-    let after = checks.iter().rposition(|other| other.trial == row.trial);
-    checks.insert(after.map_or(checks.len(), |last| last + 1), finding);
+    add(row, checks, Finding::new(check, false, f64::NAN, f64::NAN, message));
+}
+
+/// Adds a finding that compares a trial with others.
+pub(super) fn add(row: &mut TrialRow, checks: &mut Vec<CheckRow>, finding: Finding) {
+    row.message = if row.message.is_empty() {
+        finding.message.clone()
+    } else {
+        format!("{}; {}", finding.message, row.message)
+    };
+    insert(&row.trial, checks, &finding);
+}
+
+/// Inserts a finding after the trial's other checks.
+pub(super) fn insert(trial: &str, checks: &mut Vec<CheckRow>, finding: &Finding) {
+    let after = checks.iter().rposition(|other| other.trial == trial);
+    checks.insert(after.map_or(checks.len(), |last| last + 1), finding.row(trial));
+}
+
+/// Returns the first harmonic of a joint as a phasor, rad.
+fn swing(row: &TrialRow, joint: usize) -> Complex<f64> {
+    let joint = row.gait[joint];
+    Complex::from_polar(joint.amplitude_rad, joint.phase_rad)
 }
 
 #[cfg(test)]
@@ -145,7 +180,7 @@ mod tests {
 
     use super::*;
 
-    /// A trial with joint 2 as commanded, and joint 1 at a phase.
+    /// Returns a trial with joint 2 as commanded and joint 1 at a given phase.
     fn trial(omega_rad_s: f64, phase_deg: f64) -> TrialRow {
         let joint = |amplitude_deg: f64, phase_deg: f64| JointGait {
             offset_rad: 0.0,
@@ -163,6 +198,7 @@ mod tests {
         }
     }
 
+    /// Returns the trials, in order of frequency, that are found to follow another campaign's gait.
     fn foreign(phases_deg: [f64; 4]) -> Vec<String> {
         let trials = [1.0, 2.0, 3.0, 4.0].into_iter().zip(phases_deg);
         let trials = trials.map(|(omega, phase)| trial(omega, phase)).collect();
@@ -174,8 +210,8 @@ mod tests {
     }
 
     #[test]
-    fn a_passive_joint_that_passes_another_command_by_chance_is_the_campaign_s() {
-        // Commanded, it would be 90 degrees ahead.
+    fn a_passive_joint_that_matches_another_command_by_chance_belongs_to_its_campaign() {
+        // A commanded joint would lead by 90 degrees.
         assert!(foreign([130.0, 110.0, 90.0, 70.0]).is_empty());
         assert!(foreign([89.0, 70.0, 55.0, 45.0]).is_empty());
         assert_eq!(foreign([-80.0, -100.0, 90.0, -140.0]), ["3"]);

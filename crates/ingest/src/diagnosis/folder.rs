@@ -1,5 +1,5 @@
-//! What the trials show together: files that stand in the list twice or not at all, and
-//! the one reason for which most trials of a campaign need a person.
+//! Compares all trials to find marker files that are listed twice or not at all, trials that are unlike their repeats,
+//! and campaigns of which most trials need attention for the same reason.
 
 use std::collections::BTreeMap;
 
@@ -7,53 +7,64 @@ use serde::Serialize;
 use serde_json::Value;
 use trilink_base::Named as _;
 use trilink_robot::Gait;
-use trilink_tables::config::{Campaign, Config};
+use trilink_tables::config::Config;
 use trilink_tables::trial::TrialFolder;
-use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus};
+use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats};
 
-use super::campaigns::{fail, find_common_offsets, find_other_campaigns};
+use super::campaigns::{add, fail, find_common_offsets, find_other_campaigns};
+use super::heading::flag_slopes;
 use crate::Ingested;
 use crate::checks::{Check, Finding};
+use crate::identification::floor::{estimate_slopes, forget_slopes};
 
-/// What the trials of all folders are judged by together.
+/// Configuration and trial lists with which the trials of all folders are compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FolderInput {
-    /// Of every campaign.
+    /// Commanded gait of every campaign.
     gaits: BTreeMap<String, Gait>,
-    /// Marker files that are not in the list, of every folder by its name.
+    /// Marker files that are missing from the trial list, by folder name.
     unlisted: BTreeMap<String, Vec<String>>,
+    /// Configured roll resistances of every robot, kg/s.
+    roll_kg_s: BTreeMap<String, [f64; 3]>,
 }
 
 impl FolderInput {
     pub fn new(config: &Config, folders: &[TrialFolder]) -> Self {
-        let gait = |(name, campaign): (&String, &Campaign)| {
+        let gaits = config.campaign.iter().filter_map(|(name, campaign)| {
             Some((name.clone(), config.gait.get(&campaign.gait)?.to_gait()))
-        };
-        let unlisted = |folder: &TrialFolder| (folder.name.clone(), unlisted(folder));
+        });
+        let unlisted = folders.iter().map(|folder| (folder.name.clone(), unlisted_files(folder)));
+        let roll_kg_s =
+            config.robot.iter().map(|(name, robot)| (name.clone(), robot.to_robot().roll_kg_s));
         Self {
-            gaits: config.campaign.iter().filter_map(gait).collect(),
-            unlisted: folders.iter().map(unlisted).collect(),
+            gaits: gaits.collect(),
+            unlisted: unlisted.collect(),
+            roll_kg_s: roll_kg_s.collect(),
         }
     }
 
-    /// Names of the folders in one that was serialised; none if it is another value.
+    /// Returns the names of the folders in a serialised [`FolderInput`]; none if the value is not one.
     pub fn folders(serialised: &Value) -> Vec<String> {
         let unlisted = serialised.get("unlisted").and_then(Value::as_object);
         unlisted.into_iter().flat_map(|folders| folders.keys().cloned()).collect()
     }
 
-    /// Adds what the trials show together; `contents` has the hash of each trial's marker file, as
-    /// far as it was read.
+    /// Adds the findings that concern several trials. `contents` has the hash of each trial's marker file if the file
+    /// was read.
     pub fn diagnose(&self, rows: &mut Ingested, contents: &BTreeMap<String, String>) {
         find_other_campaigns(rows, &self.gaits);
         find_same_files(rows, contents);
         find_common_offsets(rows, &self.gaits);
+        find_unlike_repeats(rows);
+        estimate_slopes(rows, &self.roll_kg_s);
+        flag_slopes(rows);
         find_common_reasons(rows);
         for (folder, unlisted) in self.unlisted.iter().filter(|(_, names)| !names.is_empty()) {
-            let (count, names) = (unlisted.len(), unlisted.join("`, `"));
+            let count = unlisted.len();
+            let names = unlisted.join("`, `");
             let message = format!(
-                "{count} marker file{} not in trials.toml: `{names}`; list, remove or name under \
-                 ignore = [..] of trials.toml",
+                "{count} marker file{} not listed in trials.toml: `{names}`; list such files in trials.toml, name \
+                 them under its key `ignore = [..]`, or remove them",
                 if count == 1 { " is" } else { "s are" }
             );
             let finding = Finding::at_most(Check::Unlisted, count as f64, message);
@@ -62,13 +73,13 @@ impl FolderInput {
     }
 }
 
-/// Marker files of a folder that are not in its list, in order.
-fn unlisted(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
+/// Returns the marker files of a folder that are missing from its trial list, sorted.
+fn unlisted_files(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
     let names = trilink_mocap::marker_files(path).unwrap_or_default();
     names.into_iter().filter(|name| list.lacks(name)).collect()
 }
 
-/// Fails trials whose marker files have the same content.
+/// Fails trials whose marker files have identical content.
 fn find_same_files(rows: &mut Ingested, contents: &BTreeMap<String, String>) {
     let Ingested { trials, checks, .. } = rows;
     let mut by_content: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -81,8 +92,8 @@ fn find_same_files(rows: &mut Ingested, contents: &BTreeMap<String, String>) {
             same.into_iter().flatten().copied().filter(|other| *other != row.trial).collect();
         if !others.is_empty() {
             let message = format!(
-                "the marker file is that of `{}`, too: correct file in trials.toml, or remove one \
-                 of them",
+                "trial `{}` has the same marker file: correct `file` in trials.toml, or remove all but one of these \
+                 trials",
                 others.join("`, `")
             );
             fail(row, checks, Check::SameFile, message);
@@ -90,7 +101,30 @@ fn find_same_files(rows: &mut Ingested, contents: &BTreeMap<String, String>) {
     }
 }
 
-/// Says of each campaign for which reason most of its trials need a person.
+/// Flags trials that are unlike their repeats.
+fn find_unlike_repeats(rows: &mut Ingested) {
+    for found in UnlikeRepeats::find(&rows.trials) {
+        let row = &mut rows.trials[found.index];
+        let value = row.metrics[found.metric];
+        let message = format!(
+            "{} is {value:.4}, but the median of the {} trials at {:.2} rad/s on this day is {:.4}, {:.1} robust \
+             standard deviations away: was the floor, a wheel or the load different? The fits leave this trial \
+             out",
+            found.metric.column(),
+            found.trials,
+            row.frequency_rad_s(),
+            found.median,
+            found.deviations,
+        );
+        if row.status == TrialStatus::Ok {
+            row.status = TrialStatus::Flagged;
+        }
+        let finding = Finding::at_most(Check::UnlikeRepeats, found.deviations, message);
+        add(row, &mut rows.checks, finding);
+    }
+}
+
+/// Adds a finding for each campaign of which most trials need attention for the same reason.
 fn find_common_reasons(rows: &mut Ingested) {
     let mut campaigns: BTreeMap<&str, Vec<&TrialRow>> = BTreeMap::new();
     for row in rows.trials.iter().filter(|row| !row.campaign.is_empty()) {
@@ -106,17 +140,16 @@ fn find_common_reasons(rows: &mut Ingested) {
         for row in &trials {
             let of_trial = by_trial.get(row.trial.as_str()).into_iter().flatten().copied();
             let worst = of_trial.clone().map(|check| check.severity).max();
-            let is_reason = |check: &&CheckRow| {
-                Some(check.severity) == worst && check.severity > Severity::Info
-            };
-            // A trial fails for one of its checks, or for what it says itself.
+            // A trial fails because of its checks, or because it cannot be processed.
             let failed = Check::Failed.to_string();
-            let mut reasons_of: Vec<&CheckRow> = of_trial.filter(is_reason).collect();
-            if reasons_of.iter().any(|check| check.check != failed) {
-                reasons_of.retain(|check| check.check != failed);
+            let mut worst_checks: Vec<&CheckRow> = of_trial
+                .filter(|check| Some(check.severity) == worst && check.severity > Severity::Info)
+                .collect();
+            if worst_checks.iter().any(|check| check.check != failed) {
+                worst_checks.retain(|check| check.check != failed);
             }
-            for check in reasons_of {
-                let reason = (check.check.as_str(), without_numbers(said(check)));
+            for check in worst_checks {
+                let reason = (check.check.as_str(), without_numbers(message_without_file(check)));
                 reasons.entry(reason).or_default().push(check);
             }
         }
@@ -124,8 +157,9 @@ fn find_common_reasons(rows: &mut Ingested) {
             if checks.len() < 2 {
                 continue;
             }
-            let (count, all) = (checks.len() as f64, trials.len() as f64);
-            let message = format!("{count} of {all} trials: {}", said(checks[0]));
+            let count = checks.len() as f64;
+            let all = trials.len() as f64;
+            let message = format!("{count} of {all} trials: {}", message_without_file(checks[0]));
             let finding = Finding::new(Check::CommonReason, false, count, all, message);
             found.push(finding.row(&format!("campaign {campaign}")));
         }
@@ -133,8 +167,8 @@ fn find_common_reasons(rows: &mut Ingested) {
     rows.checks.extend(found);
 }
 
-/// A check's message without the name of the marker file.
-fn said(check: &CheckRow) -> &str {
+/// Returns a check's message without the name of the marker file.
+fn message_without_file(check: &CheckRow) -> &str {
     let message = check.message.as_str();
     let file = [".csv: ", ".c3d: ", ".gz: "].into_iter().find_map(|end| message.split_once(end));
     match file {
@@ -143,41 +177,83 @@ fn said(check: &CheckRow) -> &str {
     }
 }
 
+/// Removes all numbers from a message.
 fn without_numbers(text: &str) -> String {
     text.chars().filter(|c| !c.is_ascii_digit() && !"+-.".contains(*c)).collect()
 }
 
 impl Ingested {
-    /// What the trials show together: the checks of a campaign or of a folder.
+    /// Iterates over the findings that concern a whole campaign or folder.
     pub fn together(&self) -> impl Iterator<Item = &CheckRow> {
         let names = [Check::CommonReason, Check::Unlisted].map(|check| check.to_string());
         self.checks.iter().filter(move |row| names.contains(&row.check))
     }
 
-    /// Whether a trial failed, or the trials together show a mistake.
+    /// Returns whether someone has to look at the results, because a trial failed or the trials together show a
+    /// mistake.
     pub fn needs_a_person(&self) -> bool {
         let is_failed = |trial: &TrialRow| trial.status == TrialStatus::Failed;
         self.trials.iter().any(is_failed) || self.together().next().is_some()
     }
 }
 
-/// The rows of a trial as they were before [`FolderInput::diagnose`].
-pub fn undiagnosed(mut rows: Ingested) -> Ingested {
-    let is_of_several =
-        |row: &CheckRow| Check::of_name(&row.check).is_some_and(Check::is_of_several);
+/// Returns the rows without the effects of [`FolderInput::diagnose`].
+pub fn without_diagnosis(mut rows: Ingested) -> Ingested {
     let before = rows.checks.len();
-    rows.checks.retain(|row| !is_of_several(row));
+    rows.checks.retain(|row| !Check::of_name(&row.check).is_some_and(Check::compares_trials));
     if rows.checks.len() < before {
-        for row in &mut rows.trials {
-            let found = rows.checks.iter().filter(|check| check.severity > Severity::Info);
-            let messages: Vec<&str> = found.clone().map(|check| check.message.as_str()).collect();
-            row.message = messages.join("; ");
-            row.status = match found.map(|check| check.severity).max() {
-                Some(Severity::Error) => TrialStatus::Failed,
-                Some(_) => TrialStatus::Flagged,
-                None => TrialStatus::Ok,
-            };
-        }
+        rows.trials.iter_mut().for_each(|row| restate(row, &rows.checks));
     }
+    forget_slopes(&mut rows);
     rows
+}
+
+/// Sets the status and the message of a trial to those that follow from its own checks among `checks`.
+pub(crate) fn restate(row: &mut TrialRow, checks: &[CheckRow]) {
+    let found =
+        checks.iter().filter(|check| check.trial == row.trial && check.severity > Severity::Info);
+    let messages: Vec<&str> = found.clone().map(|check| check.message.as_str()).collect();
+    row.message = messages.join("; ");
+    row.status = match found.map(|check| check.severity).max() {
+        Some(Severity::Error) => TrialStatus::Failed,
+        Some(_) => TrialStatus::Flagged,
+        None => TrialStatus::Ok,
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use trilink_robot::metrics::GaitMetrics;
+    use trilink_tables::Columns as _;
+
+    use super::*;
+
+    #[test]
+    fn a_trial_unlike_its_repeats_is_flagged_until_it_is_like_them() {
+        let trial = |index: u8| TrialRow {
+            trial: format!("{index}"),
+            status: TrialStatus::Ok,
+            omega_commanded_rad_s: f64::from(index / 3),
+            metrics: GaitMetrics {
+                d_m: 0.1 + 1e-3 * (7.7 * f64::from(index)).sin(),
+                ..GaitMetrics::MISSING
+            },
+            ..TrialRow::blank()
+        };
+        let trials = (3..21).map(trial).collect();
+        let mut rows = Ingested { trials, ..Ingested::default() };
+        find_unlike_repeats(&mut rows);
+        assert!(rows.checks.is_empty());
+        rows.trials[4].metrics.d_m *= 1.4;
+        let before = format!("{rows:?}");
+        find_unlike_repeats(&mut rows);
+        let flagged = rows.trials.iter().filter(|row| row.status == TrialStatus::Flagged);
+        let flagged: Vec<&TrialRow> = flagged.collect();
+        let [flagged] = flagged.as_slice() else { panic!("{flagged:?}") };
+        let start = "d_m is 0.13";
+        assert!(flagged.trial == "7" && flagged.message.starts_with(start), "{flagged:?}");
+        assert!(flagged.message.contains("the median of the 3 trials at 2.00 rad/s"));
+        assert_eq!(rows.checks.len(), 1);
+        assert_eq!(format!("{:?}", without_diagnosis(rows)), before);
+    }
 }

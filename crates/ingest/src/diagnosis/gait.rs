@@ -1,5 +1,4 @@
-//! Whether the joints do what they are commanded, and if not, which change of the command would
-//! make it so.
+//! Checks whether the joints follow their commands and, if not, finds changes to the commands that explain the motion.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,43 +10,43 @@ use crate::checks::{Check, Finding};
 use crate::error::Problem;
 use crate::phase::CommandedGait;
 
-/// How near a changed command must be to what was measured to be the cause, degrees.
+/// Maximum deviation of the measured gait from a modified command that explains it, degrees.
 const EXPLAINED_DEG: f64 = 5.0;
-/// Joints that swing by less do not swing, rad.
-const LEAST_SWING_RAD: f64 = 0.02;
-/// A frequency this far from the commanded one is another one.
+/// Minimum amplitude of a joint that is considered to move, rad.
+const MIN_SWING_RAD: f64 = 0.02;
+/// Maximum relative deviation of the measured from the commanded frequency.
 const FREQUENCY_TOLERANCE: f64 = 0.05;
-/// How near a ratio of frequencies is to that of two units.
+/// Maximum relative deviation of the ratio of measured to commanded frequency from the conversion factor between two
+/// units of frequency, for a wrong unit to be suspected.
 const RATIO_TOLERANCE: f64 = 0.02;
 
-/// A quantity of a command.
+/// Quantity in a joint's command that a mistake affects.
 #[derive(Clone, Copy, PartialEq)]
 enum Quantity {
     Offset,
     Amplitude,
     Phase,
-    /// Offset and phase, which tell the sense.
+    /// Offset and phase together: both change if the joint's sense of rotation is reversed.
     Sense,
     All,
 }
 
-/// A mistake in the command of a joint: what it is about, what undoes it, and the question to
-/// ask.
+/// Mistake in a joint's command: affected quantity, correction of its value, and the question to put to the user.
 type Mistake = (Quantity, fn(f64) -> f64, &'static str);
 
 const MISTAKES: [Mistake; 8] = [
-    (Quantity::Phase, |phase| -phase, "is its sign wrong?"),
-    (Quantity::Offset, |offset| -offset, "is its sign wrong?"),
-    (Quantity::Sense, |sense| -sense, "does the joint turn the other way?"),
-    (Quantity::Amplitude, |amplitude| 0.5 * amplitude, "is it from peak to peak?"),
-    (Quantity::Amplitude, f64::to_degrees, "is it in radians?"),
-    (Quantity::Phase, f64::to_degrees, "is it in radians?"),
-    (Quantity::Offset, f64::to_degrees, "is it in radians?"),
-    (Quantity::All, f64::to_degrees, "are they in radians?"),
+    (Quantity::Phase, |phase| -phase, "is the sign of the phase wrong?"),
+    (Quantity::Offset, |offset| -offset, "is the sign of the offset wrong?"),
+    (Quantity::Sense, |sense| -sense, "does the joint turn in the opposite direction?"),
+    (Quantity::Amplitude, |amplitude| 0.5 * amplitude, "is the amplitude a peak-to-peak value?"),
+    (Quantity::Amplitude, f64::to_degrees, "is the amplitude in radians?"),
+    (Quantity::Phase, f64::to_degrees, "is the phase in radians?"),
+    (Quantity::Offset, f64::to_degrees, "is the offset in radians?"),
+    (Quantity::All, f64::to_degrees, "are all angles in radians?"),
 ];
 
-/// A command as it would be without a mistake.
-fn mended(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) -> JointCommand {
+/// Returns a joint's command with a mistake in one quantity corrected by `undo`.
+fn corrected(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) -> JointCommand {
     let JointCommand { offset_rad, amplitude_rad, phase_rad, .. } = command;
     match quantity {
         Quantity::Offset => JointCommand { offset_rad: undo(offset_rad), ..command },
@@ -65,18 +64,18 @@ fn mended(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) -> Jo
     }
 }
 
-/// Finds whether the joints did what they were commanded; `measured` is what they did, with
-/// phases in any clock. What is found is an error if a cause is known or the joints do something
-/// else altogether.
+/// Checks whether the joints follow their commands. The phases in `measured` may have any common origin. The finding is
+/// an error if the cause is known or if the motion differs completely from the gait.
 pub(crate) fn check_gait(measured: [JointCommand; 2], gait: &Gait) -> Finding {
-    let off_deg = off_deg(measured, gait);
-    let causes = if off_deg > Check::Gait.limit() { causes(measured, gait) } else { Vec::new() };
+    let deviation_deg = max_deviation_deg(measured, gait);
+    let is_followed = deviation_deg <= Check::Gait.limit();
+    let causes = if is_followed { Vec::new() } else { causes(measured, gait) };
     let message = match &causes[..] {
-        _ if off_deg <= Check::Gait.limit() => {
-            format!("the joints are up to {off_deg:.1} degrees off the command")
+        _ if is_followed => {
+            format!("the joints deviate from the command by up to {deviation_deg:.1} degrees")
         }
         [] => format!(
-            "the joints are up to {off_deg:.1} degrees off the command: {}",
+            "the joints deviate from the command by up to {deviation_deg:.1} degrees: {}",
             compared(measured, gait)
         ),
         [(_, cause), others @ ..] => {
@@ -84,15 +83,15 @@ pub(crate) fn check_gait(measured: [JointCommand; 2], gait: &Gait) -> Finding {
             cause.clone() + &others.collect::<String>()
         }
     };
-    let finding = Finding::at_most(Check::Gait, off_deg, message);
+    let finding = Finding::at_most(Check::Gait, deviation_deg, message);
     if causes.is_empty() { finding } else { finding.failing() }
 }
 
-/// Largest difference between what the joints do and a gait, with the clock that brings them
-/// nearest; a difference in phase counts by the angle that it makes.
-pub(super) fn off_deg(measured: [JointCommand; 2], gait: &Gait) -> f64 {
+/// Returns the largest deviation of the joints' measured motion from a gait, degrees, for the time origin that
+/// minimises it. A phase difference counts as the angle that it causes.
+pub(super) fn max_deviation_deg(measured: [JointCommand; 2], gait: &Gait) -> f64 {
     let clock_rad = clock_rad(measured, gait, |_| true);
-    let off = pairs(measured, gait).flat_map(|(_, measured, command)| {
+    let deviations = pairs(measured, gait).flat_map(|(_, measured, command)| {
         let late = wrap(measured.phase_rad - clock_rad - command.phase_rad);
         [
             measured.offset_rad - command.offset_rad,
@@ -100,10 +99,10 @@ pub(super) fn off_deg(measured: [JointCommand; 2], gait: &Gait) -> f64 {
             command.amplitude_rad * late,
         ]
     });
-    off.map(f64::abs).fold(0.0, f64::max).to_degrees()
+    deviations.map(f64::abs).fold(0.0, f64::max).to_degrees()
 }
 
-/// The joints that have a command, with what they do.
+/// Iterates over the joints that have a command, with index, measured motion and command.
 fn pairs(
     measured: [JointCommand; 2],
     gait: &Gait,
@@ -112,16 +111,18 @@ fn pairs(
     commands.filter_map(move |(joint, command)| Some((joint, measured[joint], command?)))
 }
 
-/// By how much the phases of some joints are ahead of their commands, on average.
-fn clock_rad(measured: [JointCommand; 2], gait: &Gait, of: impl Fn(usize) -> bool) -> f64 {
-    let ahead =
-        pairs(measured, gait).filter(|(joint, ..)| of(*joint)).map(|(_, found, command)| {
+/// Returns the mean phase lead of the measured motion over the command, rad, over the joints for which `is_included`
+/// returns true.
+fn clock_rad(measured: [JointCommand; 2], gait: &Gait, is_included: impl Fn(usize) -> bool) -> f64 {
+    let ahead = pairs(measured, gait).filter(|(joint, ..)| is_included(*joint)).map(
+        |(_, found, command)| {
             Complex::from_polar(command.amplitude_rad, found.phase_rad - command.phase_rad)
-        });
+        },
+    );
     ahead.sum::<Complex<f64>>().argument()
 }
 
-/// What each joint does beside what it should.
+/// Describes, for each commanded joint, its measured motion and its command.
 fn compared(measured: [JointCommand; 2], gait: &Gait) -> String {
     let each = pairs(measured, gait).map(|(joint, found, command)| {
         let phase_rad = found.phase_rad - clock_rad(measured, gait, |other| other != joint);
@@ -137,20 +138,19 @@ fn compared(measured: [JointCommand; 2], gait: &Gait) -> String {
     each.collect::<Vec<_>>().join("; ")
 }
 
-/// Every change of the command after which the joints do what it says, in short and in full.
+/// Lists the changes to the command that explain the measured motion, each with a brief and a full description.
 fn causes(measured: [JointCommand; 2], gait: &Gait) -> Vec<(String, String)> {
-    let explains = |gait: &Gait| off_deg(measured, gait) <= EXPLAINED_DEG;
     let mut found = Vec::new();
     for changed in [[false, true], [true, false], [true, true]] {
         for (quantity, undo, question) in MISTAKES {
             let mut right = *gait;
             let mut is_changed = true;
             for (command, _) in right.joints.iter_mut().zip(changed).filter(|(_, is)| *is) {
-                let other = command.map(|command| mended(command, quantity, undo));
+                let other = command.map(|command| corrected(command, quantity, undo));
                 is_changed &= *command != other;
                 *command = other;
             }
-            if is_changed && explains(&right) {
+            if is_changed && max_deviation_deg(measured, &right) <= EXPLAINED_DEG {
                 let joints = [0, 1].into_iter().filter(|joint| changed[*joint]);
                 let joints: Vec<String> = joints.map(|joint| (joint + 1).to_string()).collect();
                 found.push((
@@ -161,30 +161,30 @@ fn causes(measured: [JointCommand; 2], gait: &Gait) -> Vec<(String, String)> {
         }
     }
     let [first, second] = gait.joints;
-    let turned = |command: Option<JointCommand>| {
-        command.map(|command| mended(command, Quantity::Sense, |x| x))
-    };
+    let [turned_first, turned_second] = [first, second]
+        .map(|command| command.map(|command| corrected(command, Quantity::Sense, |x| x)));
     let exchanges = [
         (
             [second, first],
-            "joints 1 and 2 are exchanged",
-            "each does what the other is commanded; exchange joint1 and joint2 of the gait",
+            "joints 1 and 2 are swapped",
+            "each joint follows the other's command; swap joint1 and joint2 of the gait",
         ),
         (
-            [turned(second), turned(first)],
-            "front and rear are exchanged",
-            "exchange markers.link1 and markers.link2, and the signs of x and y of all markers",
+            [turned_second, turned_first],
+            "front and rear are swapped",
+            "swap markers.link1 and markers.link2, and reverse the signs of x and y of all markers",
         ),
     ];
-    for (joints, what, advice) in exchanges {
-        if explains(&Gait { joints }) {
-            found.push((what.to_owned(), format!("{what}: {advice}")));
+    for (joints, mistake, advice) in exchanges {
+        if max_deviation_deg(measured, &Gait { joints }) <= EXPLAINED_DEG {
+            found.push((mistake.to_owned(), format!("{mistake}: {advice}")));
         }
     }
     found
 }
 
-/// What is wrong with some joints' commands, and what they should be.
+/// Describes, for the joints marked in `changed`, the mistake in their commands in `gait` and the correct values, which
+/// are those in `right`.
 fn in_words(
     measured: [JointCommand; 2],
     gait: &Gait,
@@ -194,7 +194,8 @@ fn in_words(
     question: &str,
 ) -> String {
     let clock_rad = clock_rad(measured, right, |_| true);
-    let (mut joints, mut changes) = (Vec::new(), Vec::new());
+    let mut joints = Vec::new();
+    let mut changes = Vec::new();
     for (joint, found, command) in pairs(measured, gait).filter(|(joint, ..)| changed[*joint]) {
         let phase_rad = wrap(found.phase_rad - clock_rad);
         let all = [
@@ -202,18 +203,20 @@ fn in_words(
             ("amplitude", Quantity::Amplitude, found.amplitude_rad, command.amplitude_rad),
             ("phase", Quantity::Phase, phase_rad, command.phase_rad),
         ];
-        let is_meant = |of: Quantity| match quantity {
-            Quantity::All => true,
-            Quantity::Sense => of != Quantity::Amplitude,
-            other => other == of,
-        };
-        let (mut differ, mut set) = (Vec::new(), Vec::new());
-        let mended = right.joints[joint].unwrap_or(command);
-        let mended = [mended.offset_rad, mended.amplitude_rad, mended.phase_rad];
-        for ((name, _, found, command), right) in
-            all.into_iter().zip(mended).filter(|((_, of, ..), _)| is_meant(*of))
-        {
-            let (found, command) = (found.to_degrees(), command.to_degrees());
+        let mut differ = Vec::new();
+        let mut set = Vec::new();
+        let corrected = right.joints[joint].unwrap_or(command);
+        let corrected = [corrected.offset_rad, corrected.amplitude_rad, corrected.phase_rad];
+        for ((name, one, found, command), right) in all.into_iter().zip(corrected) {
+            let is_affected = match quantity {
+                Quantity::All => true,
+                Quantity::Sense => one != Quantity::Amplitude,
+                other => other == one,
+            };
+            if !is_affected {
+                continue;
+            }
+            let [found, command] = [found, command].map(f64::to_degrees);
             differ.push(format!("measured {name} {found:+.1} deg, configured {}", plain(command)));
             set.push(format!("{name}_deg = {}", plain(right.to_degrees())));
         }
@@ -223,32 +226,38 @@ fn in_words(
     format!("{}: {question} set {}", joints.join("; "), changes.join(" and "))
 }
 
-/// A number as one would write it into the configuration.
+/// Formats a value as in the configuration.
 fn plain(value: f64) -> String {
     let rounded = (value * 1e4).round() / 1e4;
-    // No negative zero.
+    // Adding zero turns a negative zero into a positive one.
     format!("{}", rounded + 0.0)
 }
 
-/// Whether the commanded joints swing, and at the commanded frequency.
+/// Checks that the commanded joints swing at the commanded frequency.
 ///
 /// # Errors
-/// They do not, or at another frequency.
+/// Returns an error if they do not swing, or swing at another frequency.
 pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> Result<(), Problem> {
-    let joints = || phi_rad.iter().zip(command.gait.joints).filter(|(_, joint)| joint.is_some());
-    let swing = |phi_rad: &[f64]| {
+    let commanded: Vec<&Vec<f64>> = phi_rad
+        .iter()
+        .zip(command.gait.joints)
+        .filter(|(_, joint)| joint.is_some())
+        .map(|(phi_rad, _)| phi_rad)
+        .collect();
+    let swings = commanded.iter().map(|phi_rad| {
         let [low, high] = extremes(seen(phi_rad));
         0.5 * (high - low)
-    };
-    let most_rad = joints().map(|(phi_rad, _)| swing(phi_rad)).fold(0.0, f64::max);
-    if most_rad < LEAST_SWING_RAD {
-        return Err(Problem::NoSwing { most_deg: most_rad.to_degrees() });
+    });
+    let largest_rad = swings.fold(0.0, f64::max);
+    if largest_rad < MIN_SWING_RAD {
+        return Err(Problem::NoSwing { max_deg: largest_rad.to_degrees() });
     }
-    let Some(step_rad) = joints().find_map(|(phi_rad, _)| frequency(phi_rad)) else {
+    let Some(step_rad) = commanded.iter().find_map(|phi_rad| frequency(phi_rad)) else {
         return Ok(());
     };
     let at_other = CommandedGait { omega_rad_s: step_rad * command.rate_hz, ..*command };
-    let (other, commanded_rad_s) = (at_other.omega_rad_s, command.omega_rad_s);
+    let other = at_other.omega_rad_s;
+    let commanded_rad_s = command.omega_rad_s;
     if (other / commanded_rad_s - 1.0).abs() <= FREQUENCY_TOLERANCE {
         return Ok(());
     }
@@ -263,11 +272,12 @@ pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> R
     } else if is_near(PI / 180.0) {
         format!("is omega_rad_s in degrees per second? {set}")
     } else if !(0.1..=10.0).contains(&ratio) {
-        format!("is omega_rad_s right? {set}, or the file is another trial's")
+        format!("is omega_rad_s correct? {set}, or check whether the file belongs to another trial")
     } else {
         format!(
-            "if every trial is off by the factor {ratio:.3}, the rate is wrong: set vicon.rate_hz = \
-             {:.4} for {}; else {set}, or the file is another trial's",
+            "if the frequencies of all trials deviate by the factor {ratio:.3}, the frame rate is wrong: set \
+             vicon.rate_hz = {:.4} instead of {}; otherwise {set}, or check whether the file belongs to another \
+             trial",
             command.rate_hz / ratio,
             command.rate_hz
         )
@@ -275,16 +285,18 @@ pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> R
     Err(Problem::OtherFrequency { omega_rad_s, commanded_rad_s, cause })
 }
 
-/// Phase per frame of an angle that swings evenly, by the times at which it rises through its
-/// middle.
+/// Returns the frequency of an angle that oscillates regularly, as phase per frame, rad, from the times at which the
+/// angle rises through its mean; `None` if it moves too little or over too few periods.
 fn frequency(phi_rad: &[f64]) -> Option<f64> {
-    const LEAST_PERIODS: usize = 3;
+    const MIN_PERIODS: usize = 3;
     let [low, high] = extremes(seen(phi_rad));
-    if high - low < 2.0 * LEAST_SWING_RAD {
+    if high - low < 2.0 * MIN_SWING_RAD {
         return None;
     }
-    let (middle, swing) = (mean(seen(phi_rad)), 0.25 * (high - low));
-    let (mut is_low, mut rises) = (false, Vec::new());
+    let middle = mean(seen(phi_rad));
+    let swing = 0.25 * (high - low);
+    let mut is_low = false;
+    let mut rises = Vec::new();
     for (frame, phi) in phi_rad.iter().enumerate() {
         if *phi < middle - 0.5 * swing {
             is_low = true;
@@ -294,10 +306,10 @@ fn frequency(phi_rad: &[f64]) -> Option<f64> {
         }
     }
     let periods: Vec<f64> = rises.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if periods.len() < LEAST_PERIODS {
+    if periods.len() < MIN_PERIODS {
         return None;
     }
-    // Some rises may be missing.
+    // Some of the rises may be occluded.
     let span = rises[rises.len() - 1] - rises[0];
     Some(TAU * (span / median(periods)).round() / span)
 }

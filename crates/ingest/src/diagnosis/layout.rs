@@ -1,4 +1,4 @@
-//! Whether the markers lie on their links as in the layout, and if not, how it should be read.
+//! Checks whether the markers lie on their links as in the layout and, if not, finds the likely mistake.
 
 use nalgebra::Vector3;
 use trilink_mocap::Recording;
@@ -8,123 +8,124 @@ use crate::error::Problem;
 use crate::markers::layout::{Layout, LinkMarker};
 use crate::markers::rigid;
 
-/// Rows that are looked at, spread over the trial.
+/// Number of rows, spread over the trial, that are evaluated.
 const ROWS: usize = 200;
-/// Markers that lie as near to the layout as this are sound, mm; a residual that a cause explains
-/// falls below it.
-const SOUND_MM: f64 = 3.0;
-/// Distances that are off the layout's by less than this part are no other unit.
-const UNIT: f64 = 1.5;
-/// A plane in which a marker stays this level is the floor's, mm.
+/// Maximum residual of markers that match the layout, mm; a candidate cause has to reduce the residual below it.
+const MAX_RESIDUAL_MM: f64 = 3.0;
+/// Minimum factor by which the measured distances between markers must exceed the configured ones, or the configured
+/// ones the measured, for a difference in units to be suspected.
+const MIN_UNIT_RATIO: f64 = 1.5;
+/// Maximum range of a marker's coordinate along an axis of the file, mm, for that axis to count as vertical.
 const LEVEL_MM: f64 = 15.0;
-/// Most markers of a link whose labels are tried in every order.
-const MOST_PERMUTED: usize = 5;
+/// Maximum number of markers on a link for which all orders of the labels are tried.
+const MAX_PERMUTED: usize = 5;
 
-/// How the positions of a file are read: its axes in the order x, y, z, with their signs.
+/// File axes (index and sign) that are read as x, y, z.
 type Axes = [(usize, f64); 3];
-const AS_THEY_ARE: Axes = [(0, 1.0), (1, 1.0), (2, 1.0)];
+const UNCHANGED: Axes = [(0, 1.0), (1, 1.0), (2, 1.0)];
 
+/// Recorded markers in a selection of rows, with their layout.
 struct Markers<'a> {
     file: &'a Recording,
     layout: &'a Layout,
     rows: Vec<usize>,
 }
 
-/// Says that another axis of a file than z points up, and what the markers do besides staying level
-/// along it.
-pub fn other_axis_up(up: &str, markers: &str) -> String {
+/// Returns the message that the file axis `up`, instead of z, points up. `markers` is the predicate that completes the
+/// sentence "the markers keep their heights along this axis and ...".
+pub fn axis_up_message(up: &str, markers: &str) -> String {
     format!(
-        "the file's {up} axis points up, not z: the markers stay level along it and {markers}; export \
-         with z up"
+        "the file's {up} axis points up instead of its z axis: the coordinates of the markers along {up} hardly \
+         change, and {markers}; export with z up"
     )
 }
 
-/// Whether the markers lie on their links as in the layout.
+/// Checks that the markers lie on their links as in the layout.
 ///
 /// # Errors
-/// They do not, and a cause is known.
+/// Returns an error if the markers do not match the layout and the cause is known.
 pub(crate) fn check_layout(file: &Recording, layout: &Layout) -> Result<(), Problem> {
     let stride = (file.frames.len() / ROWS).max(1);
     let rows = (0..file.frames.len()).step_by(stride).collect();
     let markers = Markers { file, layout, rows };
-    let off_mm = [0, 1, 2].map(|link| markers.off_mm(&layout[link], AS_THEY_ARE));
-    let cause = match off_mm.iter().all(|off| *off <= SOUND_MM || off.is_nan()) {
-        true => markers.upside_down(),
-        false => {
-            let unit = markers.other_unit().or_else(|| markers.other_axes());
-            unit.or_else(|| markers.mirrored(off_mm)).or_else(|| markers.exchanged(off_mm))
-        }
+    let residual_mm = [0, 1, 2].map(|link| markers.residual_mm(&layout[link], UNCHANGED));
+    let is_sound = residual_mm.iter().all(|mm| *mm <= MAX_RESIDUAL_MM || mm.is_nan());
+    let cause = if is_sound {
+        markers.upside_down()
+    } else {
+        markers
+            .other_unit()
+            .or_else(|| markers.other_axes())
+            .or_else(|| markers.mirrored(residual_mm))
+            .or_else(|| markers.exchanged(residual_mm))
     };
     cause.map_or(Ok(()), |cause| Err(Problem::OtherLayout { cause }))
 }
 
 impl Markers<'_> {
-    /// Median distance of a link's markers from where the layout has them, mm, for axes of the
-    /// file.
-    fn off_mm(&self, markers: &[LinkMarker], axes: Axes) -> f64 {
-        let residual = |&row: &usize| {
+    /// Returns the median residual of a link's markers over the rows, mm, with the file's axes read as `axes`.
+    fn residual_mm(&self, markers: &[LinkMarker], axes: Axes) -> f64 {
+        let residuals = self.rows.iter().filter_map(|&row| {
             let pairs = markers.iter().map(|marker| {
                 let seen = self.file.position_mm(row, marker.column);
                 let [x, y, _] = axes.map(|(axis, sign)| sign * seen[axis]);
                 (marker.local_position_mm, [x, y])
             });
             Some(rigid::fit(pairs.filter(|(_, [x, _])| !x.is_nan()))?.residual_mm)
-        };
-        median(self.rows.iter().filter_map(residual).collect())
+        });
+        median(residuals.collect())
     }
 
-    fn all_off_mm(&self, layout: &Layout, axes: Axes) -> f64 {
-        let off = layout.iter().map(|markers| self.off_mm(markers, axes));
-        // A link that was not seen does not speak against it.
-        off.filter(|off| !off.is_nan()).fold(0.0, f64::max)
+    /// Returns the largest residual of any link, mm. Links that are not visible are ignored.
+    fn max_residual_mm(&self, layout: &Layout, axes: Axes) -> f64 {
+        let residuals = layout.iter().map(|markers| self.residual_mm(markers, axes));
+        residuals.filter(|mm| !mm.is_nan()).fold(0.0, f64::max)
     }
 
-    /// The distances of all markers of a link from each other, measured over configured.
+    /// Returns the ratios of measured to configured distance for all pairs of a link's markers.
     fn ratios(&self, markers: &[LinkMarker]) -> Vec<f64> {
-        let place = |marker: &LinkMarker| {
-            let [x, y] = marker.local_position_mm;
-            Vector3::new(x, y, marker.height_mm)
-        };
-        let pairs =
-            markers.iter().enumerate().flat_map(|(i, a)| markers[..i].iter().map(move |b| (a, b)));
-        let ratio = |(a, b): (&LinkMarker, &LinkMarker)| {
-            let apart = |&row: &usize| {
-                let [a, b] = [a, b].map(|marker| self.file.position_mm(row, marker.column));
-                (Vector3::from(a) - Vector3::from(b)).norm()
-            };
-            let apart = self.rows.iter().map(apart).filter(|mm| !mm.is_nan());
-            median(apart.collect()) / (place(a) - place(b)).norm()
-        };
-        pairs.map(ratio).filter(|ratio| ratio.is_finite()).collect()
+        let mut ratios = Vec::new();
+        for (i, a) in markers.iter().enumerate() {
+            for b in &markers[..i] {
+                let measured_mm = self.rows.iter().map(|&row| {
+                    let [a, b] = [a, b].map(|marker| self.file.position_mm(row, marker.column));
+                    (Vector3::from(a) - Vector3::from(b)).norm()
+                });
+                let measured_mm = measured_mm.filter(|mm| !mm.is_nan());
+                let [a, b] = [a, b].map(|marker| {
+                    let [x, y] = marker.local_position_mm;
+                    Vector3::new(x, y, marker.height_mm)
+                });
+                ratios.push(median(measured_mm.collect()) / (a - b).norm());
+            }
+        }
+        ratios.retain(|ratio| ratio.is_finite());
+        ratios
     }
 
-    /// Distances that are all the same number of times the layout's.
+    /// Describes the likely mistake in units if, for all links or for one, the measured distances between markers
+    /// differ from those in the layout by a common factor; otherwise `None`.
     fn other_unit(&self) -> Option<String> {
         let of_links = [0, 1, 2].map(|link| self.ratios(&self.layout[link]));
-        let same = |ratios: Vec<f64>| {
-            let [low, middle, high] = quantiles_low(ratios, [0.0, 0.5, 1.0]);
-            let is_other = !(1.0 / UNIT..=UNIT).contains(&middle);
-            (is_other && high < 1.1 * low).then_some(middle)
-        };
-        if let Some(ratio) = same(of_links.concat()) {
+        if let Some(ratio) = common_ratio(of_links.concat()) {
             return Some(format!(
                 "the markers of every link are {} as far apart as in [markers]: {}",
                 times(ratio),
                 unit(ratio)
             ));
         }
-        let of_link = |(link, ratios): (usize, Vec<f64>)| {
-            let ratio = same(ratios)?;
+        of_links.into_iter().enumerate().find_map(|(link, ratios)| {
+            let ratio = common_ratio(ratios)?;
             Some(format!(
-                "the markers of link {link} are {} as far apart as in markers.link{link}: is that \
+                "the markers of link {link} are {} as far apart as in markers.link{link}: are the positions in that \
                  table in millimetres?",
                 times(ratio)
             ))
-        };
-        of_links.into_iter().enumerate().find_map(of_link)
+        })
     }
 
-    /// Axes of the file in which the markers lie as in the layout.
+    /// Describes which axis of the file points up instead of z, if the markers match the layout with this axis as z;
+    /// otherwise `None`.
     fn other_axes(&self) -> Option<String> {
         let axes = [
             ("y", [(2, 1.0), (0, 1.0), (1, 1.0)]),
@@ -133,24 +134,23 @@ impl Markers<'_> {
             ("-x", [(2, 1.0), (1, 1.0), (0, -1.0)]),
         ];
         let (up, _) = axes.into_iter().find(|(_, axes)| {
-            self.all_off_mm(self.layout, *axes) <= SOUND_MM && self.is_level(axes[2].0)
+            self.max_residual_mm(self.layout, *axes) <= MAX_RESIDUAL_MM && self.is_level(axes[2].0)
         })?;
-        Some(other_axis_up(up, "lie as in [markers] across it"))
+        Some(axis_up_message(up, "the other two coordinates match the positions in [markers]"))
     }
 
-    /// Whether the markers hardly move along an axis of the file.
+    /// Returns whether the markers barely move along an axis of the file.
     fn is_level(&self, axis: usize) -> bool {
-        let markers = self.layout.iter().flatten();
-        let range = |marker: &LinkMarker| {
-            let along = |&row: &usize| self.file.position_mm(row, marker.column)[axis];
-            let seen = self.rows.iter().map(along).filter(|x| !x.is_nan());
-            let [low, high] = quantiles_low(seen.collect(), [0.02, 0.98]);
+        let ranges = self.layout.iter().flatten().map(|marker| {
+            let positions = self.rows.iter().map(|&row| self.file.position_mm(row, marker.column));
+            let visible = positions.map(|position| position[axis]).filter(|x| !x.is_nan());
+            let [low, high] = quantiles_low(visible.collect(), [0.02, 0.98]);
             high - low
-        };
-        median(markers.map(range).collect()) < LEVEL_MM
+        });
+        median(ranges.collect()) < LEVEL_MM
     }
 
-    /// Mean of the heights, over that of the layout's.
+    /// Returns whether the markers lie as far below the floor as the layout places them above it.
     fn is_below_floor(&self) -> bool {
         let markers = || self.layout.iter().flatten();
         let heights = self.rows.iter().flat_map(|&row| {
@@ -161,174 +161,192 @@ impl Markers<'_> {
         expected > 10.0 && (found + expected).abs() < 0.25 * expected
     }
 
-    /// Markers that lie as in the layout, below the floor: none of the other causes.
+    /// Describes the mistake in the axes if the markers lie as far below the floor as the layout places them above it;
+    /// otherwise `None`.
     fn upside_down(&self) -> Option<String> {
         self.is_below_floor().then(|| {
-            "the markers lie as far below the floor as [markers] has them above it: the sign of z \
-             and of x or y is wrong; export with z up"
+            "the markers lie as far below the floor as they should lie above it according to [markers]: the signs of \
+             z and of either x or y are wrong; export with z up"
                 .to_owned()
         })
     }
 
-    /// Links whose markers lie as in a mirror.
-    fn mirrored(&self, off_mm: [f64; 3]) -> Option<String> {
-        let mirror = |markers: &Vec<LinkMarker>| -> Vec<LinkMarker> {
-            let mirrored = |marker: &LinkMarker| {
-                let [x, y] = marker.local_position_mm;
-                LinkMarker { local_position_mm: [x, -y], ..*marker }
-            };
-            markers.iter().map(mirrored).collect()
-        };
-        let mirrored = self.layout.each_ref().map(mirror);
-        let is_mirrored = [0, 1, 2].map(|link| {
-            off_mm[link] > SOUND_MM && self.off_mm(&mirrored[link], AS_THEY_ARE) <= SOUND_MM
-        });
-        match is_mirrored {
-            // Two links of the same shape seen from both sides do not tell.
-            _ if self.all_off_mm(&mirrored, AS_THEY_ARE) <= SOUND_MM => {
-                Some(match self.is_below_floor() {
-                    true => "the file's z axis points down: export with z up".to_owned(),
-                    false => {
-                        "the markers of every link lie as in a mirror: change the sign of every y \
-                          in [markers], or of an axis of the file if it is that which is mirrored"
-                            .to_owned()
-                    }
+    /// Describes links whose markers match the mirrored layout; `None` if no link does.
+    fn mirrored(&self, residual_mm: [f64; 3]) -> Option<String> {
+        let mirrored = self.layout.each_ref().map(|markers| {
+            let markers = markers.iter();
+            markers
+                .map(|marker| {
+                    let [x, y] = marker.local_position_mm;
+                    LinkMarker { local_position_mm: [x, -y], ..*marker }
                 })
-            }
-            [false, false, false] => None,
-            _ => {
-                let link = is_mirrored.iter().position(|is| *is)?;
-                // Two labels may be exchanged as well.
-                let others = self.relabelled(link).map_or(String::new(), |it| format!("; or {it}"));
-                Some(format!(
-                    "the markers of link {link} lie as in a mirror: change the sign of every y in \
-                     markers.link{link}{others}"
-                ))
-            }
+                .collect::<Vec<_>>()
+        });
+        // Two links of the same shape, one seen from below, cannot be distinguished.
+        if self.max_residual_mm(&mirrored, UNCHANGED) <= MAX_RESIDUAL_MM {
+            return Some(if self.is_below_floor() {
+                "the file's z axis points down: export with z up".to_owned()
+            } else {
+                "the markers of every link are mirrored: reverse the sign of every y in [markers], or, if the file \
+                 is mirrored, the sign of one of its axes"
+                    .to_owned()
+            });
         }
+        let link = (0..3).find(|&link| {
+            residual_mm[link] > MAX_RESIDUAL_MM
+                && self.residual_mm(&mirrored[link], UNCHANGED) <= MAX_RESIDUAL_MM
+        })?;
+        // Two labels may be exchanged in addition.
+        let others =
+            self.relabelled(link).map_or(String::new(), |relabelled| format!("; or {relabelled}"));
+        Some(format!(
+            "the markers of link {link} are mirrored: reverse the sign of every y in markers.link{link}{others}"
+        ))
     }
 
-    /// Tables or labels that are exchanged, or a single marker that is elsewhere.
-    fn exchanged(&self, off_mm: [f64; 3]) -> Option<String> {
+    /// Describes the mistake in the layout that explains the residuals of the links: the position tables of two links
+    /// are swapped, labels within one link are swapped, or a single marker is displaced. `None` if it is none of these.
+    fn exchanged(&self, residual_mm: [f64; 3]) -> Option<String> {
         for (a, b) in [(1, 2), (0, 1), (0, 2)] {
-            if self.layout[a].len() != self.layout[b].len() || off_mm[a].max(off_mm[b]) <= SOUND_MM
-            {
+            let [of_a, of_b] = [a, b].map(|link| &self.layout[link]);
+            if of_a.len() != of_b.len() || residual_mm[a].max(residual_mm[b]) <= MAX_RESIDUAL_MM {
                 continue;
             }
-            let with = |own: &[LinkMarker], other: &[LinkMarker]| -> Vec<LinkMarker> {
-                let pairs = own.iter().zip(other);
-                pairs.map(|(own, other)| LinkMarker { column: own.column, ..*other }).collect()
-            };
-            let (of_a, of_b) = (&self.layout[a], &self.layout[b]);
-            let off = self
-                .off_mm(&with(of_a, of_b), AS_THEY_ARE)
-                .max(self.off_mm(&with(of_b, of_a), AS_THEY_ARE));
-            if off <= SOUND_MM {
+            let residual_mm = self
+                .residual_mm(&with_positions(of_a, of_b), UNCHANGED)
+                .max(self.residual_mm(&with_positions(of_b, of_a), UNCHANGED));
+            if residual_mm <= MAX_RESIDUAL_MM {
                 return Some(format!(
-                    "the positions in markers.link{a} and markers.link{b} are exchanged: each \
-                     link's markers lie as the other's table says"
+                    "the positions in markers.link{a} and markers.link{b} are swapped: the markers of each of these \
+                     links are arranged as listed in the table of the other link"
                 ));
             }
         }
-        let link = (0..3).max_by(|&a, &b| off_mm[a].total_cmp(&off_mm[b]))?;
-        self.relabelled(link).or_else(|| self.elsewhere(link))
+        let link = (0..3).max_by(|&a, &b| residual_mm[a].total_cmp(&residual_mm[b]))?;
+        self.relabelled(link).or_else(|| self.displaced(link))
     }
 
-    /// Another order of a link's labels in which its markers lie as in the layout.
+    /// Describes another order of a link's labels with which its markers match the layout; `None` if there is none.
     fn relabelled(&self, link: usize) -> Option<String> {
         let markers = &self.layout[link];
-        if markers.len() > MOST_PERMUTED {
+        if markers.len() > MAX_PERMUTED {
             return None;
         }
-        let mut orders: Vec<Vec<usize>> = vec![Vec::new()];
-        for _ in markers {
-            let longer = |order: &Vec<usize>| {
-                let order = order.clone();
-                let rest = (0..markers.len()).filter({
-                    let order = order.clone();
-                    move |i| !order.contains(i)
-                });
-                rest.map(move |i| [&order[..], &[i]].concat()).collect::<Vec<_>>()
-            };
-            orders = orders.iter().flat_map(longer).collect();
-        }
-        let reordered = |order: &Vec<usize>| -> Vec<LinkMarker> {
-            let column = |(marker, &i): (&LinkMarker, &usize)| LinkMarker {
-                column: markers[i].column,
-                ..*marker
-            };
-            markers.iter().zip(order).map(column).collect()
-        };
-        let order = orders
-            .iter()
-            .skip(1)
-            .find(|order| self.off_mm(&reordered(order), AS_THEY_ARE) <= SOUND_MM)?;
         let label = |i: usize| self.file.labels[markers[i].column].as_str();
+        let order = permutations(markers.len()).into_iter().skip(1).find(|order| {
+            let reordered: Vec<LinkMarker> = markers
+                .iter()
+                .zip(order)
+                .map(|(marker, &i)| LinkMarker { column: markers[i].column, ..*marker })
+                .collect();
+            self.residual_mm(&reordered, UNCHANGED) <= MAX_RESIDUAL_MM
+        })?;
         let moved = order.iter().enumerate().filter(|(i, other)| i != *other);
         let moved: Vec<String> = moved
-            .map(|(i, &other)| format!("{} is at the place of {}", label(other), label(i)))
+            .map(|(i, &other)| {
+                format!(
+                    "marker {} is at the configured position of marker {}",
+                    label(other),
+                    label(i)
+                )
+            })
             .collect();
         Some(format!(
-            "labels of link {link} are exchanged: {}; change them in markers.link{link} or in the file",
+            "labels of link {link} are swapped: {}; change the labels in markers.link{link} or in the file",
             moved.join(", ")
         ))
     }
 
-    /// The only marker of a link that is not where the layout has it.
-    fn elsewhere(&self, link: usize) -> Option<String> {
+    /// Describes the only marker of a link that is not where the layout places it; `None` unless exactly one is
+    /// displaced.
+    fn displaced(&self, link: usize) -> Option<String> {
         let markers = &self.layout[link];
-        let without = |left_out: usize| -> Vec<LinkMarker> {
-            let others = markers.iter().enumerate().filter(|(i, _)| *i != left_out);
-            others.map(|(_, marker)| *marker).collect()
-        };
-        // Any two markers fit if only their distance is right: three are needed.
-        let off = |i: &usize| self.off_mm(&without(*i), AS_THEY_ARE);
-        let culprit = match markers.len() {
-            4.. => (0..markers.len()).find(|i| off(i) <= SOUND_MM)?,
-            _ => {
-                let mut fitting = (0..markers.len()).filter(|i| off(i) <= SOUND_MM);
-                fitting.next().filter(|_| fitting.next().is_none())?
-            }
-        };
-        let (rest, marker) = (without(culprit), &markers[culprit]);
-        let seen = |&row: &usize| {
-            let at = |marker: &LinkMarker| {
-                let [x, y, _] = self.file.position_mm(row, marker.column);
-                (!x.is_nan()).then_some([x, y])
-            };
-            let pose = rigid::fit(rest.iter().filter_map(|m| Some((m.local_position_mm, at(m)?))))?;
-            let [x, y] = at(marker)?;
-            let [x, y] = [x - pose.origin_mm[0], y - pose.origin_mm[1]];
-            Some(trilink_robot::rotated(-pose.theta_rad, [x, y]))
-        };
-        let found: Vec<[f64; 2]> = self.rows.iter().filter_map(seen).collect();
+        let mut fitting = (0..markers.len()).filter(|&left_out| {
+            self.residual_mm(&without(markers, left_out), UNCHANGED) <= MAX_RESIDUAL_MM
+        });
+        let culprit = fitting.next()?;
+        // Any two markers match if their distance is right: three are needed to rule out the other candidates.
+        if markers.len() < 4 && fitting.next().is_some() {
+            return None;
+        }
+        let marker = &markers[culprit];
+        let rest = without(markers, culprit);
+        let found: Vec<[f64; 2]> = self
+            .rows
+            .iter()
+            .filter_map(|&row| {
+                let seen = |marker: &LinkMarker| {
+                    let [x, y, _] = self.file.position_mm(row, marker.column);
+                    (!x.is_nan()).then_some([x, y])
+                };
+                let pairs = rest.iter().filter_map(|m| Some((m.local_position_mm, seen(m)?)));
+                let pose = rigid::fit(pairs)?;
+                let [x, y] = seen(marker)?;
+                let from_origin = [x - pose.origin_mm[0], y - pose.origin_mm[1]];
+                Some(trilink_robot::rotated(-pose.theta_rad, from_origin))
+            })
+            .collect();
         let [x, y] = [0, 1].map(|axis| median(found.iter().map(|at| at[axis]).collect()));
-        let (label, [a, b]) = (&self.file.labels[marker.column], marker.local_position_mm);
+        let label = &self.file.labels[marker.column];
+        let [a, b] = marker.local_position_mm;
         Some(format!(
-            "the marker `{label}` of link {link} is measured at x = {x:.1}, y = {y:.1} mm by the \
-             others of its link, configured at {a}, {b}: correct markers.link{link}"
+            "the marker `{label}` of link {link} is configured at x = {a}, y = {b} mm, but measured at x = {x:.1}, y \
+             = {y:.1} mm relative to the other markers of the link: correct markers.link{link}"
         ))
     }
+}
+
+/// Returns the median of `ratios`, which are ratios of measured to configured distances, if they agree with each other
+/// and indicate that the units differ; otherwise `None`.
+fn common_ratio(ratios: Vec<f64>) -> Option<f64> {
+    let [low, middle, high] = quantiles_low(ratios, [0.0, 0.5, 1.0]);
+    let is_other = !(1.0 / MIN_UNIT_RATIO..=MIN_UNIT_RATIO).contains(&middle);
+    (is_other && high < 1.1 * low).then_some(middle)
+}
+
+/// Returns the markers of a link with the positions of another link's markers.
+fn with_positions(own: &[LinkMarker], other: &[LinkMarker]) -> Vec<LinkMarker> {
+    let pairs = own.iter().zip(other);
+    pairs.map(|(own, other)| LinkMarker { column: own.column, ..*other }).collect()
+}
+
+fn without(markers: &[LinkMarker], left_out: usize) -> Vec<LinkMarker> {
+    let others = markers.iter().enumerate().filter(|(i, _)| *i != left_out);
+    others.map(|(_, marker)| *marker).collect()
+}
+
+/// Returns all permutations of `0..count` in lexicographic order.
+fn permutations(count: usize) -> Vec<Vec<usize>> {
+    let mut orders: Vec<Vec<usize>> = vec![Vec::new()];
+    for _ in 0..count {
+        let mut longer = Vec::new();
+        for order in &orders {
+            let rest = (0..count).filter(|i| !order.contains(i));
+            longer.extend(rest.map(|i| [&order[..], &[i]].concat()));
+        }
+        orders = longer;
+    }
+    orders
 }
 
 fn times(ratio: f64) -> String {
     if ratio >= 1.0 { format!("{ratio:.4} times") } else { format!("1/{:.4}", 1.0 / ratio) }
 }
 
-/// What a ratio of measured to configured distances may come from.
+/// Returns the likely cause of the ratio between measured and configured distances, as text.
 fn unit(ratio: f64) -> &'static str {
     let is = |other: f64| (ratio / other - 1.0).abs() < 0.1;
     if is(1e-3) {
-        "the file's numbers are metres, not millimetres; export millimetres"
+        "the file's positions are in metres, not in millimetres; export millimetres"
     } else if is(1e3) {
-        "[markers] is in metres, not millimetres"
+        "the positions in [markers] are in metres, not in millimetres"
     } else if is(0.1) {
-        "the file's numbers are centimetres, not millimetres; export millimetres"
+        "the file's positions are in centimetres, not in millimetres; export millimetres"
     } else if is(10.0) {
-        "[markers] is in centimetres, not millimetres"
+        "the positions in [markers] are in centimetres, not in millimetres"
     } else if is(1.0 / 25.4) || is(25.4) {
-        "one of them is in inches, not millimetres"
+        "the positions in the file or in [markers] are in inches, not in millimetres"
     } else {
-        "are both in millimetres, and of the same robot?"
+        "are the file and [markers] both in millimetres, and do they describe the same robot?"
     }
 }

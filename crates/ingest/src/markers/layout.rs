@@ -1,4 +1,4 @@
-//! Which markers of a file belong to which link.
+//! Assigns the markers in a file to links.
 
 use std::collections::BTreeMap;
 
@@ -7,37 +7,37 @@ use trilink_tables::config::Markers;
 
 use crate::error::Problem;
 
-/// So many missing markers, and most of the layout's, are a file of something else.
-const LEAST_FOREIGN: usize = 3;
-/// Labels of such a file that are shown.
-const SHOWN_LABELS: usize = 12;
-/// Labels of the file that an error proposes.
+/// Minimum number of the layout's markers that must be missing from a file for it to count as a recording of something
+/// else; more than half of the layout's markers must also be missing.
+const MIN_FOREIGN_MISSING: usize = 3;
+/// Maximum number of labels listed in the message on a file that records something other than the robot.
+const MAX_SHOWN_LABELS: usize = 12;
+/// Number of similar labels suggested in an error message.
 const PROPOSALS: usize = 3;
 
-/// One marker of a link.
+/// Marker on a link.
 #[derive(Debug, Clone, Copy)]
 pub struct LinkMarker {
-    /// Index among the file's labels.
+    /// Index of the marker among the file's labels.
     pub column: usize,
-    /// Place in the link's own frame, x along t_i and y along n_i, mm.
+    /// Position in the link frame, mm: x along the tangent t_i, y along the normal n_i.
     pub local_position_mm: [f64; 2],
-    /// Above the floor, mm.
+    /// Height above the floor, mm.
     pub height_mm: f64,
 }
 
-/// The markers of links 0, 1, 2 in a file.
+/// Markers on links 0, 1, 2 in a file.
 pub(crate) type Layout = [Vec<LinkMarker>; 3];
 
-/// Finds every marker of the configured layout in the file: by its whole label, or else by the
-/// part after the subject if only one subject has it. The error is about the first that is not
-/// found.
+/// Finds every marker of the configured layout in the file, either by its full label or, if only one subject has such a
+/// marker, by its name without the subject. Returns the first problem as an error.
 pub(crate) fn locate(markers: &Markers, file: &Recording) -> Result<Layout, Problem> {
     let (layout, problems) = locate_all(markers, file);
     problems.into_iter().next().map_or(Ok(layout), Err)
 }
 
-/// The markers that are found, and an error for every one that is not; a single one if most are
-/// not there, as in a file of something else.
+/// Finds the markers of the configured layout in the file. Also returns one problem for each marker that is missing or
+/// ambiguous, or a single problem if most markers are missing, because the file then records something else.
 pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Problem>) {
     let mut layout = [const { Vec::new() }; 3];
     let mut problems = Vec::new();
@@ -47,18 +47,21 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
             let found = column_of(link, label, &file.labels);
             let Ok(column) = found.map_err(|problem| problems.push(problem)) else { continue };
             if let Some(first) = owners.insert(column, label) {
-                let (found, first) = (file.labels[column].clone(), first.to_owned());
+                let found = file.labels[column].clone();
+                let first = first.to_owned();
                 problems.push(Problem::SharedMarker { found, first, second: label.clone() });
             }
             let [x, y, height_mm] = *position_mm;
             layout[link].push(LinkMarker { column, local_position_mm: [x, y], height_mm });
         }
     }
-    let missing = problems.iter().filter(|it| matches!(it, Problem::MissingMarker { .. })).count();
+    let missing =
+        problems.iter().filter(|problem| matches!(problem, Problem::MissingMarker { .. })).count();
     let all = markers.links().into_iter().map(BTreeMap::len).sum();
-    if missing >= LEAST_FOREIGN && 2 * missing > all {
-        let labels = file.labels.iter().take(SHOWN_LABELS).map(String::as_str).collect::<Vec<_>>();
-        let more = if file.labels.len() > SHOWN_LABELS { ", .." } else { "" };
+    if missing >= MIN_FOREIGN_MISSING && 2 * missing > all {
+        let labels =
+            file.labels.iter().take(MAX_SHOWN_LABELS).map(String::as_str).collect::<Vec<_>>();
+        let more = if file.labels.len() > MAX_SHOWN_LABELS { ", .." } else { "" };
         let labels = format!("`{}`{more}", labels.join("`, `"));
         problems = vec![Problem::ForeignFile { missing, all, labels }];
     }
@@ -66,12 +69,9 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
 }
 
 fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Problem> {
-    let among = |matches: &dyn Fn(&str) -> bool| -> Vec<usize> {
-        (0..labels.len()).filter(|&i| matches(&labels[i])).collect()
-    };
-    let mut found = among(&|candidate| candidate == label);
+    let mut found: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] == label).collect();
     if found.is_empty() {
-        found = among(&|candidate| marker_name(candidate) == label);
+        found = (0..labels.len()).filter(|&i| marker_name(&labels[i]) == label).collect();
     }
     let label = label.to_owned();
     match found[..] {
@@ -90,21 +90,22 @@ fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Probl
     }
 }
 
-/// A label without its subject.
+/// Returns the marker name in a label, without the subject.
 pub fn marker_name(label: &str) -> &str {
     label.rsplit_once(':').map_or(label, |(_, name)| name)
 }
 
 fn proposals(label: &str, labels: &[String]) -> String {
-    let likeness = |candidate: &str| {
-        let names = strsim::jaro_winkler(marker_name(label), marker_name(candidate));
-        names.max(strsim::jaro_winkler(label, candidate))
-    };
-    let mut ranked: Vec<(f64, &str)> =
-        labels.iter().map(|label| (likeness(label), label.as_str())).collect();
+    let mut ranked: Vec<(f64, &str)> = labels
+        .iter()
+        .map(|candidate| {
+            let names = strsim::jaro_winkler(marker_name(label), marker_name(candidate));
+            (names.max(strsim::jaro_winkler(label, candidate)), candidate.as_str())
+        })
+        .collect();
     ranked.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let nearest: Vec<&str> = ranked.iter().take(PROPOSALS).map(|(_, label)| *label).collect();
-    format!("the nearest of its {} labels are `{}`", labels.len(), nearest.join("`, `"))
+    format!("the most similar of the file's {} labels are `{}`", labels.len(), nearest.join("`, `"))
 }
 
 #[cfg(test)]
@@ -117,32 +118,32 @@ mod tests {
     use super::*;
     use crate::error::TrialFailure;
 
-    /// The markers of the fixture with two subjects that both have a marker `X`.
+    /// Locates two markers on link 0 in a fixture in which two subjects have a marker `X`.
     fn located(link0: [&str; 2]) -> Result<Layout, TrialFailure> {
         let path = Path::new("../mocap/tests/fixtures/two-subjects.csv");
         let file = read_markers(path, LengthUnit::Mm).unwrap();
         let link0 = link0.into_iter().map(|label| (label.to_owned(), [0.0; 3])).collect();
         let markers = Markers { link0, link1: BTreeMap::new(), link2: BTreeMap::new() };
-        locate(&markers, &file).map_err(|problem| problem.of(Path::new("a.csv")))
+        locate(&markers, &file).map_err(|problem| problem.in_file(Path::new("a.csv")))
     }
 
     #[test]
     fn a_name_that_two_subjects_have_needs_the_subject() {
         assert_eq!(
             located(["X", "Y-2"]).unwrap_err().to_string(),
-            "a.csv: found the marker `X` of markers.link0 as `Branch:X`, `Branch_1:X`, \
-             needed one of them; the layout must name it `Subject:Marker`"
+            "a.csv: the marker `X` of markers.link0 matches the labels `Branch:X`, `Branch_1:X`; replace the label in \
+             that table by one of these, in the form `Subject:Marker`"
         );
         let layout = located(["Branch_1:X", "Y-2"]).unwrap();
         assert_eq!(layout[0].iter().map(|marker| marker.column).collect::<Vec<_>>(), [1, 2]);
     }
 
     #[test]
-    fn a_marker_cannot_stand_for_two_of_the_layout() {
+    fn a_marker_cannot_match_two_of_the_layout() {
         assert_eq!(
             located(["Branch_1:Y-2", "Y-2"]).unwrap_err().to_string(),
-            "a.csv: found the marker `Branch_1:Y-2` for both `Branch_1:Y-2` and `Y-2` of \
-             pipeline.toml's [markers], needed one each"
+            "a.csv: the marker `Branch_1:Y-2` matches both `Branch_1:Y-2` and `Y-2` of \
+             pipeline.toml's [markers], but each of these entries needs a marker of its own"
         );
     }
 
@@ -150,11 +151,11 @@ mod tests {
     fn a_label_that_a_file_has_twice_is_an_error() {
         let labels = ["Snake:M1".to_owned(), "Snake:M1".to_owned()];
         for label in ["M1", "Snake:M1"] {
-            let error = column_of(0, label, &labels).unwrap_err().of(Path::new("a.csv"));
+            let error = column_of(0, label, &labels).unwrap_err().in_file(Path::new("a.csv"));
             assert_eq!(
                 error.to_string(),
-                "a.csv: found the label `Snake:M1` more than once, \
-                 needed by markers.link0 of pipeline.toml once"
+                "a.csv: the file has the label `Snake:M1` more than once, \
+                 but markers.link0 of pipeline.toml needs it to be unique"
             );
         }
     }

@@ -1,6 +1,5 @@
-//! From a marker file to a pose of each link in each frame by itself: which markers are a link's
-//! (`layout`), the rigid pose that they give (`rigid`), what to do where one of them is
-//! wrong (`labels`), and whether their noise is white (`whiteness`).
+//! Estimates the pose of each link in each frame: assignment of markers to links (`layout`), rigid registration
+//! (`rigid`), label correction (`labels`), and a test of whether the marker noise is white (`whiteness`).
 
 pub(crate) mod labels;
 pub(crate) mod layout;

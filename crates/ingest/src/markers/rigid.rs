@@ -1,50 +1,53 @@
-//! The pose of a link from those of its markers that the cameras saw.
+//! Rigid registration: estimates the pose of a link from its visible markers.
 
 use nalgebra::{UnitComplex, Vector2};
 use trilink_robot::in_world;
 
-/// Two markers nearer than this, mm, hardly determine the heading.
-const LEAST_SPREAD_MM: f64 = 5.0;
+/// Minimum distance between two markers for them to determine the heading, mm.
+const MIN_SPREAD_MM: f64 = 5.0;
 
-/// Where a link is in the plane of the floor.
+/// Pose of a link in the floor plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LinkPose {
-    /// Wheel axle, mm.
+    /// Position of the wheel axle, mm.
     pub origin_mm: [f64; 2],
     /// Heading, rad, in (-pi, pi].
     pub theta_rad: f64,
-    /// RMS distance of the markers from where the pose puts them, mm.
+    /// RMS distance between the markers' recorded positions and those that the pose predicts, mm.
     pub residual_mm: f64,
     pub moments: MarkerMoments,
 }
 
-/// The markers that a pose rests on: enough to compute how much worse another pose explains
-/// them.
+/// Moments of the markers to which a pose was fitted. They suffice to compute how much worse any other pose fits these
+/// markers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MarkerMoments {
     pub markers: f64,
-    /// Their centroid in the link's frame, mm.
+    /// Centroid of the markers in the link frame, mm.
     pub centre_mm: [f64; 2],
-    /// How hard it is to turn the link about that centroid: turning it by an angle adds twice
-    /// this, times one minus the angle's cosine, to the sum of squares, mm^2.
+    /// Rotational stiffness of the fit about the centroid, mm^2: rotating the pose by an angle increases the sum of the
+    /// squared marker residuals by twice this value times one minus the cosine of the angle.
     pub turning_mm2: f64,
 }
 
 impl LinkPose {
-    /// Where the pose puts a point of the link's frame, mm.
+    /// Returns the position, mm, to which the pose maps a point of the link frame.
     pub fn at(&self, local_position_mm: [f64; 2]) -> [f64; 2] {
         in_world(self.origin_mm, self.theta_rad, local_position_mm)
     }
 }
 
-/// Rotation and translation that bring `local_mm` (in the link's frame) nearest to `seen_mm`
-/// (in the world), in the sense of least squares; `None` if the markers do not give a heading.
+/// Fits the rotation and translation that map the first positions of the pairs (in the link frame, mm) as closely as
+/// possible, in the least-squares sense, to the second positions (in the world frame, mm). `None` if the markers do not
+/// determine a heading.
 ///
-/// In the plane this has a closed form: about the two centroids, the rotation's tangent is
-/// the sum of cross products over the sum of dot products.
+/// In the plane the solution has a closed form: with positions relative to the two centroids, the tangent of the
+/// rotation angle is the sum of cross products divided by the sum of dot products.
 pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<LinkPose> {
     let pairs = pairs.map(|(p, q)| (Vector2::from(p), Vector2::from(q)));
-    let (mut count, mut local, mut seen) = (0.0, Vector2::zeros(), Vector2::zeros());
+    let mut count = 0.0;
+    let mut local = Vector2::zeros();
+    let mut seen = Vector2::zeros();
     for (p, q) in pairs.clone() {
         count += 1.0;
         local += p;
@@ -55,15 +58,17 @@ pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<
     }
     local /= count;
     seen /= count;
-    let (mut along, mut across) = (0.0, 0.0);
+    let mut along = 0.0;
+    let mut across = 0.0;
     for (p, q) in pairs.clone() {
-        let (p, q) = (p - local, q - seen);
+        let p = p - local;
+        let q = q - seen;
         along += p.dot(&q);
         across += p.perp(&q);
     }
     let theta_rad = across.atan2(along);
     let turning_mm2 = (along * along + across * across).sqrt();
-    // Markers that were all seen in one point give no heading.
+    // Coinciding markers determine no heading.
     if turning_mm2 == 0.0 {
         return None;
     }
@@ -78,11 +83,11 @@ pub fn fit(pairs: impl Iterator<Item = ([f64; 2], [f64; 2])> + Clone) -> Option<
     })
 }
 
-/// Whether any two of the markers lie far enough apart.
+/// Returns whether at least two of the markers are far enough apart to determine the heading.
 fn is_spread(mut markers: impl Iterator<Item = Vector2<f64>> + Clone) -> bool {
-    let least_mm2 = LEAST_SPREAD_MM * LEAST_SPREAD_MM;
+    let min_mm2 = MIN_SPREAD_MM * MIN_SPREAD_MM;
     while let Some(a) = markers.next() {
-        if markers.clone().any(|b| (a - b).norm_squared() >= least_mm2) {
+        if markers.clone().any(|b| (a - b).norm_squared() >= min_mm2) {
             return true;
         }
     }
@@ -98,7 +103,8 @@ mod tests {
     #[test]
     fn any_two_or_more_markers_of_a_link_give_its_pose() {
         let markers = Config::default().markers;
-        let (origin, theta) = ([1234.5, -678.9], 2.5_f64);
+        let origin = [1234.5, -678.9];
+        let theta = 2.5_f64;
         let (sin, cos) = theta.sin_cos();
         for layout in markers.links() {
             let pairs: Vec<_> = layout
@@ -126,7 +132,7 @@ mod tests {
 
     #[test]
     fn the_residual_is_the_rms_misfit() {
-        // Two markers 2 mm too far apart: each is 1 mm off, whatever the pose.
+        // Two markers that are 2 mm too far apart: each has a residual of 1 mm, whatever the pose.
         let pairs = [([-10.0, 0.0], [-11.0, 0.0]), ([10.0, 0.0], [11.0, 0.0])];
         let pose = fit(pairs.into_iter()).unwrap();
         assert!((pose.residual_mm - 1.0).abs() < 1e-12);

@@ -1,33 +1,36 @@
-//! Whether the markers' noise is white, as camera noise nearly is and all standard errors assume. A
-//! low-pass filter before the export cuts its spectrum off far below the Nyquist frequency:
-//! differences of neighbouring frames then underestimate the noise at low frequencies.
+//! Tests whether the marker noise is white, as all standard errors assume and as camera noise nearly is. Low-pass
+//! filtering before the export cuts off the noise spectrum far below the Nyquist frequency, so that differences between
+//! neighbouring frames underestimate the noise at low frequencies.
 //!
-//! Only noise changes the distance between two markers of a link. Its Hadamard variance (of second
-//! differences of adjacent means; W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST
-//! Special Publication 1065, 2008, section 5.2) is inversely proportional to the number of samples
-//! averaged if the noise is white, and a linear drift does not change it.
+//! The distance between two markers of a link changes only by noise. Its Hadamard variance (of second differences of
+//! adjacent means; W. J. Riley, *Handbook of Frequency Stability Analysis*, NIST Special Publication 1065, 2008,
+//! section 5.2) is inversely proportional to the number of averaged samples if the noise is white, and is unaffected by
+//! a linear drift.
 
 use trilink_mocap::Recording;
 use trilink_statistics::{MAD_TO_DEVIATION, mean, median, median_high, seen};
 
 use super::layout::Layout;
 
-/// Averaging time, s: second differences of such means pass noise around 5 Hz, as filters do.
+/// Averaging time, s. Second differences of means over this time respond to noise around 5 Hz, which low-pass filters
+/// leave in the coordinates.
 const AVERAGED_S: f64 = 0.1;
-/// Standard deviations beyond which a distance is that of a marker that jumped.
+/// Deviation, in standard deviations, of the distance between two markers from its median, beyond which the distance is
+/// an outlier, as when a marker jumps.
 const OUTLIER_DEVIATIONS: f64 = 6.0;
-/// Fewer differences of means tell no variance.
+/// Minimum number of second differences for a variance estimate.
 const MIN_DIFFERENCES: usize = 5;
-/// Less noise is rounding, not that of a camera, mm.
+/// Minimum standard deviation of camera noise, mm; anything smaller is rounding.
 const MIN_NOISE_MM: f64 = 0.005;
 /// Sum of the squared weights of a second difference.
 const SECOND_GAIN: f64 = 6.0;
 /// Median of the square of a standard normal deviate.
 const MEDIAN_SQUARE: f64 = 0.4549;
 
-/// Standard deviation of the noise in means over [`AVERAGED_S`], relative to what is expected from
-/// neighbouring frames if it is white (then about 1). Median over pairs of markers; NaN with too
-/// few frames or too little noise. `frames` counts frames missing from the file, too.
+/// Returns the standard deviation of the noise in means over [`AVERAGED_S`], divided by the value expected for white
+/// noise from the differences between neighbouring frames; about 1 if the noise is white. The result is the median over
+/// pairs of markers on the same link; NaN if there are too few frames or too little noise. `frames` is the number of
+/// frames, including those missing from the file.
 pub(crate) fn slow_noise_ratio(
     file: &Recording,
     layout: &Layout,
@@ -35,12 +38,13 @@ pub(crate) fn slow_noise_ratio(
     [first_frame, frames]: [i64; 2],
 ) -> f64 {
     let averaged = ((AVERAGED_S * rate_hz).round() as usize).max(2);
-    // Every marker of a link with the next one.
+    // Each marker of a link is paired with the next one.
     let pairs = layout.iter().flat_map(|markers| {
         let next = (1..markers.len()).chain((markers.len() > 2).then_some(0));
         next.enumerate().map(|(one, other)| [one, other].map(|marker| markers[marker].column))
     });
-    let ratios = pairs.filter_map(|pair| {
+    let mut ratios = Vec::new();
+    for pair in pairs {
         let mut distances_mm = vec![f64::NAN; frames as usize];
         for (row, frame) in file.frames.iter().enumerate() {
             let [one, other] = pair.map(|column| file.position_mm(row, column));
@@ -48,28 +52,32 @@ pub(crate) fn slow_noise_ratio(
             distances_mm[(frame - first_frame) as usize] = squares.iter().sum::<f64>().sqrt();
         }
         reject_outliers(&mut distances_mm);
-        variance_ratio(&distances_mm, averaged)
-    });
-    median(ratios.collect()).sqrt()
+        ratios.extend(variance_ratio(&distances_mm, averaged));
+    }
+    median(ratios).sqrt()
 }
 
 fn reject_outliers(distances_mm: &mut [f64]) {
     let middle = median_high(seen(distances_mm).collect());
-    let spread =
-        median_high(seen(distances_mm).map(|distance| (distance - middle).abs()).collect());
-    let far = OUTLIER_DEVIATIONS * MAD_TO_DEVIATION * spread;
-    let jumped = distances_mm.iter_mut().filter(|distance| (**distance - middle).abs() > far);
-    jumped.for_each(|distance| *distance = f64::NAN);
+    let deviations = seen(distances_mm).map(|distance| (distance - middle).abs());
+    let spread = median_high(deviations.collect());
+    let max_deviation = OUTLIER_DEVIATIONS * MAD_TO_DEVIATION * spread;
+    for distance in distances_mm {
+        if (*distance - middle).abs() > max_deviation {
+            *distance = f64::NAN;
+        }
+    }
 }
 
-/// Variance of a sample as estimated from means over `averaged` samples if the noise is white,
-/// divided by that from neighbouring samples. The former is a median, robust to steps; the latter
-/// is a mean, which a few noisy frames raise as they do the variance of means.
+/// Returns the ratio of two estimates of the noise variance of a distance: one from means over `averaged` frames, on
+/// the assumption of white noise, and one from neighbouring frames. The former is a median, which is robust to steps;
+/// the latter is a mean, which a few noisy frames raise as much as they raise the former. `None` if there are too few
+/// frames or too little noise.
 fn variance_ratio(distances_mm: &[f64], averaged: usize) -> Option<f64> {
-    let second = |w: &[f64]| w[0] - 2.0 * w[1] + w[2];
-    let fast: Vec<f64> = distances_mm.windows(3).map(second).collect();
+    let fast: Vec<f64> =
+        distances_mm.windows(3).map(|w| second_difference(w[0], w[1], w[2])).collect();
     let fast = mean(seen(&fast).map(|difference| difference * difference)) / SECOND_GAIN;
-    // Means of blocks at least half of which was seen, and their variance over a sample's.
+    // Means over blocks of which at least half is visible, and their variances relative to that of a sample.
     let means = distances_mm.chunks_exact(averaged).map(|samples| {
         let count = seen(samples).count();
         let is_known = 2 * count >= averaged;
@@ -77,7 +85,7 @@ fn variance_ratio(distances_mm: &[f64], averaged: usize) -> Option<f64> {
     });
     let means: Vec<[f64; 2]> = means.collect();
     let slow = means.windows(3).map(|w| {
-        let difference = second(&[w[0][0], w[1][0], w[2][0]]);
+        let difference = second_difference(w[0][0], w[1][0], w[2][0]);
         difference * difference / (w[0][1] + 4.0 * w[1][1] + w[2][1])
     });
     let slow: Vec<f64> = slow.filter(|square| !square.is_nan()).collect();
@@ -86,6 +94,10 @@ fn variance_ratio(distances_mm: &[f64], averaged: usize) -> Option<f64> {
     }
     let slow = median(slow) / MEDIAN_SQUARE;
     (slow > MIN_NOISE_MM * MIN_NOISE_MM).then_some(slow / fast)
+}
+
+fn second_difference(first: f64, second: f64, third: f64) -> f64 {
+    first - 2.0 * second + third
 }
 
 #[cfg(test)]
@@ -104,18 +116,20 @@ mod tests {
         move || StandardNormal.sample(&mut random)
     }
 
-    /// Forwards and backwards through a Butterworth filter of second order, as exports are (bilinear
-    /// transform; Winter, *Biomechanics and Motor Control of Human Movement*, section 2.2.4).
+    /// Filters a series forwards and backwards with a second-order Butterworth low-pass filter, as is done before an
+    /// export (bilinear transform; Winter, *Biomechanics and Motor Control of Human Movement*, section 2.2.4).
     fn low_passed(series: &[f64], cutoff_hz: f64) -> Vec<f64> {
         let c = 1.0 / (std::f64::consts::PI * cutoff_hz / 120.0).tan();
         let scale = 1.0 / (1.0 + 2.0_f64.sqrt() * c + c * c);
         let feedback = [2.0 * scale * (1.0 - c * c), scale * (1.0 - 2.0_f64.sqrt() * c + c * c)];
         let pass = |series: Vec<f64>| {
-            let (mut x, mut y) = ([series[0]; 2], [series[0]; 2]);
+            let mut x = [series[0]; 2];
+            let mut y = [series[0]; 2];
             let filtered = series.into_iter().map(move |new| {
                 let out =
                     scale * (new + 2.0 * x[0] + x[1]) - feedback[0] * y[0] - feedback[1] * y[1];
-                (x, y) = ([new, x[0]], [out, y[0]]);
+                x = [new, x[0]];
+                y = [out, y[0]];
                 out
             });
             filtered.collect::<Vec<f64>>()
@@ -127,21 +141,21 @@ mod tests {
         series
     }
 
-    /// Three markers of a link that moves along a circle, with noise of so many mm, changed coordinate by
-    /// coordinate.
+    /// Creates a recording of three markers on a link that moves along a circle, with noise of standard deviation
+    /// `noise_mm`. `change` transforms the time series of each coordinate.
     fn recording(noise_mm: f64, change: impl Fn(Vec<f64>) -> Vec<f64>) -> Recording {
         let mut noise = normal(5);
-        let places = [[0.0, 0.0, 50.0], [60.0, 10.0, 60.0], [-20.0, 50.0, 55.0]];
+        let layout = [[0.0, 0.0, 50.0], [60.0, 10.0, 60.0], [-20.0, 50.0, 55.0]];
         let mut series = Vec::new();
-        for [x, y, z] in places {
+        for [x, y, z] in layout {
             for axis in 0..3 {
-                let at = |i: usize| {
+                let coordinates = (0..FRAMES).map(|i| {
                     let (sin, cos) = (0.01 * i as f64).sin_cos();
-                    let place =
+                    let position =
                         [400.0 * cos + cos * x - sin * y, 400.0 * sin + sin * x + cos * y, z];
-                    place[axis] + noise_mm * noise()
-                };
-                series.push(change((0..FRAMES).map(at).collect()));
+                    position[axis] + noise_mm * noise()
+                });
+                series.push(change(coordinates.collect()));
             }
         }
         Recording {
@@ -157,6 +171,7 @@ mod tests {
         }
     }
 
+    /// Returns the slow-noise ratio of the recording's three markers.
     fn ratio(file: &Recording) -> f64 {
         let marker = |column| LinkMarker { column, local_position_mm: [0.0; 2], height_mm: 0.0 };
         let layout = [[0, 1, 2].map(marker).to_vec(), Vec::new(), Vec::new()];
@@ -165,7 +180,7 @@ mod tests {
         slow_noise_ratio(file, &layout, 120.0, [first, frames])
     }
 
-    fn hide(file: &mut Recording) {
+    fn occlude(file: &mut Recording) {
         let mut state = normal(9);
         for position in &mut file.positions_mm {
             if state() > 1.6 {
@@ -180,7 +195,7 @@ mod tests {
             let white = recording(noise_mm, |series| series);
             assert!((ratio(&white) - 1.0).abs() < 0.2, "{noise_mm}: {}", ratio(&white));
             let mut gaps = white.clone();
-            hide(&mut gaps);
+            occlude(&mut gaps);
             assert!((ratio(&gaps) - 1.0).abs() < 0.25, "{noise_mm}: {}", ratio(&gaps));
             let mut jumped = white.clone();
             for row in (0..FRAMES).step_by(37) {
@@ -191,8 +206,9 @@ mod tests {
             (1000..FRAMES).for_each(|row| moved.positions_mm[3 * row + 2][1] += 2.0 * noise_mm);
             assert!(ratio(&moved) < 1.3, "{noise_mm}: {}", ratio(&moved));
             for digit_mm in [0.001, 0.01, 0.1, 1.0] {
-                let round = |x: &f64| (x / digit_mm).round() * digit_mm;
-                let rounded = recording(noise_mm, |series| series.iter().map(round).collect());
+                let rounded = recording(noise_mm, |series| {
+                    series.iter().map(|x| (x / digit_mm).round() * digit_mm).collect()
+                });
                 let ratio = ratio(&rounded);
                 assert!(ratio.is_nan() || ratio < 1.4, "{noise_mm} {digit_mm}: {ratio}");
             }
@@ -201,20 +217,21 @@ mod tests {
 
     #[test]
     fn noise_that_was_filtered_before_the_export_is_not_white() {
-        for (cutoff_hz, least) in [(6.0, 20.0), (10.0, 15.0), (15.0, 8.0), (20.0, 5.0), (30.0, 2.5)]
+        for (cutoff_hz, minimum) in
+            [(6.0, 20.0), (10.0, 15.0), (15.0, 8.0), (20.0, 5.0), (30.0, 2.5)]
         {
-            let round = |x: f64| (100.0 * x).round() / 100.0;
-            let filter =
-                |series: Vec<f64>| low_passed(&series, cutoff_hz).into_iter().map(round).collect();
-            let mut filtered = recording(0.2, filter);
-            assert!(ratio(&filtered) > least, "{cutoff_hz} Hz: {}", ratio(&filtered));
-            hide(&mut filtered);
-            assert!(ratio(&filtered) > least, "{cutoff_hz} Hz: {}", ratio(&filtered));
+            let mut filtered = recording(0.2, |series| {
+                let filtered = low_passed(&series, cutoff_hz).into_iter();
+                filtered.map(|x| (100.0 * x).round() / 100.0).collect()
+            });
+            assert!(ratio(&filtered) > minimum, "{cutoff_hz} Hz: {}", ratio(&filtered));
+            occlude(&mut filtered);
+            assert!(ratio(&filtered) > minimum, "{cutoff_hz} Hz: {}", ratio(&filtered));
         }
     }
 
     #[test]
-    fn without_noise_or_with_too_few_frames_nothing_is_told() {
+    fn the_ratio_is_nan_without_noise_or_with_too_few_frames() {
         assert!(ratio(&recording(0.0, |series| series)).is_nan());
         assert!(ratio(&recording(0.0, |series| low_passed(&series, 6.0))).is_nan());
         let mut few = recording(0.2, |series| series);

@@ -1,7 +1,7 @@
-//! Trials of a table that was made elsewhere: typed in, read off a figure, or of another program.
+//! Reads trials from a user-supplied table: typed in, read off a figure, or written by another program.
 //!
-//! Its columns have the names that `trials.parquet` gives them. It needs `campaign`, `omega_rad_s`
-//! and one of `d_m` and `v_m_s`; what else is not there was not measured.
+//! The columns have the same names as in `trials.parquet`. `campaign`, `omega_rad_s` and one of `d_m` and `v_m_s` are
+//! required; all other missing columns count as not measured.
 
 mod cells;
 mod units;
@@ -17,46 +17,46 @@ use trilink_tables::config::{
 };
 use trilink_tables::trial::{NEEDED_OMEGA, OMEGA_RAD_S, TrialKind, is_valid_name};
 use trilink_tables::{
-    Columns as _, StoreError, Table, TrialRow, TrialStatus, numbers, texts, truths,
+    Columns as _, StoreError, Table, TrialRow, TrialStatus, booleans, numbers, texts,
 };
 
 use cells::{Cell, Cells};
 
-/// What a fit cannot do without.
-const NEEDED: [(&str, &str); 2] = [
-    ("campaign", "the name that the trial's campaign has in the configuration"),
-    ("omega_rad_s", "the trial's frequency"),
+/// Required columns, each with the words that describe it in messages.
+const REQUIRED: [(&str, &str); 2] = [
+    ("campaign", "that contains the name of each trial's campaign, as in the configuration"),
+    ("omega_rad_s", "that contains each trial's frequency"),
 ];
-/// Mistakes that are named; the others are counted.
-const MOST_NAMED: usize = 200;
+/// Maximum number of problems listed; the rest are only counted.
+const MAX_LISTED: usize = 200;
 
-/// The trials of a table, and how they are fitted.
+/// Trials from a user-supplied table, with the information needed to fit them.
 #[derive(Debug)]
 pub struct OwnTable {
     pub trials: Vec<TrialRow>,
-    /// What a person should know of how it was read.
+    /// Notes to the user on how the table was interpreted.
     pub notes: Vec<String>,
-    /// Of the file's bytes.
+    /// Hash of the file's bytes, hexadecimal.
     pub hash: String,
     has_debiased: bool,
 }
 
-/// Why a table cannot be fitted.
+/// Reason why a user-supplied table cannot be fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum OwnTableError {
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// All that is wrong with it.
+    /// All problems found in the table, as one text.
     #[error("{}: {problems}", path.display())]
     Wrong { path: PathBuf, problems: String },
 }
 
 impl OwnTableError {
     fn wrong(path: &Path, mut problems: Vec<String>) -> Self {
-        let more = problems.len().saturating_sub(MOST_NAMED);
-        problems.truncate(MOST_NAMED);
+        let more = problems.len().saturating_sub(MAX_LISTED);
+        problems.truncate(MAX_LISTED);
         if more > 0 {
             problems.push(format!("and {more} more"));
         }
@@ -64,28 +64,27 @@ impl OwnTableError {
     }
 }
 
-/// What is wrong, with the row where it is.
+/// Problems, each with its row index; `None` if a problem does not belong to a row.
 type Problems = Vec<(Option<usize>, String)>;
 
 impl OwnTable {
-    /// Reads CSV or Parquet. Trials that failed or are not of kind `gait` are left out.
+    /// Reads a CSV or Parquet file. Trials that failed or whose kind is not `gait` are left out.
     ///
     /// # Errors
-    /// The file cannot be read; or all that is wrong with it.
+    /// Returns an error if the file cannot be read, or if the table has problems, all of which are listed.
     pub fn read(path: &Path, config: &Config) -> Result<Self, OwnTableError> {
         let cells = Cells::read(path)?;
-        let mut problems: Problems = cells.problems.iter().map(|of| (None, of.clone())).collect();
+        let mut problems: Problems =
+            cells.problems.iter().map(|problem| (None, problem.clone())).collect();
         let (rows, mut notes) = rows(&cells, &mut problems)?;
-        let is_fitted =
-            |row: &TrialRow| row.kind == TrialKind::Gait && row.status != TrialStatus::Failed;
-        let fitted = rows.iter().enumerate().filter(|(_, row)| is_fitted(row));
-        let fitted: Vec<_> = fitted.collect();
+        let fitted: Vec<(usize, &TrialRow)> =
+            rows.iter().enumerate().filter(|(_, row)| is_fitted(row)).collect();
         check(&fitted, &cells, config, &mut problems);
         problems.extend(units::mistakes(&fitted, config));
         if !problems.is_empty() {
             problems.sort_by_key(|(row, _)| *row);
             let problems = problems.into_iter().map(|(row, problem)| match row {
-                Some(row) => format!("{}, {problem}", cells.places[row]),
+                Some(row) => format!("{}, {problem}", cells.row_names[row]),
                 None => problem,
             });
             return Err(OwnTableError::wrong(path, problems.collect()));
@@ -94,37 +93,32 @@ impl OwnTable {
         let trials: Vec<TrialRow> = rows.into_iter().filter(is_fitted).collect();
         if trials.len() < all {
             let left_out = all - trials.len();
-            notes.push(format!("{left_out} rows are left out: failed, or not of kind gait"));
+            notes.push(format!(
+                "{left_out} rows are left out because their trials failed or are not of kind `gait`"
+            ));
         }
         let has_debiased = cells.names.iter().any(|name| name.ends_with("_debiased"));
         Ok(Self { trials, notes, hash: cells.hash, has_debiased })
     }
 
-    /// The configuration of its campaigns, such that nothing is asked for that no table of trials
-    /// has: the command drives the models where the gait of a trial was not measured.
+    /// Returns `config` restricted to the table's campaigns and adapted to the table's content: the commanded gait
+    /// drives the models if the measured gait is missing in any trial, the robots' parameters are the configured ones,
+    /// and raw skid ratios are used if the table has no debiased ones. Adds notes on the first two of these changes.
     pub fn configure(&mut self, config: &Config) -> Config {
         let mut config = config.clone();
-        config.campaign.retain(|name, _| self.trials.iter().any(|of| of.campaign == *name));
-        let lacks_gait = |trial: &TrialRow| {
-            let gait = config.gait[&config.campaign[&trial.campaign].gait].to_gait();
-            let both = gait.joints.iter().zip(&trial.gait);
-            both.into_iter().any(|(commanded, measured)| {
-                let [offset, amplitude, phase] =
-                    [measured.offset_rad, measured.amplitude_rad, measured.phase_rad];
-                commanded.is_some() && !(offset + amplitude + phase).is_finite()
-            })
-        };
-        let lacking = self.trials.iter().filter(|trial| lacks_gait(trial)).count();
+        config.campaign.retain(|name, _| self.trials.iter().any(|trial| trial.campaign == *name));
+        let lacking = self.trials.iter().filter(|trial| lacks_gait(trial, &config)).count();
         if lacking > 0 && config.fit.gait_input == GaitInput::Measured {
             config.fit.gait_input = GaitInput::Commanded;
             self.notes.push(format!(
-                "the commanded gait drives the models: {lacking} of {} trials have no measured one",
+                "the models are driven by the commanded gait, because {lacking} of {} trials have no measured gait",
                 self.trials.len()
             ));
         }
         if config.fit.robot_parameters == ParameterSource::Measured {
             config.fit.robot_parameters = ParameterSource::Configured;
-            self.notes.push("the robots' parameters are those of the configuration".to_owned());
+            self.notes
+                .push("the parameters of the robots are taken from the configuration".to_owned());
         }
         if !self.has_debiased {
             config.fit.sigma = SigmaKind::Raw;
@@ -133,35 +127,54 @@ impl OwnTable {
     }
 }
 
-/// The rows of a table; its columns that nobody knows are notes.
+fn is_fitted(row: &TrialRow) -> bool {
+    row.kind == TrialKind::Gait && row.status != TrialStatus::Failed
+}
+
+/// Returns whether a commanded joint of a trial has no measured gait.
+fn lacks_gait(trial: &TrialRow, config: &Config) -> bool {
+    let gait = config.gait[&config.campaign[&trial.campaign].gait].to_gait();
+    gait.joints.iter().zip(&trial.gait).any(|(commanded, measured)| {
+        let sum = measured.offset_rad + measured.amplitude_rad + measured.phase_rad;
+        commanded.is_some() && !sum.is_finite()
+    })
+}
+
+/// Builds the trial rows and adds the problems of columns and cells to `problems`. Also returns notes on columns with
+/// unknown names, which are ignored.
 fn rows(
     cells: &Cells,
     problems: &mut Problems,
 ) -> Result<(Vec<TrialRow>, Vec<String>), OwnTableError> {
     let blank = TrialRow::to_table(&[TrialRow::blank()]).frame;
     let known: Vec<&str> = blank.columns().iter().map(|column| column.name().as_str()).collect();
-    let is_unknown = |name: &&String| !known.contains(&name.as_str());
-    let unknown: Vec<&String> = cells.names.iter().filter(is_unknown).collect();
-    let note = |name: &&String| {
-        format!("column `{name}` is not read{}", did_you_mean(name, known.iter().copied()))
-    };
-    let notes = unknown.iter().map(note).collect();
+    let unknown: Vec<&String> =
+        cells.names.iter().filter(|name| !known.contains(&name.as_str())).collect();
+    let notes = unknown.iter().map(|name| {
+        format!("column `{name}` is ignored{}", did_you_mean(name, known.iter().copied()))
+    });
+    let notes = notes.collect();
     let mut seen = BTreeSet::new();
     for name in cells.names.iter().filter(|name| !seen.insert(*name)) {
-        problems.push((None, format!("column `{name}`: found two of them, needed one")));
+        problems.push((
+            None,
+            format!("column `{name}`: several columns have this name, but names must be unique"),
+        ));
     }
     let missing = |name: &str, needed: &str| {
         let meant = nearest(name, unknown.iter().map(|name| name.as_str()));
-        let meant = meant.map_or(String::new(), |meant| format!("; is it `{meant}`?"));
-        (None, format!("column `{name}`: found no such column, needed {needed}{meant}"))
+        let meant = meant.map_or(String::new(), |meant| format!("; is `{meant}` meant?"));
+        (None, format!("column `{name}` not found; expected a column {needed}{meant}"))
     };
-    let is_there = |name: &str| cells.names.iter().any(|other| other == name);
-    let gone = NEEDED.iter().filter(|(name, _)| !is_there(name));
-    problems.extend(gone.map(|(name, needed)| missing(name, needed)));
-    if !is_there("d_m") && !is_there("v_m_s") {
-        problems.push(missing("d_m", "it or `v_m_s`"));
+    for (name, needed) in REQUIRED {
+        if !cells.has_column(name) {
+            problems.push(missing(name, needed));
+        }
     }
-    let count = cells.places.len();
+    if !cells.has_column("d_m") && !cells.has_column("v_m_s") {
+        problems.push(missing("d_m", "`d_m` or `v_m_s`"));
+    }
+    let count = cells.row_names.len();
     let columns = blank.columns().iter().map(|column| {
         let name = column.name().as_str();
         let Some(index) = cells.names.iter().position(|other| other == name) else {
@@ -170,26 +183,20 @@ fn rows(
         let given = &cells.columns[index];
         match column.dtype() {
             DataType::String => {
-                let texts_of: Vec<String> = given
-                    .iter()
-                    .enumerate()
-                    .map(|(row, cell)| text(name, cell, row, problems))
-                    .collect();
-                texts(name, texts_of.iter().map(String::as_str))
+                let cells = given.iter().enumerate();
+                let values: Vec<String> =
+                    cells.map(|(row, cell)| text(name, cell, row, problems)).collect();
+                texts(name, values.iter().map(String::as_str))
             }
             DataType::Boolean => {
-                let truths_of = given.iter().enumerate();
-                truths(
-                    name,
-                    truths_of.map(|(row, cell)| truth(name, cell, row, problems)).collect(),
-                )
+                let cells = given.iter().enumerate();
+                booleans(name, cells.map(|(row, cell)| truth(name, cell, row, problems)).collect())
             }
             dtype => {
                 let is_whole = dtype.is_integer();
-                let numbers_of = given.iter().enumerate();
-                let numbers_of =
-                    numbers_of.map(|(row, cell)| number(name, is_whole, cell, row, problems));
-                numbers(name, numbers_of.collect())
+                let cells = given.iter().enumerate();
+                let values = cells.map(|(row, cell)| number(name, is_whole, cell, row, problems));
+                numbers(name, values.collect())
             }
         }
     });
@@ -200,7 +207,8 @@ fn rows(
     Ok((rows, notes))
 }
 
-/// The text of a cell; what has to be one of some names has the first where it is missing or wrong.
+/// Returns the text of a cell. A missing or wrong cell yields `gait` in column `kind` and `ok` in column `status`; a
+/// wrong cell is added to `problems`.
 fn text(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> String {
     let text = match cell {
         Cell::Missing => String::new(),
@@ -223,7 +231,7 @@ fn text(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Strin
     first.to_owned()
 }
 
-/// Whether a cell says yes or no; neither where it is missing or wrong.
+/// Returns the truth value of a cell; `None` if the cell is missing or wrong.
 fn truth(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Option<bool> {
     let found = match cell {
         Cell::Missing => return None,
@@ -237,15 +245,15 @@ fn truth(column: &str, cell: &Cell, row: usize, problems: &mut Problems) -> Opti
     truth
 }
 
-/// The number of a cell; NaN where it is missing or wrong.
+/// Returns the numerical value of a cell; NaN if the cell is missing or wrong.
 fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut Problems) -> f64 {
     let is_size = column.ends_with("_se")
         || column.ends_with("_amplitude_rad")
-        || Metric::of_column(column).is_some_and(|metric| metric.definition().is_size);
+        || Metric::from_column(column).is_some_and(|metric| metric.definition().is_size);
     let needed = match (is_whole, is_size, column) {
         (true, ..) => "a whole number",
         (_, _, "omega_rad_s") => NEEDED_OMEGA,
-        (_, true, _) => "a number that is not below 0",
+        (_, true, _) => "a non-negative number",
         _ => "a number",
     };
     let is_right = |number: f64| {
@@ -263,13 +271,13 @@ fn number(column: &str, is_whole: bool, cell: &Cell, row: usize, problems: &mut 
     f64::NAN
 }
 
-/// Finds what is wrong with the rows that are to be fitted.
+/// Checks the rows from which models are to be fitted, given with their row indices, and adds what is wrong to
+/// `problems`.
 fn check(fitted: &[(usize, &TrialRow)], cells: &Cells, config: &Config, problems: &mut Problems) {
     if fitted.is_empty() && problems.is_empty() {
-        problems.push((None, "found no trial, needed a row at least".to_owned()));
+        problems.push((None, "the table contains no trial that can be fitted".to_owned()));
     }
-    let is_there = |name: &str| cells.names.iter().any(|other| other == name);
-    // What is wrong with a cell is not said of its row, too.
+    // Rows with wrong cells are not checked any further.
     let known_wrong: BTreeSet<usize> = problems.iter().filter_map(|(row, _)| *row).collect();
     let campaigns: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
     let mut unknown: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
@@ -277,26 +285,29 @@ fn check(fitted: &[(usize, &TrialRow)], cells: &Cells, config: &Config, problems
     for &(row, trial) in fitted {
         let TrialRow { trial: name, campaign, omega_rad_s, metrics, .. } = trial;
         let mut add = |problem: String| problems.push((Some(row), problem));
-        if is_there("campaign") && !config.campaign.contains_key(campaign) {
+        if cells.has_column("campaign") && !config.campaign.contains_key(campaign) {
             unknown.entry(campaign).or_insert((row, 0)).1 += 1;
         }
         if let Some(first) = names.insert(name, row) {
-            let found = format!("the name of {}, too", cells.places[first]);
-            add(format!("column `trial`: found `{name}`, {found}, needed another one"));
+            let other = &cells.row_names[first];
+            add(format!(
+                "column `trial`: found `{name}`, which is also the name of the trial in {other}"
+            ));
         }
         if !is_valid_name(name) {
-            let needed = "needed letters, digits, `.`, `_`, `-`";
+            let needed = "needed a name that consists of letters, digits, `.`, `_` and `-`";
             add(format!("column `trial`: found `{name}`, {needed}"));
         }
         if known_wrong.contains(&row) {
             continue;
         }
-        if is_there("omega_rad_s") && omega_rad_s.is_nan() {
-            add("column `omega_rad_s`: found nothing, needed a frequency".to_owned());
+        if cells.has_column("omega_rad_s") && omega_rad_s.is_nan() {
+            add("column `omega_rad_s`: the frequency is missing".to_owned());
         }
         let has_metric = metrics.d_m > 0.0 || metrics.v_m_s > 0.0;
-        if (is_there("d_m") || is_there("v_m_s")) && !has_metric {
-            add("columns `d_m`, `v_m_s`: found nothing above 0, needed one of them".to_owned());
+        if (cells.has_column("d_m") || cells.has_column("v_m_s")) && !has_metric {
+            add("columns `d_m`, `v_m_s`: neither contains a value above 0, but at least one of them must"
+                .to_owned());
         }
     }
     for (campaign, (row, count)) in unknown {

@@ -1,26 +1,26 @@
-//! Harmonic regression: an offset and some harmonics of a known frequency.
+//! Harmonic regression: least-squares fit of an offset and several harmonics of a known frequency.
 //!
-//! Frames are evenly spaced, so their phases are too: within a block of frames all blocks share
-//! one table of cosines and sines, and a block's own phase turns the harmonics as a whole.
+//! Frames are evenly spaced, and so are their phases: all blocks of frames share one table of cosines and sines, and
+//! the harmonics are rotated by the phase at which each block starts.
 
 use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVector};
 use trilink_statistics::{extremes, seen};
 
-/// Harmonics of a joint's angle that its frequency and phase are taken from.
+/// Number of harmonics used to estimate frequency and phase from a joint angle.
 pub const GAIT_HARMONICS: usize = 5;
-/// Samples below which a fit is not attempted, per term.
-pub(super) const LEAST_SAMPLES_PER_TERM: usize = 3;
-/// Samples that determine the gait.
-pub(super) const LEAST_SAMPLES: usize = LEAST_SAMPLES_PER_TERM * (2 * GAIT_HARMONICS + 1);
-/// Frames that share a table of cosines and sines.
+/// Minimum number of samples per fitted term (offset, cosine or sine).
+pub(super) const MIN_SAMPLES_PER_TERM: usize = 3;
+/// Minimum number of samples for estimating the gait.
+pub(super) const MIN_SAMPLES: usize = MIN_SAMPLES_PER_TERM * (2 * GAIT_HARMONICS + 1);
+/// Number of frames in a block; all blocks share one table of cosines and sines.
 const BLOCK: usize = 16;
-/// Terms that are summed side by side.
+/// Number of terms summed in parallel (SIMD lanes).
 const LANES: usize = 4;
 
-/// The phase of the gait as a function of the frame: `step_rad * i + offset_rad`, where i
-/// counts from the first frame.
+/// Phase of the gait as a linear function of the frame: `step_rad * i + offset_rad`, where i counts frames from the
+/// first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinearPhase {
     pub step_rad: f64,
@@ -28,32 +28,34 @@ pub struct LinearPhase {
 }
 
 impl LinearPhase {
+    /// Returns the phase at a frame, rad. The frame may be fractional.
     pub fn at(&self, frame: f64) -> f64 {
         self.step_rad * frame + self.offset_rad
     }
 
-    /// The frame, usually between two, at which the phase is `phase_rad`.
-    pub(crate) fn frame_of(&self, phase_rad: f64) -> f64 {
+    /// Returns the frame at which the phase is `phase_rad`, in general a fractional number.
+    pub(crate) fn frame_at(&self, phase_rad: f64) -> f64 {
         (phase_rad - self.offset_rad) / self.step_rad
     }
 
-    /// Zero phase in the middle of a range, where frequency and phase are least correlated.
+    /// Creates a phase that is zero at the centre of a range of frames, where the estimates of frequency and phase are
+    /// least correlated.
     pub fn centred(range: &Range<usize>, step_rad: f64) -> Self {
         let middle = 0.5 * (range.start + range.end) as f64;
         Self { step_rad, offset_rad: -step_rad * middle }
     }
 }
 
-/// `offset + sum of amplitude_k cos(k phase + phase_k)`.
+/// Fourier series `offset + sum of amplitude_k cos(k phase + phase_k)`.
 #[derive(Debug, Clone)]
 pub struct Harmonics {
-    /// Offset, then the factors of cos and sin of every harmonic.
+    /// Offset, then the cosine and sine coefficients of every harmonic.
     terms: Vec<f64>,
 }
 
 impl Harmonics {
-    /// Least squares over the samples of a range that are not missing; `None` if there are
-    /// too few, or too few of the cycle.
+    /// Fits `count` harmonics by least squares to the visible samples in a range; `None` if there are too few samples
+    /// or they cover too little of the cycle.
     pub fn fit(
         series: &[f64],
         range: Range<usize>,
@@ -63,27 +65,28 @@ impl Harmonics {
         Regression::new(series, range, phase, count).map(|regression| regression.harmonics)
     }
 
+    /// Returns the offset (mean over a cycle).
     pub fn offset(&self) -> f64 {
         self.terms[0]
     }
 
-    /// Amplitude of harmonic `k`, counted from 1.
+    /// Returns the amplitude of harmonic `k`, counted from 1.
     pub fn amplitude(&self, k: usize) -> f64 {
         self.terms[2 * k - 1].hypot(self.terms[2 * k])
     }
 
-    /// Phase of the first harmonic, rad, in (-pi, pi].
+    /// Returns the phase of the first harmonic, rad, in (-pi, pi].
     pub fn phase_rad(&self) -> f64 {
         (-self.terms[2]).atan2(self.terms[1])
     }
 
-    /// Half the peak-to-peak over a cycle.
+    /// Returns half the peak-to-peak range over a cycle.
     pub fn half_range(&self) -> f64 {
         let [low, high] = self.extremes();
         0.5 * (high - low)
     }
 
-    /// Smallest and largest value over a cycle.
+    /// Returns the minimum and the maximum over a cycle.
     pub fn extremes(&self) -> [f64; 2] {
         const POINTS: usize = 360;
         let phase =
@@ -91,19 +94,19 @@ impl Harmonics {
         extremes(self.over(0..POINTS, &phase))
     }
 
-    /// Values in the frames of a range.
+    /// Returns the values at all frames in a range.
     pub fn over(&self, range: Range<usize>, phase: &LinearPhase) -> Vec<f64> {
         Grid::new(phase, self.count()).evaluate(&self.terms, range)
     }
 
-    /// Numbers whose squares sum to the mean square over a cycle, and whose products with
-    /// another's to the mean product.
+    /// Returns the components of the series, scaled so that their squares sum to the mean square over a cycle, and so
+    /// that their products with the components of another series sum to the mean product.
     pub fn components(mut self) -> Vec<f64> {
         self.terms[1..].iter_mut().for_each(|term| *term *= std::f64::consts::FRAC_1_SQRT_2);
         self.terms
     }
 
-    /// The value at phase zero of what has these components.
+    /// Returns the value, at phase zero, of the series with the given components.
     pub(crate) fn value_at_zero(components: &[f64]) -> f64 {
         let cosines = components[1..].iter().step_by(2).sum::<f64>();
         components[0] + std::f64::consts::SQRT_2 * cosines
@@ -113,7 +116,7 @@ impl Harmonics {
         self.terms.len() / 2
     }
 
-    /// The derivative with respect to the phase.
+    /// Returns the derivative of the series with respect to the phase.
     pub fn slope(&self) -> Self {
         let mut terms = vec![0.0; self.terms.len()];
         for k in 1..=self.count() {
@@ -124,10 +127,11 @@ impl Harmonics {
     }
 }
 
-/// 1, cos, sin, cos 2, sin 2, ...
+/// Fills `terms` with 1, cos p, sin p, cos 2p, sin 2p, ... of the phase p.
 fn basis(phase_rad: f64, terms: &mut [f64]) {
     let (sin, cos) = phase_rad.sin_cos();
-    let (mut c, mut s) = (1.0, 0.0);
+    let mut c = 1.0;
+    let mut s = 0.0;
     terms[0] = 1.0;
     for pair in terms[1..].chunks_exact_mut(2) {
         (c, s) = (c * cos - s * sin, s * cos + c * sin);
@@ -135,12 +139,12 @@ fn basis(phase_rad: f64, terms: &mut [f64]) {
     }
 }
 
-/// Evenly spaced phases, and sums over them.
+/// Table of harmonics at evenly spaced phases, for computing sums over frames.
 struct Grid<'c> {
     phase: &'c LinearPhase,
-    /// Terms of each frame of a block that begins with phase 0.
+    /// Values of the harmonic terms (cosines and sines) at each frame of a block that starts at phase 0.
     table: Vec<f64>,
-    /// Terms per frame.
+    /// Number of terms per frame.
     width: usize,
 }
 
@@ -154,8 +158,8 @@ impl<'c> Grid<'c> {
         Self { phase, table, width }
     }
 
-    /// Sums over a range's frames of `terms` times `values`, of which there is one per frame;
-    /// missing ones count as zero.
+    /// Returns, for each term, the sum over the frames in a range of its products with `values`, which has one value
+    /// for each of these frames; missing values count as zero.
     fn project(&self, values: &[f64], range: Range<usize>) -> Vec<f64> {
         let [mut sums, mut turn, mut block_sums] = [(); 3].map(|()| vec![0.0; self.width]);
         for (values, first) in values.chunks(BLOCK).zip(range.step_by(BLOCK)) {
@@ -167,8 +171,8 @@ impl<'c> Grid<'c> {
             basis(self.phase.at(first as f64), &mut turn);
             sums[0] += block_sums[0];
             for k in (1..self.width).step_by(2) {
-                let (c, s) = (turn[k], turn[k + 1]);
-                let (cos, sin) = (block_sums[k], block_sums[k + 1]);
+                let [c, s] = [turn[k], turn[k + 1]];
+                let [cos, sin] = [block_sums[k], block_sums[k + 1]];
                 sums[k] += c * cos - s * sin;
                 sums[k + 1] += s * cos + c * sin;
             }
@@ -176,7 +180,7 @@ impl<'c> Grid<'c> {
         sums
     }
 
-    /// The sum of `factors` times terms in every frame of a range.
+    /// Returns the linear combination of the terms with coefficients `factors` at every frame in a range.
     fn evaluate(&self, factors: &[f64], range: Range<usize>) -> Vec<f64> {
         let mut values = Vec::with_capacity(range.len());
         let [mut turn, mut turned] = [(); 2].map(|()| vec![0.0; self.width]);
@@ -184,8 +188,8 @@ impl<'c> Grid<'c> {
         for first in range.clone().step_by(BLOCK) {
             basis(self.phase.at(first as f64), &mut turn);
             for k in (1..self.width).step_by(2) {
-                let (c, s) = (turn[k], turn[k + 1]);
-                let (cos, sin) = (factors[k], factors[k + 1]);
+                let [c, s] = [turn[k], turn[k + 1]];
+                let [cos, sin] = [factors[k], factors[k + 1]];
                 turned[k] = cos * c + sin * s;
                 turned[k + 1] = sin * c - cos * s;
             }
@@ -202,9 +206,9 @@ impl<'c> Grid<'c> {
         values
     }
 
-    /// Products of all terms with each other, summed over the frames of a range in which
-    /// `series` is not missing. Products of harmonics are sums of harmonics up to twice as high,
-    /// whose sums over all frames have a closed form.
+    /// Computes the Gram matrix of the terms, summed over those frames in a range at which `series` is visible.
+    /// Products of harmonics are sums of harmonics of up to twice the order, whose sums over all frames have a closed
+    /// form.
     fn gram(&self, series: &[f64], range: &Range<usize>) -> DMatrix<f64> {
         let highest = self.width - 1;
         let frames = range.len() as f64;
@@ -223,25 +227,41 @@ impl<'c> Grid<'c> {
             basis(self.phase.at(i as f64), &mut terms);
             sums.iter_mut().zip(&terms).for_each(|(sum, term)| *sum -= term);
         }
-        let cos = |k: usize| if k == 0 { sums[0] } else { sums[2 * k - 1] };
-        let sin = |k: usize| if k == 0 { 0.0 } else { sums[2 * k] };
-        let product = |a: usize, b: usize| {
-            // Term 2k - 1 is the cosine of harmonic k, term 2k its sine.
-            let (j, k) = (a.div_ceil(2), b.div_ceil(2));
-            let (sum, difference) = (j + k, j.abs_diff(k));
-            let sign = if j >= k { 1.0 } else { -1.0 };
-            match (a % 2 == 1 || a == 0, b % 2 == 1 || b == 0) {
-                (true, true) => 0.5 * (cos(difference) + cos(sum)),
-                (false, false) => 0.5 * (cos(difference) - cos(sum)),
-                (false, true) => 0.5 * (sin(sum) + sign * sin(difference)),
-                (true, false) => 0.5 * (sin(sum) - sign * sin(difference)),
-            }
-        };
-        DMatrix::from_fn(self.width, self.width, product)
+        let harmonic_sums = HarmonicSums(sums);
+        DMatrix::from_fn(self.width, self.width, |a, b| harmonic_sums.product(a, b))
     }
 }
 
-/// A fit with what is needed to improve its frequency.
+/// Sums over frames of 1, cos p, sin p, cos 2p, sin 2p, ... of the phase p.
+struct HarmonicSums(Vec<f64>);
+
+impl HarmonicSums {
+    fn cos(&self, k: usize) -> f64 {
+        if k == 0 { self.0[0] } else { self.0[2 * k - 1] }
+    }
+
+    fn sin(&self, k: usize) -> f64 {
+        if k == 0 { 0.0 } else { self.0[2 * k] }
+    }
+
+    /// Returns the sum over frames of the product of two terms: term 2k - 1 is the cosine of harmonic k, term 2k its
+    /// sine.
+    fn product(&self, a: usize, b: usize) -> f64 {
+        let j = a.div_ceil(2);
+        let k = b.div_ceil(2);
+        let sum = j + k;
+        let difference = j.abs_diff(k);
+        let sign = if j >= k { 1.0 } else { -1.0 };
+        match (a % 2 == 1 || a == 0, b % 2 == 1 || b == 0) {
+            (true, true) => 0.5 * (self.cos(difference) + self.cos(sum)),
+            (false, false) => 0.5 * (self.cos(difference) - self.cos(sum)),
+            (false, true) => 0.5 * (self.sin(sum) + sign * self.sin(difference)),
+            (true, false) => 0.5 * (self.sin(sum) - sign * self.sin(difference)),
+        }
+    }
+}
+
+/// Harmonic fit with the quantities needed to refine its frequency.
 pub(super) struct Regression<'s> {
     pub harmonics: Harmonics,
     series: &'s [f64],
@@ -259,10 +279,10 @@ impl<'s> Regression<'s> {
     ) -> Option<Self> {
         let samples = &series[range.clone()];
         let grid = Grid::new(phase, count);
-        if seen(samples).count() < LEAST_SAMPLES_PER_TERM * grid.width {
+        if seen(samples).count() < MIN_SAMPLES_PER_TERM * grid.width {
             return None;
         }
-        // Too little of the cycle makes the harmonics indistinguishable.
+        // If the samples cover too little of the cycle, the harmonics are nearly collinear.
         let factor = Cholesky::new(grid.gram(series, &range)).filter(|factor| {
             let diagonal = factor.l_dirty().diagonal();
             diagonal.min() > 1e-4 * diagonal.max()
@@ -272,21 +292,23 @@ impl<'s> Regression<'s> {
         Some(Self { harmonics: Harmonics { terms }, series, range, phase: *phase, factor })
     }
 
-    /// The Gauss-Newton system for the step, whose parts add up over joints: the product of the
-    /// residuals with the derivative by the step, the square of the part of that derivative which
-    /// no harmonic explains; the sum of squared residuals, that of products of neighbouring ones,
-    /// and the samples beyond the number of parameters. Time counts from where the phase is zero.
+    /// Returns five sums for the Gauss-Newton equation of the phase step, which are additive over joints: the products
+    /// of the residuals and the derivative D of the fit with respect to the step; the squares of the component of D
+    /// that the harmonics do not explain; the squared residuals; the products of neighbouring residuals; and the
+    /// degrees of freedom (number of samples minus number of terms). In D, time is relative to the zero of the phase.
     pub(super) fn step_equation(&self) -> SVector<f64, 5> {
-        let origin = self.phase.frame_of(0.0);
+        let origin = self.phase.frame_at(0.0);
         let grid = Grid::new(&self.phase, self.harmonics.count());
         let fitted = grid.evaluate(&self.harmonics.terms, self.range.clone());
         let mut slopes = grid.evaluate(&self.harmonics.slope().terms, self.range.clone());
         let [mut gradient, mut curvature, mut squares, mut neighbours] = [0.0; 4];
-        let (mut previous, mut count) = (0.0, 0.0);
+        let mut previous = 0.0;
+        let mut count = 0.0;
         for ((i, fitted), slope) in self.range.clone().zip(fitted).zip(&mut slopes) {
             let residual = self.series[i] - fitted;
             if residual.is_nan() {
-                (previous, *slope) = (0.0, 0.0);
+                previous = 0.0;
+                *slope = 0.0;
                 continue;
             }
             *slope *= i as f64 - origin;
@@ -330,19 +352,19 @@ mod tests {
     }
 
     #[test]
-    fn the_products_of_the_terms_are_summed_as_by_hand() {
+    fn the_gram_matrix_is_the_sum_of_the_products_of_the_terms() {
         const COUNT: usize = 7;
         let phase = LinearPhase { step_rad: 0.21, offset_rad: 0.4 };
         let series: Vec<f64> = (0..90).map(|i| if i % 11 == 3 { f64::NAN } else { 1.0 }).collect();
         let gram = Grid::new(&phase, COUNT).gram(&series, &(5..80));
         let mut terms = [0.0; 2 * COUNT + 1];
-        let mut by_hand = DMatrix::zeros(terms.len(), terms.len());
+        let mut expected = DMatrix::zeros(terms.len(), terms.len());
         for i in (5..80).filter(|i| i % 11 != 3) {
             basis(phase.at(i.into()), &mut terms);
             let terms = DVector::from_row_slice(&terms);
-            by_hand += &terms * terms.transpose();
+            expected += &terms * terms.transpose();
         }
-        assert!((gram - by_hand).amax() < 1e-11);
+        assert!((gram - expected).amax() < 1e-11);
     }
 
     #[test]
@@ -354,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_part_of_a_cycle_gives_no_fit() {
+    fn a_small_fraction_of_a_cycle_gives_no_fit() {
         let phase = LinearPhase { step_rad: 1e-3, offset_rad: 0.0 };
         let series: Vec<f64> = (0..200).map(|i| phase.at(i.into()).cos()).collect();
         assert!(Harmonics::fit(&series, 0..200, &phase, 5).is_none());

@@ -1,4 +1,4 @@
-//! When the robot is driven, at which frequency, and which phase of the command each frame has.
+//! Estimates the frames in which the robot is driven, the actuation frequency, and the command's phase in each frame.
 
 mod harmonics;
 
@@ -14,82 +14,92 @@ use trilink_statistics::{extremes, mean, seen, wrap};
 
 use crate::error::Problem;
 use crate::signals::noise;
-use harmonics::{LEAST_SAMPLES, LEAST_SAMPLES_PER_TERM, Regression};
+use harmonics::{MIN_SAMPLES, MIN_SAMPLES_PER_TERM, Regression};
 
-/// The frequency is looked for this far from the commanded one.
+/// Half-width of the frequency search range, relative to the commanded frequency.
 const SEARCH: f64 = 0.1;
-/// Fewer frames per period cannot carry the harmonics.
-const LEAST_FRAMES_PER_PERIOD: f64 = 20.0;
-/// Fewer periods do not separate frequency and phase.
-const LEAST_PERIODS: f64 = 2.0;
-/// A commanded joint that reaches less than this part of its amplitude is not driven.
-const LEAST_AMPLITUDE: f64 = 0.1;
-/// The robot rests if its joints stay where they are for longer than this phase, rad.
+/// Minimum number of frames per period for resolving the harmonics.
+const MIN_FRAMES_PER_PERIOD: f64 = 20.0;
+/// Minimum number of periods for estimating frequency and phase separately.
+const MIN_PERIODS: f64 = 2.0;
+/// Minimum amplitude of a driven joint, relative to the commanded amplitude.
+const MIN_AMPLITUDE: f64 = 0.1;
+/// Phase interval, rad, over which the joints have to stay still for the robot to count as being at rest.
 const REST_PHASE_RAD: f64 = 0.5;
 
-/// What the commanded joints did.
+/// Measured frequency and phase of the commanded joints' motion.
 #[derive(Debug, Clone)]
 pub struct GaitPhase {
     /// Phase of the command in every frame.
     pub phase: LinearPhase,
+    /// Measured frequency, rad/s.
     pub omega_rad_s: f64,
+    /// Standard error of the measured frequency, rad/s.
     pub omega_se_rad_s: f64,
-    /// Frames in which the robot is driven.
+    /// Range of frames in which the robot is driven.
     pub moving: Range<usize>,
-    /// Harmonics that describe what the robot does in a cycle.
+    /// Number of harmonics used to describe the robot's motion in a cycle.
     pub shape_harmonics: usize,
 }
 
-/// Harmonics that the motion of a cycle has, by its length. The wheels' skid is smooth above
-/// this frequency, and there the links shake.
+/// Returns the number of harmonics used to describe the motion in a cycle, given the cycle's length in frames.
+/// Harmonics above 5 Hz are left out where possible, because link vibrations dominate them, whereas wheel skid is
+/// smooth.
 fn shape_harmonics(frames_per_period: f64, rate_hz: f64) -> usize {
     const HIGHEST_HZ: f64 = 5.0;
-    const MOST: usize = 12;
-    let most = ((frames_per_period / LEAST_SAMPLES_PER_TERM as f64 - 1.0) / 2.0) as usize;
+    const MAX_HARMONICS: usize = 12;
+    let max_resolved = ((frames_per_period / MIN_SAMPLES_PER_TERM as f64 - 1.0) / 2.0) as usize;
     let below = (HIGHEST_HZ * frames_per_period / rate_hz) as usize;
-    below.clamp(GAIT_HARMONICS, MOST).min(most).max(1)
+    below.clamp(GAIT_HARMONICS, MAX_HARMONICS).min(max_resolved).max(1)
 }
 
-/// A commanded joint: its index, its command and its angle in every frame, rad.
+/// Commanded joint: its index, its command, and its angle in every frame, rad.
 type Joint<'j> = (usize, JointCommand, &'j [f64]);
 
-/// The commanded gait and how the trial is sampled.
+/// Commanded gait of a trial, with its frequency and the frame rate of the recording.
 pub struct CommandedGait<'a> {
     pub gait: &'a Gait,
     pub omega_rad_s: f64,
     pub rate_hz: f64,
-    /// Cycles that may be transient and are not needed for the frequency.
+    /// Number of initial cycles that may be transient and are left out of the frequency estimate if enough cycles
+    /// remain.
     pub skip_cycles: usize,
 }
 
 impl CommandedGait<'_> {
-    /// Finds frequency and phase by harmonic regression on the commanded joints' unsmoothed
-    /// angles; NaN where a joint was not seen.
+    /// Estimates the frequency and the phase by harmonic regression on the unsmoothed angles of the commanded joints,
+    /// rad. `phi_rad` is NaN where a joint is occluded.
+    ///
+    /// # Errors
+    /// Returns an error if the trial has too few frames per period, too few periods or too few visible samples, or if
+    /// a commanded joint does not move.
     pub fn estimate_phase(&self, phi_rad: &[Vec<f64>; 2]) -> Result<GaitPhase, Problem> {
         let step = self.omega_rad_s / self.rate_hz;
         let found = TAU / step;
-        if found < LEAST_FRAMES_PER_PERIOD {
-            return Err(Problem::TooFast { found, needed: LEAST_FRAMES_PER_PERIOD });
+        if found < MIN_FRAMES_PER_PERIOD {
+            return Err(Problem::TooFast { found, needed: MIN_FRAMES_PER_PERIOD });
         }
-        let commanded = |joint: usize| Some((joint, self.gait.joints[joint]?, &phi_rad[joint][..]));
-        let joints: Vec<Joint> = (0..2).filter_map(commanded).collect();
+        let joints: Vec<Joint> = (0..2)
+            .filter_map(|joint| Some((joint, self.gait.joints[joint]?, &phi_rad[joint][..])))
+            .collect();
         let moving = moving(&joints, step);
         let periods = moving.len() as f64 * step / TAU;
-        let too_short = || Problem::TooShort { found: periods, needed: LEAST_PERIODS };
-        if periods < LEAST_PERIODS {
-            return Err(too_short());
+        if periods < MIN_PERIODS {
+            return Err(Problem::TooShort { found: periods, needed: MIN_PERIODS });
         }
         for (joint, _, phi) in &joints {
             let found = seen(&phi[moving.clone()]).count();
-            if found < LEAST_SAMPLES {
-                let (joint, needed) = (joint + 1, LEAST_SAMPLES);
+            if found < MIN_SAMPLES {
+                let joint = joint + 1;
+                let needed = MIN_SAMPLES;
                 return Err(Problem::JointUnseen { joint, found, needed });
             }
         }
-        // The transient is left out if enough remains.
-        let skipped = (self.skip_cycles as f64).min(periods - LEAST_PERIODS).max(0.0);
+        // The transient is left out if enough of the recording remains.
+        let skipped = (self.skip_cycles as f64).min(periods - MIN_PERIODS).max(0.0);
         let steady = moving.start + (skipped * TAU / step) as usize..moving.end;
-        let (step, variance) = measured_step(&joints, &steady, step).ok_or_else(too_short)?;
+        let (step, variance) = measured_step(&joints, &steady, step)
+            .ok_or(Problem::TooShort { found: periods, needed: MIN_PERIODS })?;
         Ok(GaitPhase {
             phase: self.phase(&joints, &steady, step)?,
             omega_rad_s: step * self.rate_hz,
@@ -99,7 +109,8 @@ impl CommandedGait<'_> {
         })
     }
 
-    /// The phase in which the joints' first harmonics have, on average, their commanded phases.
+    /// Fits the phase of the command, which advances by `step` rad per frame, so that the first harmonics of the joint
+    /// angles have, on average, their commanded phases. Returns an error if a commanded joint does not move.
     fn phase(
         &self,
         joints: &[Joint],
@@ -107,11 +118,12 @@ impl CommandedGait<'_> {
         step: f64,
     ) -> Result<LinearPhase, Problem> {
         let mut phase = LinearPhase::centred(steady, step);
-        let (mut sin, mut cos) = (0.0, 0.0);
+        let mut sin = 0.0;
+        let mut cos = 0.0;
         for &(joint, command, phi) in joints {
             let fit = Harmonics::fit(phi, steady.clone(), &phase, GAIT_HARMONICS);
             let found = fit.as_ref().map_or(0.0, |fit| fit.amplitude(1));
-            let Some(fit) = fit.filter(|_| found >= LEAST_AMPLITUDE * command.amplitude_rad) else {
+            let Some(fit) = fit.filter(|_| found >= MIN_AMPLITUDE * command.amplitude_rad) else {
                 return Err(Problem::NotDriven {
                     joint: joint + 1,
                     omega_rad_s: self.omega_rad_s,
@@ -128,49 +140,55 @@ impl CommandedGait<'_> {
     }
 }
 
-/// The frames in which the robot is driven: from the first to the last in which a commanded joint leaves
-/// the angle at which the recording starts or ends, without what is no gait at either end.
+/// Returns the frames in which the robot is driven: from the first to the last in which a commanded joint is away from
+/// its angle at the start or end of the recording. Handling of the robot at either end is excluded.
 fn moving(joints: &[Joint], step: f64) -> Range<usize> {
     let frames = joints.first().map_or(0, |(_, _, phi)| phi.len());
-    let rest = |backwards: bool| {
-        let still = joints.iter().map(|(_, _, phi)| {
-            let tolerance = rest_tolerance(phi);
-            let mut phi = phi.to_vec();
-            if backwards {
-                phi.reverse();
-            }
-            frames_at_rest(&phi, tolerance)
-        });
-        still.min().filter(|still| *still as f64 * step > REST_PHASE_RAD).unwrap_or(0)
-    };
-    let start = rest(false);
-    without_handling(joints, start..frames.saturating_sub(rest(true)).max(start), step)
+    let start = resting_frames(joints, step, false);
+    let end = frames.saturating_sub(resting_frames(joints, step, true)).max(start);
+    without_handling(joints, start..end, step)
 }
 
-/// Leaves out what is too short for a gait at either end and apart from it by a rest: hands that put the
-/// robot down or take it away turn its joints, too.
+/// Returns the number of frames for which the robot rests at the start or, if `backwards`, at the end of the recording.
+fn resting_frames(joints: &[Joint], step: f64, backwards: bool) -> usize {
+    let still = joints.iter().map(|(_, _, phi)| {
+        let tolerance = rest_tolerance(phi);
+        let mut phi = phi.to_vec();
+        if backwards {
+            phi.reverse();
+        }
+        frames_at_rest(&phi, tolerance)
+    });
+    still.min().filter(|still| *still as f64 * step > REST_PHASE_RAD).unwrap_or(0)
+}
+
+/// Excludes motions at either end of the recording that are too short for a gait and separated from the gait by a rest:
+/// putting the robot down and taking it away also move its joints.
 fn without_handling(joints: &[Joint], moving: Range<usize>, step: f64) -> Range<usize> {
-    /// Of a period; no gait is still for two parts in a row.
+    /// Number of parts into which a period is divided to detect rest: in no gait do the joints rest for two consecutive
+    /// parts.
     const PARTS: f64 = 8.0;
     let frames = ((TAU / (PARTS * step)) as usize).max(1);
     let tolerances: Vec<f64> = joints.iter().map(|(_, _, phi)| 1.5 * rest_tolerance(phi)).collect();
-    let is_still = |start: usize| {
-        joints.iter().zip(&tolerances).all(|((_, _, phi), tolerance)| {
-            let [low, high] = extremes(seen(&phi[start..moving.end.min(start + frames)]));
-            // Of what was not seen nothing is known.
-            (0.0..=*tolerance).contains(&(high - low))
-        })
-    };
     let starts: Vec<usize> = moving.clone().step_by(frames).collect();
-    let still: Vec<bool> = starts.iter().map(|start| is_still(*start)).collect();
+    let mut still = Vec::with_capacity(starts.len());
+    for start in &starts {
+        let part = *start..moving.end.min(start + frames);
+        still.push(joints.iter().zip(&tolerances).all(|((_, _, phi), tolerance)| {
+            let [low, high] = extremes(seen(&phi[part.clone()]));
+            // False for occluded angles, for which nothing is known.
+            (0.0..=*tolerance).contains(&(high - low))
+        }));
+    }
     let is_rest = |part: usize| {
-        let of = |other: Option<usize>| other.and_then(|other| still.get(other)) == Some(&true);
-        still[part] && (of(part.checked_sub(1)) || of(Some(part + 1)))
+        let is_still_before = part > 0 && still[part - 1];
+        let is_still_after = still.get(part + 1) == Some(&true);
+        still[part] && (is_still_before || is_still_after)
     };
     let parts: Vec<usize> = (0..starts.len()).collect();
     let motions = parts.chunk_by(|a, b| is_rest(*a) == is_rest(*b)).filter(|run| !is_rest(run[0]));
     let gaits: Vec<&[usize]> =
-        motions.filter(|run| run.len() as f64 >= PARTS * LEAST_PERIODS).collect();
+        motions.filter(|run| run.len() as f64 >= PARTS * MIN_PERIODS).collect();
     match (gaits.first(), gaits.last()) {
         (Some(first), Some(last)) => {
             let end = starts.get(last[last.len() - 1] + 1).copied().unwrap_or(moving.end);
@@ -180,13 +198,15 @@ fn without_handling(joints: &[Joint], moving: Range<usize>, step: f64) -> Range<
     }
 }
 
-/// How far an angle that rests is from where it is, at most.
+/// Returns the deviation of a joint's angle from its value at rest, rad, up to which the joint counts as being at rest,
+/// given the angle in the whole recording.
 fn rest_tolerance(phi_rad: &[f64]) -> f64 {
     let [low, high] = extremes(seen(phi_rad));
     (6.0 * noise(phi_rad)).max(0.005 * (high - low))
 }
 
-/// Frames before an angle leaves, for good, where it starts.
+/// Returns the number of frames before an angle deviates from its initial value by more than `tolerance` in three
+/// successive visible frames, or the total number of frames if it never does.
 fn frames_at_rest(phi_rad: &[f64], tolerance: f64) -> usize {
     const FIRST: usize = 5;
     const IN_A_ROW: usize = 3;
@@ -201,33 +221,30 @@ fn frames_at_rest(phi_rad: &[f64], tolerance: f64) -> usize {
     phi_rad.len()
 }
 
-/// The step per frame with its variance. It is looked for in the middle of the range, and refined
-/// there and on longer and longer parts, so that a long recording takes a time in proportion.
+/// Measures the phase step per frame, rad, and its variance; `None` if the harmonics cannot be fitted. The search
+/// starts at the centre of the range and is refined on ever longer segments, so that the computing time is proportional
+/// to the length of the recording.
 fn measured_step(joints: &[Joint], range: &Range<usize>, commanded: f64) -> Option<(f64, f64)> {
     const FIRST_PERIODS: f64 = 30.0;
     const LONGER: usize = 4;
-    let part = |frames: usize| {
-        let start = range.start + (range.len() - frames) / 2;
-        start..start + frames
-    };
     let mut frames = range.len().min((FIRST_PERIODS * TAU / commanded) as usize);
-    let mut step = spectral_peak(joints, &part(frames), commanded);
+    let mut step = spectral_peak(joints, &central(range, frames), commanded);
     while frames < range.len() {
-        step = refined_step(joints, &part(frames), step, commanded)?.0;
+        step = refined_step(joints, &central(range, frames), step, commanded)?.0;
         frames = range.len().min(LONGER * frames);
     }
     refined_step(joints, range, step, commanded)
 }
 
-/// The step per frame, near the commanded one, at which the joints' spectrum is largest.
+/// Returns the phase step per frame, near the commanded one, at which the spectrum of the joint angles peaks.
 fn spectral_peak(joints: &[Joint], range: &Range<usize>, commanded: f64) -> f64 {
     let phi = joints.iter().map(|(_, _, phi)| *phi);
     strongest_line(phi, range, commanded, SEARCH * commanded)
         .clamp((1.0 - SEARCH) * commanded, (1.0 + SEARCH) * commanded)
 }
 
-/// The step per frame within `reach` of the middle one at which the spectrum of the series together
-/// is largest; the middle one if nothing was seen.
+/// Returns the phase step per frame, within `reach` of `middle`, at which the summed spectrum of the series peaks;
+/// `middle` if no sample is visible.
 pub fn strongest_line<'s>(
     series: impl Iterator<Item = &'s [f64]> + Clone,
     range: &Range<usize>,
@@ -236,10 +253,11 @@ pub fn strongest_line<'s>(
 ) -> f64 {
     let power = |step_rad: f64| -> f64 {
         let phase = LinearPhase::centred(range, step_rad);
-        let line = |series: &[f64]| Harmonics::fit(series, range.clone(), &phase, 1);
-        series.clone().filter_map(line).map(|line| line.amplitude(1).powi(2)).sum()
+        let lines =
+            series.clone().filter_map(|series| Harmonics::fit(series, range.clone(), &phase, 1));
+        lines.map(|line| line.amplitude(1).powi(2)).sum()
     };
-    // A quarter of the width of a spectral line is fine enough for the refinement.
+    // A spacing of a quarter of the width of a spectral line is fine enough for the refinement.
     let spacing = 0.5 * PI / range.len() as f64;
     let count = (reach / spacing).ceil() as i64;
     let steps = (-count..=count).map(|i| middle + spacing * i as f64);
@@ -247,8 +265,8 @@ pub fn strongest_line<'s>(
     best.map_or(middle, |(step, _)| step)
 }
 
-/// Least-squares step per frame with its variance, by Gauss-Newton on the step with the
-/// harmonics eliminated.
+/// Refines the phase step per frame, rad, by Gauss-Newton iterations in which the harmonics are eliminated. Also
+/// returns the variance of the step; `None` if the harmonics cannot be fitted or do not determine the step.
 fn refined_step(
     joints: &[Joint],
     range: &Range<usize>,
@@ -268,7 +286,7 @@ fn refined_step(
         if sums[1] <= 0.0 {
             return None;
         }
-        // A step of more than a spectral line would follow another maximum.
+        // A change of more than the width of a spectral line would lead to another maximum.
         let line = PI / range.len() as f64;
         let change = (sums[0] / sums[1]).clamp(-line, line);
         let reach = 1.2 * SEARCH * commanded;
@@ -278,12 +296,18 @@ fn refined_step(
         }
     }
     let [_, curvature, squares, neighbours, freedom] = sums.into();
-    // Neighbouring residuals are alike where the servo, not the noise, makes them: as many
-    // independent samples are missing as in a first-order process of that correlation.
+    // Neighbouring residuals are correlated if they are caused by the servo rather than by noise: the number of
+    // independent samples is reduced as in a first-order process with that correlation.
     let correlation = (neighbours / squares.max(f64::MIN_POSITIVE)).clamp(0.0, 0.98);
     let inflation = (1.0 + correlation) / (1.0 - correlation);
     let variance = squares / freedom.max(1.0) * inflation / curvature;
     Some((step, variance))
+}
+
+/// Returns the central `frames` frames of a range.
+fn central(range: &Range<usize>, frames: usize) -> Range<usize> {
+    let start = range.start + (range.len() - frames) / 2;
+    start..start + frames
 }
 
 #[cfg(test)]
@@ -298,13 +322,14 @@ mod tests {
         omega: f64,
     ) -> Result<GaitPhase, String> {
         let frames = (seconds * 120.0) as usize;
-        let at = |joint: usize| (0..frames).map(|i| phi(i as f64 / 120.0)[joint]).collect();
+        let phi_rad = [0, 1]
+            .map(|joint| (0..frames).map(|i| phi(i as f64 / 120.0)[joint]).collect::<Vec<f64>>());
         let gait = Gait::symmetric();
         let command =
             CommandedGait { gait: &gait, omega_rad_s: omega, rate_hz: 120.0, skip_cycles: 2 };
         command
-            .estimate_phase(&[at(0), at(1)])
-            .map_err(|error| error.of(Path::new("a.csv")).to_string())
+            .estimate_phase(&phi_rad)
+            .map_err(|error| error.in_file(Path::new("a.csv")).to_string())
     }
 
     fn gait_at(phase: f64) -> [f64; 2] {
@@ -324,7 +349,8 @@ mod tests {
 
     #[test]
     fn rest_before_and_after_the_motion_is_left_out() {
-        let (begin, end) = (4.0, 20.0);
+        let begin = 4.0;
+        let end = 20.0;
         let driven = measure(|t| gait_at(3.9 * (t.clamp(begin, end) - begin)), 27.0, 3.9).unwrap();
         assert!((driven.moving.start as f64 / 120.0 - begin).abs() < 0.1);
         assert!((driven.moving.end as f64 / 120.0 - end).abs() < 0.1);
@@ -332,8 +358,8 @@ mod tests {
     }
 
     #[test]
-    fn joints_that_hands_turn_before_and_after_a_rest_are_no_gait() {
-        // The robot is put down, waits, moves, waits as long as it moved, and is taken away.
+    fn joints_turned_by_hand_before_and_after_a_rest_are_no_gait() {
+        // The robot is put down, rests, moves, rests for as long as it moved, and is taken away.
         let motion = |t: f64| {
             let turned = |from: f64, to: f64| {
                 let part = ((t - from) / (to - from)).clamp(0.0, 1.0);
@@ -346,20 +372,20 @@ mod tests {
         assert!((driven.moving.start as f64 / 120.0 - 8.0).abs() < 0.9, "{:?}", driven.moving);
         assert!((driven.moving.end as f64 / 120.0 - 25.0).abs() < 0.9, "{:?}", driven.moving);
         assert!((driven.omega_rad_s - 3.9).abs() < 5e-3, "{}", driven.omega_rad_s);
-        // A pause of the gait is none of that.
+        // A pause within the gait is not excluded.
         let clock = |t: f64| if (12.0..15.0).contains(&t) { 12.0 } else { t };
         let paused = measure(|t| gait_at(3.9 * clock(t)), 27.0, 3.9).unwrap();
         assert_eq!(paused.moving, 0..27 * 120);
     }
 
     #[test]
-    fn a_trial_that_does_not_move_or_is_too_short_says_so() {
+    fn a_trial_that_does_not_move_or_is_too_short_is_rejected() {
         let still = measure(|_| [0.1, 0.2], 20.0, 3.9).unwrap_err();
-        assert_eq!(still, "a.csv: found 0.00 periods of motion, needed at least 2");
+        assert_eq!(still, "a.csv: found 0.00 periods of motion, but at least 2 are needed");
         let short = measure(|t| gait_at(3.9 * t), 1.2, 3.9).unwrap_err();
-        assert_eq!(short, "a.csv: found 0.74 periods of motion, needed at least 2");
+        assert_eq!(short, "a.csv: found 0.74 periods of motion, but at least 2 are needed");
         let slow = measure(|t| [gait_at(0.3 * t)[0], gait_at(0.3 * t)[1]], 60.0, 5.0).unwrap_err();
-        assert!(slow.starts_with("a.csv: found joint 1 moving by only "), "{slow}");
+        assert!(slow.starts_with("a.csv: joint 1 moves by only "), "{slow}");
         let fast = measure(|t| gait_at(50.0 * t), 10.0, 50.0).unwrap_err();
         assert!(fast.starts_with("a.csv: found 15.1 frames per commanded period"), "{fast}");
     }

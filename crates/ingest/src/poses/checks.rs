@@ -1,4 +1,4 @@
-//! What is found from the markers alone, whatever was recorded.
+//! Checks of markers and poses, common to trials of all kinds.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,14 +8,14 @@ use trilink_statistics::{mean, seen};
 use trilink_tables::TrialRow;
 
 use super::continuity::Jump;
-use super::tilt::{Tilt, Turn};
+use super::tilt::Tilt;
 use super::track::Tracked;
 use crate::checks::{Check, Finding};
 use crate::input::IngestSettings;
 use crate::markers::labels::Outlier;
-use crate::markers::layout::Layout;
+use crate::markers::layout::{Layout, LinkMarker};
 
-/// Adds coverage, residual and whether the noise is white to a row.
+/// Sets in a trial's row the marker coverage, the mean residual, and whether the marker noise is white.
 pub(crate) fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
     let all = 0..tracked.frames();
     row.coverage = tracked.coverage(&all);
@@ -24,18 +24,20 @@ pub(crate) fn describe_tracking(row: &mut TrialRow, tracked: &Tracked) {
     row.noise_white = (!ratio.is_nan()).then_some(ratio <= Check::Filtered.limit());
 }
 
+/// Returns the mean residual of all links in a range of frames, mm.
 fn residual_mm(tracked: &Tracked, frames: &Range<usize>) -> f64 {
     mean(tracked.residual_mm.iter().flat_map(|residuals| seen(&residuals[frames.clone()])))
 }
 
-/// How many of some rising frames are in a range.
+/// Counts those of the frames `rising`, which must be in ascending order, that lie in a range.
 fn count_within(rising: &[usize], frames: &Range<usize>) -> usize {
-    let before = |end: usize| rising.partition_point(|&frame| frame < end);
-    before(frames.end) - before(frames.start)
+    let [before_start, before_end] =
+        [frames.start, frames.end].map(|end| rising.partition_point(|&frame| frame < end));
+    before_end - before_start
 }
 
-/// Checks that every trial has to pass, within the frames in use: before and after them the robot
-/// may be put down and taken away.
+/// Runs the checks that apply to every trial, within the frames in use: outside them the robot may be put down or taken
+/// away.
 pub(crate) fn tracking_checks(
     tracked: &Tracked,
     file: &Recording,
@@ -45,36 +47,37 @@ pub(crate) fn tracking_checks(
 ) -> Vec<Finding> {
     let assumed_hz = settings.vicon.rate_hz;
     let rate = match file.rate_hz {
-        Some(rate_hz) => format!("the file says {rate_hz} Hz"),
+        Some(rate_hz) => format!("the file states a frame rate of {rate_hz} Hz"),
         None => {
-            format!("the file does not say its rate; {assumed_hz} Hz is assumed (vicon.rate_hz)")
+            format!("the file states no frame rate; {assumed_hz} Hz is assumed (vicon.rate_hz)")
         }
     };
     let rate_hz = file.rate_hz.unwrap_or(f64::NAN);
-    let missing = |frames: &Range<usize>| {
-        (frames.len() - count_within(&tracked.recorded_frames, frames)) as f64
-    };
-    let (inserted, inserted_anywhere) = (missing(frames), missing(&(0..tracked.frames())));
+    let recorded = &tracked.recorded_frames;
+    let missing = (frames.len() - count_within(recorded, frames)) as f64;
+    let has_missing = recorded.len() < tracked.frames();
     let unnumbered = file.rows_without_frame as f64;
-    let left_out = format!("{inserted} frames are left out of the file");
-    let (coverage, residual_mm) = (tracked.coverage(frames), residual_mm(tracked, frames));
-    let covered = format!("{:.1} % of all markers' frames were seen", 100.0 * coverage);
-    let off = format!("markers are {residual_mm:.2} mm off the layout on average");
-    let numbered = format!("{unnumbered} rows without a frame number are left out");
-    let most_mm = settings.ingest.max_residual_mm;
+    let missing_message = format!("{missing} frames are missing from the file");
+    let coverage = tracked.coverage(frames);
+    let coverage_message =
+        format!("{:.1} % of the marker positions were recorded", 100.0 * coverage);
+    let residual_mm = residual_mm(tracked, frames);
+    let residual_message =
+        format!("the markers deviate from the layout by {residual_mm:.2} mm on average");
+    let unnumbered_message = format!("{unnumbered} rows without a frame number are left out");
+    let max_mm = settings.ingest.max_residual_mm;
     let mut findings = vec![
         Finding::new(Check::Rate, file.rate_hz.is_some(), rate_hz, assumed_hz, rate),
-        Finding::at_most(Check::FrameContinuity, inserted, left_out)
-            .notable(inserted_anywhere > 0.0),
-        Finding::at_least(Check::Coverage, coverage, covered),
-        Finding::new(Check::Residual, residual_mm <= most_mm, residual_mm, most_mm, off),
-        Finding::at_most(Check::RowsWithoutFrame, unnumbered, numbered),
+        Finding::at_most(Check::FrameContinuity, missing, missing_message).notable(has_missing),
+        Finding::at_least(Check::Coverage, coverage, coverage_message),
+        Finding::new(Check::Residual, residual_mm <= max_mm, residual_mm, max_mm, residual_message),
+        Finding::at_most(Check::RowsWithoutFrame, unnumbered, unnumbered_message),
     ];
     if file.rows_too_long > 0 {
         let rows = file.rows_too_long as f64;
         let found = if rows == 1.0 { "1 row has".to_owned() } else { format!("{rows} rows have") };
         let long = format!(
-            "{found} more cells than the header has columns: numbers may stand in wrong columns"
+            "{found} more cells than the header has columns: perhaps numbers are in the wrong columns"
         );
         findings.push(Finding::at_most(Check::LongRows, rows, long));
     }
@@ -87,59 +90,61 @@ pub(crate) fn tracking_checks(
     findings
 }
 
-/// Whether the markers' noise is white: a file tells it as a whole.
+/// Checks that the marker noise is white. `ratio` compares the slow noise in the whole file with that expected for
+/// white noise.
 fn noise_check(ratio: f64) -> Finding {
     let limit = Check::Filtered.limit();
     let message = if ratio > limit {
         format!(
-            "the markers' noise over a tenth of a second is {ratio:.1} times what neighbouring frames show: the \
-             coordinates were low-pass filtered or smoothed, so that standard errors are too small; export unfiltered"
+            "the markers' noise over a tenth of a second is {ratio:.1} times that between neighbouring frames: the \
+             coordinates were low-pass filtered or smoothed, which makes standard errors too small; export \
+             unfiltered coordinates"
         )
     } else if ratio.is_nan() {
-        "too little noise to test whether it is white".to_owned()
+        "the markers' noise is too small to test whether it is white".to_owned()
     } else {
         "the markers' noise is white".to_owned()
     };
-    // What is not known is no fault.
+    // An undetermined ratio is not reported as a fault.
     let is_white = ratio.is_nan() || ratio <= limit;
     Finding::new(Check::Filtered, is_white, ratio, limit, message)
 }
 
-/// Metadata that the file lacks or that contradict each other; `None` if there are none.
+/// Checks the file's metadata; returns `None` if they are complete and consistent.
 pub(crate) fn header_check(file: &Recording) -> Option<Finding> {
     let doubts = &file.doubts;
     let count = doubts.len() as f64;
-    let check = || Finding::at_most(Check::FileHeader, count, doubts.join("; "));
-    (!doubts.is_empty()).then(check)
+    (!doubts.is_empty()).then(|| Finding::at_most(Check::FileHeader, count, doubts.join("; ")))
 }
 
-/// Frames that were held or doubled.
+/// Checks for frames that were held or duplicated in the recording.
 fn repeats_check(tracked: &Tracked, frames: &Range<usize>) -> Finding {
     let repeated = count_within(&tracked.repeated_frames, frames);
-    let part = repeated as f64 / count_within(&tracked.recorded_frames, frames) as f64;
+    let fraction = repeated as f64 / count_within(&tracked.recorded_frames, frames) as f64;
     let message = match repeated {
-        0 => "no row repeats the one before".to_owned(),
+        0 => "no row repeats the preceding one".to_owned(),
         _ => format!(
-            "{:.1} % of the rows repeat the one before to the last digit although the robot moves: was the \
-             recording resampled, or did the stream of frames halt?",
-            100.0 * part
+            "{:.1} % of the rows repeat the preceding row to the last digit although the robot moves: was the \
+             recording resampled, or did the stream of frames stall?",
+            100.0 * fraction
         ),
     };
-    Finding::at_most(Check::RepeatedRows, part, message).notable(repeated > 0)
+    Finding::at_most(Check::RepeatedRows, fraction, message).notable(repeated > 0)
 }
 
-/// Number of jumps within the frames in use, and the likely cause of the farthest. Where frames may
-/// be missing, the times of all later frames are unknown, and the trial fails.
+/// Checks for jumps within the frames in use and names the likely cause of the largest jump. If frames may be missing
+/// from the recording, the times of all later frames are unknown, and the trial fails.
 fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Finding {
-    let is_within = |jump: &&Jump| (frames.start + 1..frames.end).contains(&jump.after);
-    let jumps: Vec<&Jump> = tracked.jumps.iter().filter(is_within).collect();
-    let of_frames = jumps.iter().find(|jump| jump.missing_frames.is_some());
-    let Some(&&worst) = of_frames.or(jumps.first()) else {
+    let within = frames.start + 1..frames.end;
+    let jumps: Vec<&Jump> =
+        tracked.jumps.iter().filter(|jump| within.contains(&jump.after)).collect();
+    let with_missing_frames = jumps.iter().find(|jump| jump.missing_frames.is_some());
+    let Some(&&worst) = with_missing_frames.or(jumps.first()) else {
         let message = match tracked.jumps.first() {
-            None => "the robot goes on smoothly from frame to frame".to_owned(),
+            None => "the robot moves smoothly from frame to frame".to_owned(),
             Some(&Jump { after, displacement_m, turn_rad, .. }) => format!(
-                "the robot jumps by {:.1} mm and {:.1} degrees in one frame, {} ({:.1} s), before or after the \
-                 cycles in use",
+                "the robot jumps by {:.1} mm and {:.1} degrees at frame {} ({:.1} s), before or after the cycles in \
+                 use",
                 1000.0 * displacement_m,
                 turn_rad.to_degrees(),
                 tracked.first_frame + after as i64,
@@ -152,26 +157,24 @@ fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Findin
     let Jump { after, displacement_m, turn_rad, missing_frames, .. } = worst;
     let times = match jumps.len() {
         1 => String::new(),
-        count => format!("{count} times, here "),
+        count => format!("{count} times, at most "),
     };
     let cause = match missing_frames {
         Some(frames) => {
-            let (are, rows) = match frames > 0.0 {
-                true => ("missing there", "deleted"),
-                false => ("there twice", "doubled"),
-            };
             let count = match frames.abs().round() {
-                ..2.0 => "a frame was".to_owned(),
-                count => format!("some {count} frames were"),
+                ..2.0 => "a frame".to_owned(),
+                count => format!("about {count} frames"),
             };
-            format!("as if {count} {are}: were rows {rows}, and the others numbered anew?")
+            if frames > 0.0 {
+                format!("{count} may be missing: were rows deleted and the others renumbered?")
+            } else {
+                format!("{count} may be repeated: were rows duplicated and the others renumbered?")
+            }
         }
-        None => {
-            "was the robot or a camera knocked? Cycles in which it jumps do not count".to_owned()
-        }
+        None => "was the robot or a camera knocked? Cycles with a jump are not used".to_owned(),
     };
     let message = format!(
-        "the robot jumps {times}by {:.1} mm and {:.1} degrees in one frame, {} ({:.1} s): {cause}",
+        "the robot jumps {times}by {:.1} mm and {:.1} degrees at frame {} ({:.1} s): {cause}",
         1000.0 * displacement_m,
         turn_rad.to_degrees(),
         tracked.first_frame + after as i64,
@@ -181,68 +184,88 @@ fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Findin
     if missing_frames.is_some() { found.failing() } else { found }
 }
 
-/// Whether floor and links are level.
+/// Checks that floor and links are level.
 pub(crate) fn tilt_check(tilt: &Tilt) -> Finding {
     let [link0, link1, link2] = tilt.links;
     let turns =
         [("the floor", tilt.floor), ("link 0", link0), ("link 1", link1), ("link 2", link2)];
-    let message = |(name, turn): &(&str, Turn)| {
-        let (deg, se_deg) = (turn.size_deg(), turn.se_rad.to_degrees());
-        let done = match turn.is_corrected() {
-            true => "was corrected",
-            false => "was left so: the layout's heights may be wrong",
-        };
-        format!("{name} is tilted by {deg:.2} +- {se_deg:.2} degrees and {done}")
-    };
-    let large: Vec<String> =
-        turns.iter().filter(|(_, turn)| turn.is_large()).map(message).collect();
-    let largest_deg = turns.iter().map(|(_, turn)| turn.certain_deg()).fold(0.0, f64::max);
-    let message = match large.is_empty() {
-        true => "floor and links are level".to_owned(),
-        false => large.join(", "),
-    };
-    Finding::new(Check::Tilt, large.is_empty(), largest_deg, Check::Tilt.limit(), message)
+    let large = turns.iter().filter(|(_, turn)| turn.is_large());
+    let messages: Vec<String> = large
+        .map(|(name, turn)| {
+            let deg = turn.size_deg();
+            let se_deg = turn.se_rad.to_degrees();
+            let outcome = if turn.is_corrected() {
+                "the tilt was corrected"
+            } else {
+                "the tilt was not corrected: the heights in the marker layout may be wrong"
+            };
+            format!("{name} is tilted by {deg:.2} +- {se_deg:.2} degrees ({outcome})")
+        })
+        .collect();
+    let largest_deg = turns.iter().map(|(_, turn)| turn.significant_deg()).fold(0.0, f64::max);
+    let is_level = messages.is_empty();
+    let message =
+        if is_level { "floor and links are level".to_owned() } else { messages.join(", ") };
+    Finding::new(Check::Tilt, is_level, largest_deg, Check::Tilt.limit(), message)
 }
 
-/// How many frames had a wrong marker, and which markers they were.
+/// Returns the findings on jumped markers, swapped labels and ambiguous markers, each with the number of frames
+/// affected.
 fn label_checks(
     tracked: &Tracked,
     file: &Recording,
     layout: &Layout,
     frames: &Range<usize>,
 ) -> [Finding; 3] {
-    let label =
-        |link: usize, marker: u16| file.labels[layout[link][marker as usize].column].as_str();
-    let named = |link: usize, outlier: Outlier| match outlier {
-        Outlier::None => None,
-        Outlier::Jumped(marker) => Some((Check::JumpedMarker, label(link, marker).to_owned())),
-        Outlier::Swapped(a, b) => {
-            Some((Check::SwappedLabels, format!("{} and {}", label(link, a), label(link, b))))
-        }
-        Outlier::Ambiguous => Some((Check::AmbiguousMarkers, format!("link {link}"))),
-    };
-    let jumped = "have a marker that jumped and is left out";
-    let swapped = "have two labels that are swapped, and swapped back";
-    let ambiguous = "have markers that contradict each other or the motion, and it \
-         is not clear which of them; the link's pose is thrown out";
+    let jumped = "have an outlying marker, which is left out";
+    let swapped = "have two swapped labels, which are corrected";
+    let ambiguous = "have markers that contradict each other or the motion, and it is ambiguous which marker is \
+         wrong; the link's pose is rejected";
     [
         (Check::JumpedMarker, jumped),
         (Check::SwappedLabels, swapped),
         (Check::AmbiguousMarkers, ambiguous),
     ]
-    .map(|(check, what)| {
+    .map(|(check, fault)| {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-        let mut count = |(_, name)| *counts.entry(name).or_default() += 1;
-        let is_concerned = |frame: &usize| {
-            let found = (0..3).filter_map(|link| named(link, tracked.outlier[link][*frame]));
-            found.filter(|(of, _)| *of == check).map(&mut count).count() > 0
-        };
-        let concerned = frames.clone().filter(is_concerned).count();
+        let mut affected = 0;
+        for frame in frames.clone() {
+            let names: Vec<String> = (0..3)
+                .filter_map(|link| {
+                    label_fault(file, &layout[link], link, tracked.outlier[link][frame])
+                })
+                .filter(|(found, _)| *found == check)
+                .map(|(_, name)| name)
+                .collect();
+            affected += usize::from(!names.is_empty());
+            for name in names {
+                *counts.entry(name).or_default() += 1;
+            }
+        }
         let each: Vec<String> =
             counts.iter().map(|(name, count)| format!("{name} in {count}")).collect();
         let list = if each.is_empty() { String::new() } else { format!(": {}", each.join(", ")) };
-        let message = format!("{concerned} frames {what}{list}");
-        let part = concerned as f64 / frames.len() as f64;
-        Finding::at_most(check, part, message).notable(concerned > 0)
+        let message = format!("{affected} frames {fault}{list}");
+        let fraction = affected as f64 / frames.len() as f64;
+        Finding::at_most(check, fraction, message).notable(affected > 0)
     })
+}
+
+/// Returns the check that reports a label fault of a link, with the names of the affected markers or of the link;
+/// `None` if there is no fault.
+fn label_fault(
+    file: &Recording,
+    markers: &[LinkMarker],
+    link: usize,
+    outlier: Outlier,
+) -> Option<(Check, String)> {
+    let label = |marker: u16| file.labels[markers[marker as usize].column].as_str();
+    match outlier {
+        Outlier::None => None,
+        Outlier::Jumped(marker) => Some((Check::JumpedMarker, label(marker).to_owned())),
+        Outlier::Swapped(a, b) => {
+            Some((Check::SwappedLabels, format!("{} and {}", label(a), label(b))))
+        }
+        Outlier::Ambiguous => Some((Check::AmbiguousMarkers, format!("link {link}"))),
+    }
 }

@@ -1,5 +1,5 @@
-//! From the links' own poses to the robot's coordinates over time (eq. 1): tilt of the floor, of
-//! the links and of their suspension is undone, the joints are closed, short gaps are filled.
+//! Reconstructs the robot's coordinates over time (eq. 1) from the link poses: corrects the tilt of the floor, the
+//! links and their suspensions, closes the joints and fills short gaps.
 
 mod checks;
 mod continuity;
@@ -11,4 +11,4 @@ mod track;
 pub(crate) use checks::{describe_tracking, header_check, tilt_check, tracking_checks};
 pub(crate) use multibody::{JointPosition, Linkage, PARTS};
 pub use track::frame_grid;
-pub(crate) use track::{Constant, JointShift, Tracked, solve};
+pub(crate) use track::{Constant, JointShift, LinkPoses, Tracked, solve};

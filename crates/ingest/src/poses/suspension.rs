@@ -1,9 +1,9 @@
-//! Slow tilt of the links on their suspensions, which shifts what is above the axle.
+//! Corrects the slow tilting of the links on their suspensions, which displaces the markers sideways.
 //!
-//! A link that tilts by 0.3 degrees carries markers at 60 mm a third of a millimetre aside. Where
-//! it tilts about as fast as the robot's cycles, no mean over cycles takes that out, and it counts
-//! as skid. The heights of all markers over a second give roll and pitch of the link to a few
-//! hundredths of a degree, and they are undone. What is constant over the trial is a [`Tilt`].
+//! A link that tilts by 0.3 degrees displaces markers at a height of 60 mm sideways by a third of a millimetre. If the
+//! tilt varies with about the period of the gait, averaging over cycles does not remove the error, which then appears
+//! as skid. The heights of all markers over a second determine the link's roll and pitch to a few hundredths of a
+//! degree, so that both can be removed. The constant tilt of a trial is a [`Tilt`].
 //!
 //! [`Tilt`]: super::tilt::Tilt
 
@@ -16,29 +16,31 @@ use super::tilt::Turn;
 use crate::markers::labels::{LinkFit, Outlier};
 use crate::markers::layout::LinkMarker;
 
-/// Time whose heights give one tilt, s, and the parts of it that neighbouring tilts share.
+/// Duration of the window over which marker heights are used to determine one tilt, s.
 const WINDOW_S: f64 = 1.0;
+/// Number of parts per window; neighbouring windows overlap by all parts but one.
 const PARTS: usize = 8;
-/// A window whose markers determine the tilt no better than this is passed over, rad.
-const LARGEST_SE_RAD: f64 = 2e-3;
-/// The tilt changes if its variance is this many times what the heights' noise makes of it.
-const TIMES_NOISE: f64 = 4.0;
+/// Maximum standard error of a tilt, rad; windows in which it is larger are skipped.
+const MAX_SE_RAD: f64 = 2e-3;
+/// Ratio between the variance of the tilt and the variance expected from height noise, above which the tilt is
+/// corrected.
+const MIN_VARIANCE_RATIO: f64 = 4.0;
 
-/// A link's markers in a file.
+/// Markers of one link in a file.
 #[derive(Clone, Copy)]
 pub(super) struct LinkRecording<'f> {
     pub file: &'f Recording,
     pub markers: &'f [LinkMarker],
-    /// Tilt of the floor that the markers' positions still have.
+    /// Floor tilt that has not been removed from the marker positions.
     pub floor: Turn,
 }
 
-/// Undoes what the suspension's tilt does to a link's poses, if it is more than noise.
+/// Corrects a link's poses for the tilt of its suspension if the tilt exceeds what noise explains.
 pub(super) fn set_upright(link: LinkRecording<'_>, rate_hz: f64, fits: &mut [LinkFit]) {
     let rows = ((WINDOW_S * rate_hz / PARTS as f64) as usize).max(1);
     let Some(turns_rad) = changing_turns(&link.parts(rows, fits)) else { return };
     for (row, fit) in fits.iter_mut().enumerate() {
-        // A window's tilt is that of its middle, which is where a part begins.
+        // A window's tilt applies to the window's centre, which is where a part begins.
         let position = row as f64 / rows as f64;
         let before = (position as usize).min(turns_rad.len() - 1);
         let after = (before + 1).min(turns_rad.len() - 1);
@@ -49,39 +51,42 @@ pub(super) fn set_upright(link: LinkRecording<'_>, rate_hz: f64, fits: &mut [Lin
     }
 }
 
-/// The link's turns about its x and y axes at the begin of every part, without their means, rad;
-/// `None` if noise makes as much. Where too few markers were seen, the turn is the last one.
+/// Estimates a link's rotations about its x and y axes at the beginning of each of the `parts`, minus their means, rad;
+/// `None` if noise alone explains the rotations. Where too few markers are visible, the preceding rotation is repeated.
 fn changing_turns(parts: &[NormalEquations<3>]) -> Option<Vec<[f64; 2]>> {
-    let window = |begin: usize| {
-        let parts = &parts[begin.saturating_sub(PARTS / 2)..(begin + PARTS / 2).min(parts.len())];
-        turn(&NormalEquations::sum(parts.iter()))
-    };
-    let windows: Vec<_> = (0..parts.len()).map(window).collect();
-    let found = || windows.iter().flatten();
-    let count = found().count().max(1) as f64;
-    let mean = [0, 1].map(|i| found().map(|(turn, _)| turn[i]).sum::<f64>() / count);
-    let away = |turn: &[f64; 2]| [turn[0] - mean[0], turn[1] - mean[1]];
-    let squares: f64 = found().map(|(turn, _)| away(turn)).map(|[a, b]| a * a + b * b).sum();
-    let noise: f64 = found().map(|(_, variance)| variance).sum();
+    let windows: Vec<Option<([f64; 2], f64)>> = (0..parts.len())
+        .map(|begin| {
+            let range = begin.saturating_sub(PARTS / 2)..(begin + PARTS / 2).min(parts.len());
+            turn(&NormalEquations::sum(parts[range].iter()))
+        })
+        .collect();
+    let found: Vec<([f64; 2], f64)> = windows.iter().flatten().copied().collect();
+    let count = found.len().max(1) as f64;
+    let mean = [0, 1].map(|i| found.iter().map(|(turn, _)| turn[i]).sum::<f64>() / count);
+    let from_mean = |turn: &[f64; 2]| [turn[0] - mean[0], turn[1] - mean[1]];
+    let squares: f64 =
+        found.iter().map(|(turn, _)| from_mean(turn)).map(|[a, b]| a * a + b * b).sum();
+    let noise: f64 = found.iter().map(|(_, variance)| variance).sum();
     let mut last = [0.0; 2];
     let turns = windows.iter().map(|window| {
-        last = window.map_or(last, |(turn, _)| away(&turn));
+        last = window.map_or(last, |(turn, _)| from_mean(&turn));
         last
     });
-    (squares > TIMES_NOISE * noise).then(|| turns.collect())
+    (squares > MIN_VARIANCE_RATIO * noise).then(|| turns.collect())
 }
 
-/// The turns about x and y, and the sum of their variances, if that is not too large.
+/// Solves for a link's rotations about its x and y axes, rad, and the sum of their variances; `None` if the heights do
+/// not determine the rotations or the sum is too large.
 fn turn(heights: &NormalEquations<3>) -> Option<([f64; 2], f64)> {
     let (found, inverse) = heights.solve()?;
     let left = heights.residual_squares(&found) / (heights.count - 3.0).max(1.0);
     let variance = left * (inverse[(1, 1)] + inverse[(2, 2)]);
-    (variance < LARGEST_SE_RAD.powi(2)).then_some(([found[1], found[2]], variance))
+    (variance < MAX_SE_RAD.powi(2)).then_some(([found[1], found[2]], variance))
 }
 
 impl LinkRecording<'_> {
-    /// Equations of the heights of the markers above where they should be, for a constant and the
-    /// turns about x and y, in parts of so many rows each.
+    /// Sets up the equations for the markers' heights relative to the layout, with a constant and the rotations about x
+    /// and y as unknowns, for parts of `rows` rows each.
     fn parts(&self, rows: usize, fits: &[LinkFit]) -> Vec<NormalEquations<3>> {
         let begin = fits.iter().position(LinkFit::is_posed).unwrap_or(0);
         let [a, b] = self.floor.about_rad;
@@ -92,7 +97,9 @@ impl LinkRecording<'_> {
             let [x, y] = marker.local_position_mm;
             let column = Vector3::new(1.0, y, -x);
             for (part, (i, fits)) in parts.iter_mut().zip(fits.chunks(rows).enumerate()) {
-                let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+                let mut count = 0.0;
+                let mut sum = 0.0;
+                let mut squares = 0.0;
                 for (fit, row) in fits.iter().zip(i * rows..) {
                     let [x, y, z] = self.file.position_mm(row, marker.column);
                     if x.is_nan() || !fit.is_sound() {
@@ -109,13 +116,14 @@ impl LinkRecording<'_> {
         parts
     }
 
-    /// The pose that the link would have without a turn about its x and y axes.
+    /// Replaces the pose in a row by that of the link with its rotations about the x and y axes removed.
     fn set_upright(&self, row: usize, fit: &mut LinkFit, [about_x, about_y]: [f64; 2]) {
         let Some(mut pose) = fit.pose() else { return };
         let centre = pose.moments.centre_mm;
-        // The markers of the pose, by their heights: a marker at z is shifted by z times this.
+        // A marker at height z is displaced by z times this vector.
         let shift = [about_y, -about_x];
-        let (mut heights, mut turning) = (0.0, 0.0);
+        let mut heights = 0.0;
+        let mut turning = 0.0;
         for (i, marker) in self.markers.iter().enumerate() {
             let [x, _, _] = self.file.position_mm(row, marker.column);
             if x.is_nan() || fit.outlier() == Outlier::Jumped(i as u16) {
@@ -126,7 +134,7 @@ impl LinkRecording<'_> {
             turning += marker.height_mm * (from_centre[0] * shift[1] - from_centre[1] * shift[0]);
         }
         let mean_mm = heights / pose.moments.markers;
-        // The markers' centroid, upright, seen from the axle as it was.
+        // Centroid of the markers of the upright link, relative to the uncorrected axle.
         let upright = [0, 1].map(|axis| centre[axis] - mean_mm * shift[axis]);
         let upright = rotated(pose.theta_rad, upright);
         pose.theta_rad -= turning / pose.moments.turning_mm2;
@@ -151,16 +159,18 @@ mod tests {
 
     fn markers() -> Vec<LinkMarker> {
         let layout = Config::default().markers.link0;
-        let marker = |(column, [x, y, z]): (usize, &[f64; 3])| LinkMarker {
-            column,
-            local_position_mm: [*x, *y],
-            height_mm: *z,
-        };
-        layout.values().enumerate().map(|(i, place)| marker((i, place))).collect()
+        let markers = layout.values().enumerate();
+        markers
+            .map(|(column, &[x, y, z])| LinkMarker {
+                column,
+                local_position_mm: [x, y],
+                height_mm: z,
+            })
+            .collect()
     }
 
-    /// A link that stays where it is but for its tilt, with some noise of the cameras.
-    fn film(tilt_rad: f64, noise_mm: f64) -> Recording {
+    /// Creates a recording, with camera noise, of a link that does not move except for its tilt.
+    fn record(tilt_rad: f64, noise_mm: f64) -> Recording {
         let (origin, theta) = TRUE;
         let (sin, cos) = theta.sin_cos();
         let mut k = 0.0_f64;
@@ -178,7 +188,7 @@ mod tests {
                 positions_mm.push(world.map(|x| x + noise()));
             }
         }
-        // Now and then a marker is lost, and once two of the four for two seconds.
+        // Some markers are occasionally occluded, and once two of the four are for two seconds.
         for i in (0..positions_mm.len()).step_by(37) {
             positions_mm[i] = [f64::NAN; 3];
         }
@@ -196,20 +206,20 @@ mod tests {
         }
     }
 
-    /// RMS distance of the link's axle and heading from the truth, mm and rad, before and after.
+    /// Returns the RMS errors in the link's axle position, mm, and heading, rad, before and after the correction.
     fn errors(file: &Recording) -> [[f64; 2]; 2] {
         let markers = markers();
         let mut fits: Vec<LinkFit> =
-            (0..ROWS).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
+            (0..ROWS).map(|row| LinkFit::from_row(file.row_mm(row), &markers)).collect();
         let rms = |fits: &[LinkFit]| {
-            let poses = || fits.iter().filter_map(LinkFit::pose);
-            let away = |pose: &rigid::LinkPose| {
-                let (origin, _) = TRUE;
+            let poses: Vec<rigid::LinkPose> = fits.iter().filter_map(LinkFit::pose).collect();
+            let (origin, theta) = TRUE;
+            let squares = poses.iter().map(|pose| {
                 (pose.origin_mm[0] - origin[0]).powi(2) + (pose.origin_mm[1] - origin[1]).powi(2)
-            };
-            let place: f64 = poses().map(|pose| away(&pose)).sum();
-            let heading: f64 = poses().map(|pose| (pose.theta_rad - TRUE.1).powi(2)).sum();
-            [place, heading].map(|sum| (sum / ROWS as f64).sqrt())
+            });
+            let position: f64 = squares.sum();
+            let heading: f64 = poses.iter().map(|pose| (pose.theta_rad - theta).powi(2)).sum();
+            [position, heading].map(|sum| (sum / ROWS as f64).sqrt())
         };
         let before = rms(&fits);
         let link = LinkRecording { file, markers: &markers, floor: Turn::default() };
@@ -218,17 +228,17 @@ mod tests {
     }
 
     #[test]
-    fn a_link_that_tilts_on_its_suspension_is_set_upright() {
-        let [before, after] = errors(&film(0.005, 0.0));
+    fn a_link_that_tilts_on_its_suspension_is_corrected() {
+        let [before, after] = errors(&record(0.005, 0.0));
         assert!(before[0] > 0.2 && after[0] < 0.4 * before[0], "{before:?} {after:?}");
         assert!(before[1] > 1e-4 && after[1] < 0.6 * before[1], "{before:?} {after:?}");
-        let [before, after] = errors(&film(0.005, 0.2));
+        let [before, after] = errors(&record(0.005, 0.2));
         assert!(after[0] < 0.5 * before[0], "{before:?} {after:?}");
     }
 
     #[test]
-    fn a_link_that_does_not_tilt_stays_as_it_is_seen() {
-        let [before, after] = errors(&film(0.0, 0.2));
+    fn a_link_that_does_not_tilt_is_not_changed() {
+        let [before, after] = errors(&record(0.0, 0.2));
         assert_eq!(before, after);
     }
 }

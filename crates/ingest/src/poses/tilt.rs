@@ -1,17 +1,16 @@
-//! Tilt out of the plane, from the markers' heights: of the floor against the cameras' plane, and
-//! of a link against the floor.
+//! Estimates constant tilts from the marker heights: of the floor relative to the camera frame, and of each link
+//! relative to the floor.
 //!
-//! A tilted floor shortens what is seen from above by the cosine. A tilted link shifts its
-//! markers by their height times the sine: a millimetre for a degree at 60 mm. Both are
-//! constant over a trial, so they are estimated once per trial from all frames: the heights
-//! themselves are too noisy to correct a frame by its own. What changes slowly, as on a soft
-//! suspension, is left to [`super::suspension`].
+//! A tilted floor shortens distances in the top view by the cosine of the tilt. A tilted link displaces its markers by
+//! their height times the sine: a millimetre per degree at 60 mm. Both tilts are constant over a trial and are
+//! estimated once per trial from all frames, because the heights in a single frame are too noisy. Slow variations, as
+//! on a soft suspension, are left to [`super::suspension`].
 //!
-//! The height of a marker at `(x, y)` in its link's frame and `(X, Y)` in the cameras' is that of
-//! the layout, plus one constant per link, plus `a y - b x` with the link's turns `a` about its x
-//! axis and `b` about its y axis, plus the same of the floor with `(X, Y)`. The least squares
-//! have a weak prior on the turns: where a trial cannot distinguish the floor from three links that
-//! are tilted alike (a straight run), it is the floor.
+//! The height of a marker at `(x, y)` in its link frame and `(X, Y)` in the camera frame is that in the layout, plus a
+//! constant per link, plus `a y - b x` with the link's rotations `a` about its x axis and `b` about its y axis, plus
+//! the corresponding terms for the floor with `(X, Y)`. The least-squares problem has a weak prior on the rotations. If
+//! a trial cannot distinguish a tilted floor from three links with the same tilt (a straight run), the tilt is
+//! attributed to the floor.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -24,28 +23,30 @@ use crate::checks::Check;
 use crate::markers::labels::LinkFit;
 use crate::markers::layout::Layout;
 
-/// A tilt above this is no tilt but a layout whose heights are wrong: flagged, not corrected.
-const PLAUSIBLE_DEG: f64 = 3.0;
-/// Standard errors by which a tilt must differ from none.
-const DEVIATIONS: f64 = 3.0;
-/// Rows that are looked at, spread over the trial.
+/// Maximum plausible tilt, degrees. A larger tilt is caused by wrong heights in the layout; it is flagged, not
+/// corrected.
+const MAX_PLAUSIBLE_DEG: f64 = 3.0;
+/// Minimum number of standard errors by which a significant tilt differs from zero.
+const MIN_DEVIATIONS: f64 = 3.0;
+/// Number of rows, spread over the trial, that are evaluated.
 const ROWS: usize = 2000;
-/// How long a suspension may swing to one side: heights are alike so long, frames.
+/// Duration of half an oscillation of a suspension, over which heights are correlated, frames.
 const SWING_FRAMES: f64 = 360.0;
-/// Parts of the trial whose difference gives the standard errors.
+/// Number of blocks into which the trial is divided for the jackknife standard errors.
 const BLOCKS: usize = 8;
-/// Standard deviations of the heights (mm) and of the turns (rad) that the prior takes: turns
-/// that the heights do not determine are none.
-const HEIGHT_MM: f64 = 0.3;
-const TURN_RAD: f64 = 0.02;
-/// Unknowns: the floor's two turns, then of each link a constant height and two turns.
+/// Prior standard deviation of the links' constant heights, mm.
+const PRIOR_HEIGHT_MM: f64 = 0.3;
+/// Prior standard deviation of the rotations, rad: rotations that the heights do not determine become zero.
+const PRIOR_TURN_RAD: f64 = 0.02;
+/// Number of unknowns: the floor's two rotations, then each link's constant height and two rotations.
 const UNKNOWNS: usize = 11;
 
 type Equations = NormalEquations<UNKNOWNS>;
-/// Sums of the products of 1, X, Y and a marker's height, in the lower triangle.
+/// Sums over frames of the products of 1, a marker's coordinates X and Y in the camera frame, and its height; only the
+/// lower triangle is filled.
 type Moments = [[f64; 4]; 4];
 
-/// Turns about x and y with the standard error of their size, rad.
+/// Tilt of the floor or of a link: rotations about the x and y axes, and the standard error of their magnitude, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Turn {
     pub about_rad: [f64; 2],
@@ -53,25 +54,25 @@ pub(crate) struct Turn {
 }
 
 impl Turn {
-    /// Its size, degrees.
+    /// Returns the magnitude of the tilt, degrees.
     pub(crate) fn size_deg(&self) -> f64 {
         self.about_rad[0].hypot(self.about_rad[1]).to_degrees()
     }
 
-    /// Its size, degrees; none if it is not certain.
-    pub(crate) fn certain_deg(&self) -> f64 {
+    /// Returns the magnitude of the tilt, degrees; zero if it is not significant.
+    pub(crate) fn significant_deg(&self) -> f64 {
         let size_deg = self.size_deg();
-        if size_deg > DEVIATIONS * self.se_rad.to_degrees() { size_deg } else { 0.0 }
+        if size_deg > MIN_DEVIATIONS * self.se_rad.to_degrees() { size_deg } else { 0.0 }
     }
 
-    /// Whether it is more than what is left alone.
+    /// Returns whether the tilt exceeds the limit of the tilt check.
     pub(crate) fn is_large(&self) -> bool {
-        self.certain_deg() > Check::Tilt.limit()
+        self.significant_deg() > Check::Tilt.limit()
     }
 
-    /// Whether it is undone.
+    /// Returns whether the tilt is corrected, that is, whether it is large but plausible.
     pub(crate) fn is_corrected(&self) -> bool {
-        self.is_large() && self.size_deg() <= PLAUSIBLE_DEG
+        self.is_large() && self.size_deg() <= MAX_PLAUSIBLE_DEG
     }
 
     fn rotation(&self) -> Rotation3<f64> {
@@ -79,7 +80,7 @@ impl Turn {
     }
 }
 
-/// What is tilted in a trial.
+/// Tilts of the floor and the links, constant over a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Tilt {
     pub floor: Turn,
@@ -87,8 +88,9 @@ pub(crate) struct Tilt {
 }
 
 impl Tilt {
-    /// Of a trial, from those of some rows in which nothing is wrong with a link's markers.
-    pub(crate) fn of(
+    /// Estimates the tilts of the floor and the links from the rows in the range `from`; of each link, only rows
+    /// without a label fault are used.
+    pub(crate) fn estimate(
         file: &Recording,
         layout: &Layout,
         fits: &[Vec<LinkFit>; 3],
@@ -106,7 +108,7 @@ impl Tilt {
             let rows = from.start + i * rows / BLOCKS..from.start + (i + 1) * rows / BLOCKS;
             for (link, markers) in layout.iter().enumerate() {
                 for marker in markers {
-                    // X and Y count from where the robot starts.
+                    // X and Y are relative to the robot's starting position.
                     let mut moments = Moments::default();
                     for row in rows.clone().step_by(stride) {
                         let [x, y, z] = file.position_mm(row, marker.column);
@@ -122,24 +124,24 @@ impl Tilt {
                 }
             }
         }
-        Self::of_parts(&parts, layout, stride).unwrap_or_default()
+        Self::from_parts(&parts, layout, stride).unwrap_or_default()
     }
 
-    /// `None` if the heights do not determine the turns.
-    fn of_parts(parts: &[Equations; BLOCKS], layout: &Layout, stride: usize) -> Option<Self> {
-        let all_but = |left_out: usize| {
-            Equations::sum((0..BLOCKS).filter(|&i| i != left_out).map(|i| &parts[i]))
-        };
-        let whole = all_but(BLOCKS);
+    /// Estimates the tilts and their standard errors from the equations of each block, for which every `stride`-th row
+    /// was evaluated; `None` if the heights do not determine the rotations.
+    fn from_parts(parts: &[Equations; BLOCKS], layout: &Layout, stride: usize) -> Option<Self> {
+        let whole = Equations::sum(parts.iter());
         let (found, inverse) = with_prior(&whole).solve()?;
-        // Jackknife: how the estimates without one part each differ from the one with all.
+        // Jackknife over the blocks.
         let mut variance = SVector::<f64, UNKNOWNS>::zeros();
         for left_out in 0..BLOCKS {
-            let away = with_prior(&all_but(left_out)).solve()?.0 - found;
+            let rest = parts.iter().enumerate().filter(|(i, _)| *i != left_out);
+            let rest = Equations::sum(rest.map(|(_, part)| part));
+            let away = with_prior(&rest).solve()?.0 - found;
             variance += (BLOCKS - 1) as f64 / BLOCKS as f64 * away.component_mul(&away);
         }
-        // What a short trial or a robot at rest leaves open, no part of it differs in: what is
-        // left of the heights counts as one sample for each swing of the suspension.
+        // In a short trial or with a robot at rest, the blocks agree even on rotations that none of them determines:
+        // the residuals of the heights therefore count as one sample per half-oscillation of the suspension.
         let left = whole.residual_squares(&found) / whole.count.max(1.0);
         let markers = layout.iter().map(Vec::len).sum::<usize>() as f64 / 3.0;
         let alike = (SWING_FRAMES / stride as f64).max(1.0) * markers;
@@ -151,24 +153,29 @@ impl Tilt {
         Some(Self { floor: turn(0), links: [turn(3), turn(6), turn(9)] })
     }
 
-    /// What is left of the floor's tilt after the correction, if it is certain.
-    pub(crate) fn floor_left(&self) -> Turn {
-        let is_left = self.floor.certain_deg() > 0.0 && !self.floor.is_corrected();
-        if is_left { self.floor } else { Turn::default() }
+    /// Returns the floor's tilt if it is significant but not corrected, and zero otherwise.
+    pub(crate) fn uncorrected_floor(&self) -> Turn {
+        if self.floor.significant_deg() > 0.0 && !self.floor.is_corrected() {
+            self.floor
+        } else {
+            Turn::default()
+        }
     }
 
-    /// Whether any of it is undone.
+    /// Returns whether any tilt is corrected.
     pub(crate) fn is_corrected(&self) -> bool {
         self.floor.is_corrected() || self.links.iter().any(Turn::is_corrected)
     }
 
-    /// Markers and layout as they would be without the tilt that is to be corrected.
+    /// Returns the recording, corrected for the floor's tilt, and the layout, corrected for the links' tilts. Tilts for
+    /// which [`Turn::is_corrected`] is false, because they are too small or implausibly large, are not corrected.
     pub(crate) fn corrected<'f>(
         &self,
         file: &'f Recording,
         layout: &'f Layout,
     ) -> (Cow<'f, Recording>, Cow<'f, Layout>) {
-        let (mut file, mut layout) = (Cow::Borrowed(file), Cow::Borrowed(layout));
+        let mut file = Cow::Borrowed(file);
+        let mut layout = Cow::Borrowed(layout);
         if self.floor.is_corrected() {
             let back = self.floor.rotation().inverse();
             for position in &mut file.to_mut().positions_mm {
@@ -186,12 +193,13 @@ impl Tilt {
     }
 }
 
-/// Adds the heights of a marker of a link, given their moments: to the lower triangle.
+/// Adds the heights of one marker on a link, given their moments, to the lower triangle of the equations.
 fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments: &Moments) {
     let Equations { matrix, right, count, squares } = equations;
     let [[one, ..], [sum_x, x_x, ..], [sum_y, y_x, y_y, _], [sum_z, z_x, z_y, z_z]] = *moments;
-    // The link's columns are constant, those of the floor's turns are (Y, -X).
-    let (own, columns) = (2 + 3 * link, Vector3::new(1.0, y, -x));
+    // The link's columns are constant; those of the floor's rotations are (Y, -X).
+    let own = 2 + 3 * link;
+    let columns = Vector3::new(1.0, y, -x);
     let mut of_link = matrix.fixed_view_mut::<3, 3>(own, own);
     of_link += one * columns * columns.transpose();
     let mut coupling = matrix.fixed_view_mut::<3, 2>(own, 0);
@@ -209,7 +217,7 @@ fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments
 fn with_prior(equations: &Equations) -> Equations {
     let mut with_prior = *equations;
     for turn in [0, 1, 3, 4, 6, 7, 9, 10] {
-        with_prior.matrix[(turn, turn)] += (HEIGHT_MM / TURN_RAD).powi(2);
+        with_prior.matrix[(turn, turn)] += (PRIOR_HEIGHT_MM / PRIOR_TURN_RAD).powi(2);
     }
     with_prior
 }

@@ -1,4 +1,4 @@
-//! Every link's pose in every frame, and from them the robot's coordinates (eq. 1).
+//! Reconstructs the pose of every link in every frame and, from the poses, the robot's coordinates (eq. 1).
 
 use std::ops::Range;
 
@@ -19,31 +19,32 @@ use crate::markers::rigid::LinkPose;
 use crate::markers::whiteness::slow_noise_ratio;
 use crate::signals;
 
-/// Frames that a file may leave out: a quarter of an hour at 120 Hz and, in long files, some
-/// times the rows. A wider jump is not a gap in time but a damaged number.
-const MOST_LEFT_OUT: i64 = 100_000;
-const MOST_LEFT_OUT_PER_ROW: i64 = 10;
-const MOST_LEFT_OUT_AT_ALL: i64 = 1_000_000;
+/// Maximum number of frames missing from a file, about a quarter of an hour at 120 Hz; a larger number is attributed to
+/// a corrupted frame number rather than to a gap in time. In long files the maximum is instead [`MAX_LEFT_OUT_PER_ROW`]
+/// times the number of rows, but at most [`MAX_LEFT_OUT_AT_ALL`].
+const MAX_LEFT_OUT: i64 = 100_000;
+const MAX_LEFT_OUT_PER_ROW: i64 = 10;
+const MAX_LEFT_OUT_AT_ALL: i64 = 1_000_000;
 
-/// Frames in which it is looked what other positions of the joints would do.
-const SHIFTS: usize = 500;
-/// Rows of which the links' own poses are kept.
-const OWN_POSES: usize = 400;
+/// Number of frames in which the effect of errors in the joint positions is evaluated.
+const SHIFT_SAMPLES: usize = 500;
+/// Number of rows for which the poses fitted to each link's own markers alone, without requiring adjacent links to meet
+/// at their joints, are retained.
+const OWN_POSE_SAMPLES: usize = 400;
 
-/// By how much the links of a frame would be elsewhere if the joints' positions were those that
-/// follow without one part of the trial: link 0 along and across itself, m, and the turns of links
-/// 0, 1, 2, rad.
+/// Changes in a frame's poses if one part of the trial is left out when the joint positions are estimated, for each
+/// part: displacement of link 0 along and across its direction, m, and rotations of links 0, 1, 2, rad.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct JointShift {
     pub frame: usize,
     pub without: [[f64; 5]; PARTS],
 }
 
-/// The links' poses in every row of a file.
+/// Poses of the links in every row of a file.
 #[derive(Debug)]
 pub(crate) struct LinkPoses {
     first_frame: i64,
-    /// With those that the file leaves out.
+    /// Number of frames, including those missing from the file.
     frames: usize,
     repeated_frames: Vec<usize>,
     slow_noise_ratio: f64,
@@ -52,56 +53,60 @@ pub(crate) struct LinkPoses {
     joint_shifts: Vec<JointShift>,
 }
 
-/// What is constant over a trial.
+/// Quantities that are constant over a trial.
 #[derive(Debug)]
 pub(crate) struct Constant {
-    /// Tilt of floor and links, before it was corrected.
+    /// Tilts of floor and links before their correction.
     pub tilt: Tilt,
-    /// Where the trial has its joints; unknown without a robot.
+    /// Joint positions estimated from the trial; `None` if no robot is given.
     pub joints: Option<Linkage>,
-    /// What the links' own markers give in some rows that show all links, spread over the trial:
-    /// their joints are not closed.
+    /// Poses of links 0, 1, 2 in some rows, spread over the trial, in which all links are visible. Each is fitted to
+    /// the link's own markers alone, without requiring adjacent links to meet at their joints.
     pub own_poses: Vec<[LinkPose; 3]>,
 }
 
-/// What is known from the markers, frame by frame without jumps in time.
+/// Time series reconstructed from the markers, with one value per frame.
 #[derive(Debug)]
 pub(crate) struct Tracked {
     pub first_frame: i64,
     pub constant: Constant,
-    /// Frames that the file has, rising.
+    /// Frames present in the file, in ascending order.
     pub recorded_frames: Vec<usize>,
-    /// Those in which every marker is exactly where it was in the row before, although the robot moves.
+    /// Frames in which every marker has exactly the same position as in the previous frame, even though the robot is
+    /// moving.
     pub repeated_frames: Vec<usize>,
-    /// What the markers' slow noise is over what white noise would be ([`slow_noise_ratio`]).
+    /// Ratio of the markers' slow noise to that expected for white noise ([`slow_noise_ratio`]).
     pub slow_noise_ratio: f64,
-    /// Where the robot jumps from one frame to the next, the farthest jump first.
+    /// Jumps of the robot between frames, the largest first.
     pub jumps: Vec<Jump>,
-    /// As seen, and with short gaps filled and the frames to the first one after a jump left out, so that
-    /// nothing is averaged or measured across it.
+    /// Coordinates as recorded, with gaps.
     pub seen: Coordinates,
+    /// Coordinates with short gaps filled. The frames within a jump, up to the first frame after it, are left out, so
+    /// that nothing is averaged or measured across the jump.
     pub filled: Coordinates,
-    /// RMS misfit of links 0, 1, 2, mm; NaN where there is no fit.
+    /// RMS distance between the markers of links 0, 1, 2 and the fitted poses, mm; NaN without a pose.
     pub residual_mm: [Vec<f64>; 3],
     pub fill: [Vec<Fill>; 3],
-    /// What was wrong with the markers of links 0, 1, 2.
+    /// Label faults of links 0, 1, 2 in every frame.
     pub outlier: [Vec<Outlier>; 3],
-    /// Which markers of links 0, 1, 2 were not seen: a bit for each by its index in the link's
-    /// layout.
+    /// Sets of occluded markers on links 0, 1, 2 in every frame. Each bit stands for the marker with that index in the
+    /// link's layout.
     pub unseen: [Vec<u64>; 3],
-    /// In some frames, spread over the trial; none without closed joints.
+    /// Effects of errors in the joint positions on the poses in some frames, spread over the trial; empty if each link
+    /// was fitted separately.
     pub joint_shifts: Vec<JointShift>,
-    /// Markers of the layout.
+    /// Number of markers in the layout.
     markers: usize,
 }
 
 impl Tracked {
-    /// Number of frames, with those that the file leaves out.
+    /// Returns the number of frames, including those missing from the file.
     pub(crate) fn frames(&self) -> usize {
         self.seen.frames()
     }
 
-    /// The frames around some of them between which and these no frame numbers may be missing.
+    /// Extends a range of frames up to the nearest jumps at which frames may be missing, so that one time base holds
+    /// throughout.
     pub(crate) fn on_one_clock(&self, frames: &Range<usize>) -> Range<usize> {
         let jumps = self.jumps.iter().filter(|jump| jump.missing_frames.is_some());
         let earlier = jumps.clone().map(|jump| jump.after).filter(|after| *after <= frames.start);
@@ -109,19 +114,21 @@ impl Tracked {
         earlier.max().unwrap_or(0)..later.min().unwrap_or(self.frames())
     }
 
-    /// Part of all markers' frames that the cameras saw.
+    /// Returns the fraction of marker positions that the cameras recorded in a range of frames.
     pub(crate) fn coverage(&self, frames: &Range<usize>) -> f64 {
-        let unseen = |of_link: &Vec<u64>| -> usize {
-            of_link[frames.clone()].iter().map(|markers| markers.count_ones() as usize).sum()
-        };
-        let (all, unseen) =
-            (self.markers * frames.len(), self.unseen.iter().map(unseen).sum::<usize>());
+        let all = self.markers * frames.len();
+        let masks = self.unseen.iter().flat_map(|masks| &masks[frames.clone()]);
+        let unseen = masks.map(|mask| mask.count_ones() as usize).sum::<usize>();
         (all - unseen) as f64 / all as f64
     }
 }
 
-/// Fits the links in every row, each by itself or all with their joints closed by `linkage`. What is
-/// constant over the trial, tilt and the joints' positions, is estimated from the `steady` rows.
+/// Fits the link poses in every row: if `poses` is [`Poses::Chain`] and `linkage` is given, such that adjacent links
+/// meet at their joints, otherwise each link separately. Tilt and joint positions, which are constant over the trial,
+/// are estimated from the `steady` rows.
+///
+/// # Errors
+/// Returns an error if the frame numbers jump implausibly.
 pub(crate) fn solve(
     file: &Recording,
     layout: &Layout,
@@ -134,23 +141,24 @@ pub(crate) fn solve(
     let (mut fits, tilt) = upright_fits(file, layout, rate_hz, steady.clone());
     let refined = linkage.map(|linkage| linkage.refined(&fits, steady.clone()));
     let rows = file.frames.len();
-    let all = |row: usize| match own_poses(&fits, row) {
-        [Some(middle), Some(front), Some(rear)] => Some([middle, front, rear]),
-        _ => None,
-    };
-    let stride = (steady.len() / OWN_POSES).max(1);
-    let sample = steady.step_by(stride).filter_map(all).collect();
+    let stride = (steady.len() / OWN_POSE_SAMPLES).max(1);
+    let mut sample = Vec::new();
+    for row in steady.step_by(stride) {
+        if let [Some(middle), Some(front), Some(rear)] = own_poses(&fits, row) {
+            sample.push([middle, front, rear]);
+        }
+    }
     let frame_of = |row: usize| (file.frames[row] - first_frame) as usize;
     let mut joint_shifts = Vec::new();
     if let (Poses::Chain, Some((joints, without))) = (poses, refined) {
-        let stride = (rows / SHIFTS).max(1);
+        let stride = (rows / SHIFT_SAMPLES).max(1);
         for row in 0..rows {
             let own = own_poses(&fits, row);
             if row % stride == 0
                 && let [Some(middle), Some(_), Some(_)] = own
                 && let Some(shifts) = joints.shifts(&own, &without)
             {
-                // Link 0 along and across itself.
+                // Displacement of link 0 along and across its direction.
                 let without = shifts.map(|shift| {
                     let [along_mm, across_mm] = rotated(-middle.theta_rad, [shift[0], shift[1]]);
                     [along_mm / 1000.0, across_mm / 1000.0, shift[2], shift[3], shift[4]]
@@ -179,8 +187,10 @@ fn own_poses(fits: &[Vec<LinkFit>; 3], row: usize) -> [Option<LinkPose>; 3] {
 }
 
 impl LinkPoses {
-    /// The poses in time, given the frame number of each row. Gaps of at most `max_gap` frames are
-    /// filled.
+    /// Arranges the poses in time, given the frame number of each row, and fills gaps of at most `max_gap` frames.
+    ///
+    /// # Errors
+    /// Returns an error if a link has no pose in any frame.
     pub(crate) fn over_time(
         self,
         numbers: &[i64],
@@ -188,14 +198,15 @@ impl LinkPoses {
         max_gap: usize,
     ) -> Result<Tracked, Problem> {
         let Self { first_frame, frames, fits, .. } = self;
-        let missing = || vec![f64::NAN; frames];
-        let (mut x_m, mut y_m) = (missing(), missing());
-        let (mut theta, mut residual_mm) = ([0; 3].map(|_| missing()), [0; 3].map(|_| missing()));
+        let mut x_m = vec![f64::NAN; frames];
+        let mut y_m = vec![f64::NAN; frames];
+        let mut theta = [0; 3].map(|_| vec![f64::NAN; frames]);
+        let mut residual_mm = [0; 3].map(|_| vec![f64::NAN; frames]);
         let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
         let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
-        let all = layout.each_ref().map(|of| (0..of.len() as u16).map(bit).sum::<u64>());
+        let all = layout.each_ref().map(|markers| (0..markers.len() as u16).map(bit).sum::<u64>());
         let mut unseen = all.map(|markers| vec![markers; frames]);
-        // Of a long recording each link's are some hundred megabytes.
+        // Consume the fits link by link: those of a long recording take up several hundred megabytes per link.
         for (link, fits) in fits.into_iter().enumerate() {
             for (fit, frame) in fits.iter().zip(numbers) {
                 let i = (frame - first_frame) as usize;
@@ -216,15 +227,16 @@ impl LinkPoses {
             return Err(Problem::LinkUnseen { link });
         }
         theta.iter_mut().for_each(|theta| unwrap(theta));
-        // Headings are filled link by link, so that a joint angle uses whichever link was seen.
-        let fill_gaps = |series: &[f64]| signals::fill(series, max_gap);
-        let filled_theta = theta.each_ref().map(|theta| fill_gaps(theta));
+        // Headings are filled link by link, so that a joint angle is available in all frames in which both headings are
+        // visible or filled.
+        let filled_theta = theta.each_ref().map(|theta| signals::fill(theta, max_gap));
         for (fill, theta) in fill.iter_mut().flatten().zip(filled_theta.iter().flatten()) {
             if *fill == Fill::Missing && !theta.is_nan() {
                 *fill = Fill::Interpolated;
             }
         }
-        let mut filled = coordinates(fill_gaps(&x_m), fill_gaps(&y_m), filled_theta);
+        let mut filled =
+            coordinates(signals::fill(&x_m, max_gap), signals::fill(&y_m, max_gap), filled_theta);
         let seen = coordinates(x_m, y_m, theta);
         let jumps = jumps(&seen);
         for &Jump { before, after, .. } in &jumps {
@@ -250,8 +262,8 @@ impl LinkPoses {
     }
 }
 
-/// Poses of links 0, 1, 2 in every row of the file, as on a level floor with upright links, and
-/// the tilt that was found in the `steady` ones.
+/// Fits the poses of links 0, 1, 2 in every row of the file, corrected for the tilt of floor, links and suspensions.
+/// Also returns the tilt found in the `steady` rows.
 fn upright_fits(
     file: &Recording,
     layout: &Layout,
@@ -259,53 +271,63 @@ fn upright_fits(
     steady: Range<usize>,
 ) -> ([Vec<LinkFit>; 3], Tilt) {
     let mut fits = fit_links(file, layout);
-    let tilt = Tilt::of(file, layout, &fits, steady);
+    let tilt = Tilt::estimate(file, layout, &fits, steady);
     let (file, layout) = tilt.corrected(file, layout);
     if tilt.is_corrected() {
         fits = fit_links(&file, &layout);
     }
     for (fits, markers) in fits.iter_mut().zip(&*layout) {
-        let link = LinkRecording { file: &file, markers, floor: tilt.floor_left() };
+        let link = LinkRecording { file: &file, markers, floor: tilt.uncorrected_floor() };
         suspension::set_upright(link, rate_hz, fits);
     }
     (fits, tilt)
 }
 
-/// Poses of links 0, 1, 2 in every row of the file, without the markers that are wrong.
+/// Fits the poses of links 0, 1, 2 in every row of the file, after label correction.
 fn fit_links(file: &Recording, layout: &Layout) -> [Vec<LinkFit>; 3] {
     layout.each_ref().map(|markers| {
         let rows = 0..file.frames.len();
-        let mut fits = rows.map(|row| LinkFit::of(file.row_mm(row), markers)).collect::<Vec<_>>();
+        let mut fits =
+            rows.map(|row| LinkFit::from_row(file.row_mm(row), markers)).collect::<Vec<_>>();
         correct_labels(file, markers, &mut fits);
         fits
     })
 }
 
-/// First frame and number of frames with those that the file leaves out.
+/// Returns the first frame number and the number of frames, including those missing from the file.
+///
+/// # Errors
+/// Returns an error if the frame numbers jump implausibly.
 pub fn frame_grid(numbers: &[i64]) -> Result<(i64, usize), Problem> {
-    let (first, last) = (numbers[0], numbers[numbers.len() - 1]);
-    let (frames, rows) = (last - first + 1, numbers.len());
-    let most = (MOST_LEFT_OUT_PER_ROW * rows as i64).clamp(MOST_LEFT_OUT, MOST_LEFT_OUT_AT_ALL);
-    if frames - rows as i64 > most {
+    let first = numbers[0];
+    let last = numbers[numbers.len() - 1];
+    let rows = numbers.len();
+    let frames = last - first + 1;
+    let max_left_out =
+        (MAX_LEFT_OUT_PER_ROW * rows as i64).clamp(MAX_LEFT_OUT, MAX_LEFT_OUT_AT_ALL);
+    if frames - rows as i64 > max_left_out {
         return Err(Problem::FrameJumps { first, last, rows });
     }
     Ok((first, frames as usize))
 }
 
-/// Link 1 points along theta - phi1, link 2 along theta + phi2.
+/// Computes the robot's coordinates, with the joint angles phi1 and phi2, from the position of link 0 and the headings
+/// of links 0, 1, 2: link 1 points along theta - phi1, link 2 along theta + phi2 (eq. 1 of the paper).
 fn coordinates(x_m: Vec<f64>, y_m: Vec<f64>, theta: [Vec<f64>; 3]) -> Coordinates {
     let [theta0, theta1, theta2] = theta;
-    let difference = |minuend: &[f64], subtrahend: &[f64]| {
-        let mut phi: Vec<f64> = minuend.iter().zip(subtrahend).map(|(a, b)| a - b).collect();
-        if let Some(first) = phi.iter().copied().find(|phi| !phi.is_nan()) {
-            let turns = first - wrap(first);
-            phi.iter_mut().for_each(|phi| *phi -= turns);
-        }
-        unwrap(&mut phi);
-        phi
-    };
-    let phi_rad = [difference(&theta0, &theta1), difference(&theta2, &theta0)];
+    let phi_rad = [angle_between(&theta0, &theta1), angle_between(&theta2, &theta0)];
     Coordinates { x_m, y_m, theta_rad: theta0, phi_rad }
+}
+
+/// Returns the unwrapped difference between two headings, rad, whose first value lies in (-pi, pi].
+fn angle_between(minuend: &[f64], subtrahend: &[f64]) -> Vec<f64> {
+    let mut phi: Vec<f64> = minuend.iter().zip(subtrahend).map(|(a, b)| a - b).collect();
+    if let Some(first) = phi.iter().copied().find(|phi| !phi.is_nan()) {
+        let turns = first - wrap(first);
+        phi.iter_mut().for_each(|phi| *phi -= turns);
+    }
+    unwrap(&mut phi);
+    phi
 }
 
 #[cfg(test)]
@@ -318,11 +340,12 @@ mod tests {
     fn frames_that_are_left_out_are_counted_and_absurd_jumps_refused() {
         assert_eq!(frame_grid(&[500, 501, 510]).unwrap(), (500, 11));
         assert_eq!(frame_grid(&[19288, 19289, 63268]).unwrap(), (19288, 43981));
-        let error = frame_grid(&[500, 501, 632680]).unwrap_err().of(Path::new("a.csv")).to_string();
+        let error =
+            frame_grid(&[500, 501, 632680]).unwrap_err().in_file(Path::new("a.csv")).to_string();
         assert_eq!(
             error,
-            "a.csv: found frames 500 to 632680 in only 3 rows, \
-             needed frame numbers without such jumps"
+            "a.csv: found frames 500 to 632680 in only 3 rows: \
+             the frame numbers jump implausibly"
         );
     }
 }

@@ -1,12 +1,13 @@
-//! Time derivatives of a series with gaps.
+//! Time derivatives of series with gaps.
 
 use super::gaps::runs;
 
-/// Weights of samples -2 to 2 of the central difference of fourth order.
+/// Weights of samples -2 to 2 in the fourth-order central difference.
 pub(crate) const WEIGHTS: [f64; 5] = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
 
-/// Time derivative, per second: central differences of fourth order, of second order next to
-/// an end of a stretch without gaps, and one-sided ones at the end. A lone sample has none.
+/// Returns the time derivative, per second, by fourth-order central differences. Within each run without gaps, the
+/// differences are second-order next to the ends and one-sided at the ends. The derivative of an isolated sample is
+/// NaN.
 pub(crate) fn derivative(series: &[f64], rate_hz: f64) -> Vec<f64> {
     let mut rates = vec![f64::NAN; series.len()];
     for (start, end) in runs(series) {
@@ -49,7 +50,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_between_gaps_are_differentiated_by_themselves() {
+    fn runs_between_gaps_are_differentiated_separately() {
         let nan = f64::NAN;
         let series = [0.0, 2.0, nan, 5.0, nan, 1.0, 2.0, 3.0];
         let expected = [2.0, 2.0, nan, nan, nan, 1.0, 1.0, 1.0];

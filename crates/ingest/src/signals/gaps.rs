@@ -1,19 +1,19 @@
-//! Short gaps are bridged by a smooth curve through what was seen on both sides.
+//! Fills short gaps with a smooth curve fitted to the samples on both sides.
 
-/// Samples on each side that the curve is fitted to.
+/// Number of samples on each side of a gap to which the polynomial that fills it is fitted.
 const NEIGHBOURS: usize = 8;
-/// Highest degree of the polynomial. With eight samples on each side, a gap of twelve frames
-/// at 120 Hz and a gait of 6 rad/s its error is some 1e-5 of the amplitude.
-const DEGREE: usize = 5;
-/// Neighbours farther from the gap than this many frames are not used.
-const REACH: usize = 16;
+/// Maximum degree of the polynomial that fills a gap. With eight samples on each side, a gap of twelve frames at 120 Hz
+/// and a gait at 6 rad/s, the error is about 1e-5 of the amplitude.
+const MAX_DEGREE: usize = 5;
+/// Maximum distance between a gap and the samples to which the polynomial is fitted, frames.
+const MAX_DISTANCE: usize = 16;
 
-/// The series with gaps of at most `max_gap` samples filled. What is missing at the ends
-/// stays missing.
+/// Returns the series with gaps of at most `max_gap` samples filled. Samples missing at the ends stay missing.
 pub(crate) fn fill(series: &[f64], max_gap: usize) -> Vec<f64> {
     let mut filled = series.to_vec();
     for pair in runs(series).windows(2) {
-        let (start, end) = (pair[0].1, pair[1].0);
+        let start = pair[0].1;
+        let end = pair[1].0;
         if end - start <= max_gap {
             bridge(series, start, end, &mut filled[start..end]);
         }
@@ -21,25 +21,29 @@ pub(crate) fn fill(series: &[f64], max_gap: usize) -> Vec<f64> {
     filled
 }
 
-/// Stretches without a missing sample, as half-open ranges.
+/// Returns the runs of consecutive visible samples, as half-open ranges.
 pub(super) fn runs(series: &[f64]) -> Vec<(usize, usize)> {
+    let mut runs = Vec::new();
     let mut end = 0;
-    let run = |run: &[f64]| {
+    for run in series.chunk_by(|a, b| a.is_nan() == b.is_nan()) {
         end += run.len();
-        (!run[0].is_nan()).then_some((end - run.len(), end))
-    };
-    series.chunk_by(|a, b| a.is_nan() == b.is_nan()).filter_map(run).collect()
+        if !run[0].is_nan() {
+            runs.push((end - run.len(), end));
+        }
+    }
+    runs
 }
 
-/// Fills `start..end` from its neighbours by least squares.
+/// Fills the gap `start..end` with a polynomial fitted by least squares to the neighbouring samples.
 fn bridge(series: &[f64], start: usize, end: usize, gap: &mut [f64]) {
-    let before = (start.saturating_sub(REACH)..start).rev();
-    let after = end..(end + REACH).min(series.len());
+    let before = (start.saturating_sub(MAX_DISTANCE)..start).rev();
+    let after = end..(end + MAX_DISTANCE).min(series.len());
     let seen = |i: &usize| !series[*i].is_nan();
     let middle = 0.5 * (start + end - 1) as f64;
     let scale = (NEIGHBOURS + end - start) as f64;
     let position = |i: usize| (i as f64 - middle) / scale;
-    let (mut positions, mut values) = ([0.0; 2 * NEIGHBOURS], [0.0; 2 * NEIGHBOURS]);
+    let mut positions = [0.0; 2 * NEIGHBOURS];
+    let mut values = [0.0; 2 * NEIGHBOURS];
     let mut count = 0;
     let near = before.filter(seen).take(NEIGHBOURS).chain(after.filter(seen).take(NEIGHBOURS));
     for i in near {
@@ -47,36 +51,40 @@ fn bridge(series: &[f64], start: usize, end: usize, gap: &mut [f64]) {
         values[count] = series[i];
         count += 1;
     }
-    let degree = (count / 3).clamp(1, DEGREE);
+    let degree = (count / 3).clamp(1, MAX_DEGREE);
     let curve = Polynomial::fit(&positions[..count], &values[..count], degree);
     for (i, value) in (start..end).zip(gap) {
         *value = curve.at(position(i));
     }
 }
 
-/// A least-squares polynomial as a sum of polynomials that are orthogonal on the samples
-/// (Forsythe 1957), which needs no linear system.
+/// Least-squares polynomial as a sum of polynomials that are orthogonal on the samples (Forsythe 1957), so that no
+/// linear system has to be solved.
 struct Polynomial {
-    /// Recurrence `p_{k+1} = (t - shift_k) p_k - scale_k p_{k-1}` and weight of `p_k`.
-    terms: [(f64, f64, f64); DEGREE + 1],
+    /// For each degree k: coefficients `shift_k` and `scale_k` of the recurrence
+    /// `p_{k+1} = (t - shift_k) p_k - scale_k p_{k-1}`, and the weight of `p_k`.
+    terms: [(f64, f64, f64); MAX_DEGREE + 1],
     degree: usize,
 }
 
 impl Polynomial {
-    /// Needs more than `degree` samples.
+    /// Fits a polynomial of the given degree to samples, of which there must be more than `degree`.
     fn fit(positions: &[f64], values: &[f64], degree: usize) -> Self {
-        let mut terms = [(0.0, 0.0, 0.0); DEGREE + 1];
+        let mut terms = [(0.0, 0.0, 0.0); MAX_DEGREE + 1];
         let mut previous = [0.0; 2 * NEIGHBOURS];
         let mut current = [1.0; 2 * NEIGHBOURS];
         let mut norm_before = f64::INFINITY;
         for term in terms.iter_mut().take(degree + 1) {
-            let (mut norm, mut moment, mut product) = (0.0, 0.0, 0.0);
+            let mut norm = 0.0;
+            let mut moment = 0.0;
+            let mut product = 0.0;
             for ((t, y), p) in positions.iter().zip(values).zip(&current) {
                 norm += p * p;
                 moment += t * p * p;
                 product += y * p;
             }
-            let (shift, scale) = (moment / norm, norm / norm_before);
+            let shift = moment / norm;
+            let scale = norm / norm_before;
             *term = (shift, scale, product / norm);
             norm_before = norm;
             for ((t, p), q) in positions.iter().zip(&mut current).zip(&mut previous) {
@@ -87,7 +95,9 @@ impl Polynomial {
     }
 
     fn at(&self, t: f64) -> f64 {
-        let (mut previous, mut current, mut sum) = (0.0, 1.0, 0.0);
+        let mut previous = 0.0;
+        let mut current = 1.0;
+        let mut sum = 0.0;
         for (shift, scale, weight) in &self.terms[..=self.degree] {
             sum += weight * current;
             (previous, current) = (current, (t - shift) * current - scale * previous);

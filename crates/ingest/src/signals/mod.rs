@@ -1,5 +1,4 @@
-//! Series of numbers, one for each frame and NaN where missing, whatever they are of: gaps that are
-//! filled, smoothing, derivatives.
+//! Processing of time series with one value per frame, NaN where missing: gap filling, smoothing, derivatives.
 
 mod derivative;
 mod gaps;

@@ -1,22 +1,21 @@
-//! Moving average, and how wide it should be.
+//! Moving average, and selection of its window width.
 
 use trilink_statistics::median_high;
 
 use super::derivative::WEIGHTS;
 use super::gaps::runs;
 
-/// Narrowest and widest window, samples.
+/// Range of window widths of the moving average, samples.
 const WINDOWS: std::ops::RangeInclusive<usize> = 5..=30;
-/// Window of trials without a commanded frequency, samples.
+/// Window width for trials without a commanded frequency, samples.
 pub(crate) const WINDOW_WITHOUT_GAIT: usize = 9;
-/// How much more an attenuated speed counts than noise of the same power: noise can be taken
-/// out of the skid ratio afterwards, attenuation cannot.
+/// Weight of attenuated joint rate relative to noise of the same power: noise can be removed from the skid ratio
+/// afterwards, attenuation cannot.
 const ATTENUATION_WEIGHT: f64 = 10.0;
 
-/// Averages over `window` samples about each sample. An even window reaches half a sample
-/// further to both sides, with half the weight there, so that it is centred as well. At the
-/// ends of every stretch without gaps the window shrinks from both sides; what is missing
-/// stays missing.
+/// Averages over `window` samples around each sample. To be centred, an even window extends half a sample further on
+/// both sides, with half the weight at its ends. At the ends of every run without gaps the window shrinks
+/// symmetrically; missing samples stay missing.
 pub(crate) fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
     let half = window / 2;
     let mut smooth = vec![f64::NAN; series.len()];
@@ -24,27 +23,33 @@ pub(crate) fn moving_average(series: &[f64], window: usize) -> Vec<f64> {
         let run = &series[start..end];
         for (i, smooth) in smooth[start..end].iter_mut().enumerate() {
             let reach = i.min(run.len() - 1 - i);
-            *smooth = match reach < half {
-                true => average(run, i, reach, 2 * reach + 1),
-                false => average(run, i, half, window),
+            *smooth = if reach < half {
+                average(run, i, reach, 2 * reach + 1)
+            } else {
+                average(run, i, half, window)
             };
         }
     }
     smooth
 }
 
-/// The average over `window` samples about one, which reach so far to both sides. Deviations
-/// from the middle keep a constant exactly constant.
+/// Returns the average over `window` samples around sample `i`, which extend `reach` samples to either side. Deviations
+/// from the central sample are summed, which keeps a constant series exactly constant.
 fn average(run: &[f64], i: usize, reach: usize, window: usize) -> f64 {
     let middle = run[i];
-    let pair = |k: usize| (run[i - k] - middle) + (run[i + k] - middle);
     let inner = reach - usize::from(window.is_multiple_of(2));
-    let sum = (1..=inner).map(pair).sum::<f64>();
-    let ends = (inner + 1..=reach).map(|k| 0.5 * pair(k)).sum::<f64>();
+    let sum = (1..=inner).map(|k| deviations(run, i, k)).sum::<f64>();
+    let ends = (inner + 1..=reach).map(|k| 0.5 * deviations(run, i, k)).sum::<f64>();
     middle + (sum + ends) / window as f64
 }
 
-/// What the moving average leaves of a sine of `step_rad` per sample: the Dirichlet kernel,
+/// Returns the sum of the deviations, from sample `i`, of the two samples `k` before and after it.
+fn deviations(run: &[f64], i: usize, k: usize) -> f64 {
+    let middle = run[i];
+    (run[i - k] - middle) + (run[i + k] - middle)
+}
+
+/// Returns the gain of the moving average for a sine with a phase step of `step_rad` per sample: the Dirichlet kernel,
 /// for an even window with half weights at its ends.
 pub(crate) fn response(window: usize, step_rad: f64) -> f64 {
     let half = 0.5 * step_rad;
@@ -55,55 +60,47 @@ pub(crate) fn response(window: usize, step_rad: f64) -> f64 {
     if window % 2 == 1 { kernel } else { kernel * half.cos() }
 }
 
-/// Weights of third differences, in which motion far slower than the sampling leaves nothing, and
-/// the sum of their squares: how many times the variance of white noise theirs is.
+/// Weights of third differences, to which motion that is slow compared with the sampling rate contributes nothing.
 pub(crate) const THIRD: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+/// Sum of the squared weights of third differences: the factor by which they amplify the variance of white noise.
 pub(crate) const THIRD_GAIN: f64 = 20.0;
 
+/// Iterates over the third differences of a series.
 pub(crate) fn third_differences(series: &[f64]) -> impl Iterator<Item = f64> {
-    let difference = |w: &[f64]| w.iter().zip(THIRD).map(|(x, weight)| x * weight).sum();
-    series.windows(THIRD.len()).map(difference)
+    series.windows(THIRD.len()).map(|w| w.iter().zip(THIRD).map(|(x, weight)| x * weight).sum())
 }
 
-/// Noise of a series of positions, in its own unit. The median of third differences bears outliers.
+/// Returns the standard deviation of the noise in a series, in the unit of the series. The median of absolute third
+/// differences is used, which is robust to outliers.
 pub(crate) fn noise(series: &[f64]) -> f64 {
     let differences = third_differences(series).map(f64::abs);
     let differences: Vec<f64> = differences.filter(|difference| !difference.is_nan()).collect();
     if differences.is_empty() {
         return 0.0;
     }
-    // The median of a normal deviate's modulus is 0.6745.
+    // The median modulus of a standard normal deviate is 0.6745.
     median_high(differences) / (0.6745 * THIRD_GAIN.sqrt())
 }
 
-/// A joint as the choice of the window sees it.
+/// Noise and harmonics of a joint angle, from which the width of the smoothing window is chosen.
 pub(crate) struct JointSignal {
-    /// Of the unsmoothed angle, rad.
+    /// Standard deviation of the noise in the unsmoothed angle, rad.
     pub noise_rad: f64,
-    /// Amplitudes of its harmonics, the first one first, rad.
+    /// Amplitudes of the harmonics of the angle, beginning with the first, rad.
     pub harmonics_rad: Vec<f64>,
 }
 
-/// The window with the smallest expected error of the joints' rates, which dominate that of
-/// the wheels' velocities: noise that is left and, weighted, speed that is lost.
-/// `step_rad` is the gait's phase per frame.
+/// Returns the window width with the smallest expected error of the joint rates, which dominate the wheel velocities:
+/// residual noise plus the weighted attenuation of the rates. `step_rad` is the phase step of the gait per frame.
 pub(crate) fn best_window(joints: &[JointSignal], step_rad: f64) -> usize {
-    let error = |window: usize| -> f64 {
-        let gain = noise_gain(window);
-        let lost = |(amplitude, k): (&f64, i32)| {
-            let step = f64::from(k) * step_rad;
-            0.5 * ((1.0 - response(window, step)) * step * amplitude).powi(2)
-        };
-        let of_joint = |joint: &JointSignal| {
-            let lost: f64 = joint.harmonics_rad.iter().zip(1..).map(lost).sum();
-            gain * joint.noise_rad.powi(2) + ATTENUATION_WEIGHT * lost
-        };
-        joints.iter().map(of_joint).sum()
-    };
-    WINDOWS.min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(WINDOW_WITHOUT_GAIT)
+    WINDOWS
+        .min_by(|a, b| {
+            expected_error(joints, step_rad, *a).total_cmp(&expected_error(joints, step_rad, *b))
+        })
+        .unwrap_or(WINDOW_WITHOUT_GAIT)
 }
 
-/// Variance of the derivative per sample that white noise of variance 1 leaves.
+/// Returns the variance of the derivative, per sample, of white noise of variance 1 smoothed with a window.
 fn noise_gain(window: usize) -> f64 {
     let half = window / 2;
     let mut average = vec![1.0 / window as f64; 2 * half + 1];
@@ -118,6 +115,20 @@ fn noise_gain(window: usize) -> f64 {
         }
     }
     both.iter().map(|weight| weight * weight).sum()
+}
+
+/// Returns the expected squared error of the joint rates for a window width.
+fn expected_error(joints: &[JointSignal], step_rad: f64, window: usize) -> f64 {
+    let gain = noise_gain(window);
+    let errors = joints.iter().map(|joint| {
+        let losses = joint.harmonics_rad.iter().zip(1..).map(|(amplitude, k)| {
+            let step = f64::from(k) * step_rad;
+            0.5 * ((1.0 - response(window, step)) * step * amplitude).powi(2)
+        });
+        let lost: f64 = losses.sum();
+        gain * joint.noise_rad.powi(2) + ATTENUATION_WEIGHT * lost
+    });
+    errors.sum()
 }
 
 #[cfg(test)]
@@ -149,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_is_attenuated_as_the_dirichlet_kernel_says() {
+    fn a_sine_is_attenuated_as_the_dirichlet_kernel_predicts() {
         for window in WINDOWS {
             for step in [0.004, 0.05, 0.15, 0.7] {
                 let wave: Vec<f64> = (0..200).map(|i| (step * f64::from(i) + 0.3).cos()).collect();
@@ -165,8 +176,8 @@ mod tests {
     }
 
     #[test]
-    fn the_noise_gain_is_that_of_the_two_filters_in_turn() {
-        // By hand for the average of five and the derivative of fourth order.
+    fn the_noise_gain_is_that_of_both_filters_combined() {
+        // Computed explicitly for a five-sample average followed by the fourth-order derivative.
         let average = [0.2; 5];
         let derivative = [1.0 / 12.0, -8.0 / 12.0, 0.0, 8.0 / 12.0, -1.0 / 12.0];
         let mut both = [0.0; 9];
@@ -193,7 +204,7 @@ mod tests {
 
     #[test]
     fn the_noise_of_a_slow_wave_is_found() {
-        // A known sequence of +-1 in which successive values are uncorrelated enough.
+        // A deterministic sequence with sufficiently small autocorrelation.
         let mut state = 1_u32;
         let mut deviate = || {
             (0..12)

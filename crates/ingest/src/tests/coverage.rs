@@ -1,4 +1,4 @@
-//! Whether the standard errors say how far the trials are off the truth.
+//! Coverage of the standard errors of trial means.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use super::*;
 
-/// Of each campaign and quantity, the part of the values within 1.96 errors of the truth.
+/// Returns, for each campaign and quantity, the number of values within 1.96 standard errors of the truth and the total
+/// number of values.
 fn shares(seeds: Range<u64>, omegas_rad_s: &[f64]) -> BTreeMap<(String, String), (usize, usize)> {
     let config = Config::default();
     let of_seed = |seed: u64| {
@@ -34,8 +35,8 @@ fn shares(seeds: Range<u64>, omegas_rad_s: &[f64]) -> BTreeMap<(String, String),
                 let errors = (value - truth.as_f64().unwrap()) / se;
                 found.push(((row.campaign.clone(), name.to_owned()), errors));
             }
-            // Of the driven joints. Phases count from the clock that they are themselves, so that they are
-            // nearer than what they differ by.
+            // Driven joints only. Phases are relative to a time origin that follows from the joints themselves, so
+            // their errors are smaller than their scatter.
             for (joint, gait) in row.gait.iter().enumerate() {
                 let truth = &truth["gait"][joint];
                 for (name, value, se) in [
@@ -61,13 +62,13 @@ fn shares(seeds: Range<u64>, omegas_rad_s: &[f64]) -> BTreeMap<(String, String),
 
 #[test]
 #[ignore = "180 folders: some minutes"]
-fn of_recordings_90_to_99_percent_are_within_1_96_errors_of_the_truth() {
+fn values_of_90_to_99_percent_of_recordings_are_within_1_96_errors_of_the_truth() {
     let shares = shares(0..180, &[0.5, 2.0, 3.9, 6.0]);
     let mut outside = Vec::new();
     for ((campaign, name), (within, count)) in shares {
         let share = within as f64 / count as f64;
         println!("{campaign:24} {name:8} {share:.3} of {count}");
-        // Where what is left of a transient decays over the cycles, it widens all errors alike.
+        // What remains of a transient that decays over the cycles widens all standard errors.
         if !(0.9..=0.995).contains(&share) {
             outside.push(format!("{campaign} {name} {share:.3}"));
         }

@@ -1,4 +1,4 @@
-//! The whole stage on motions that are known, and on folders that are not as they should be.
+//! Tests of the whole ingest stage on known motions and on folders with faults.
 
 use std::fs;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use trilink_statistics::Estimate;
 use trilink_statistics::mean;
 use trilink_synth::{Recipe, Tilt, synthesise};
 use trilink_tables::config::Poses;
-use trilink_tables::trial::{ListedTrial, TrialFolders};
+use trilink_tables::trial::TrialFolders;
 use trilink_tables::{Columns as _, Provenance, Severity};
 
 use super::*;
@@ -23,6 +23,7 @@ mod coverage;
 mod decays;
 mod laws;
 mod skid;
+mod slopes;
 mod synthetic;
 
 use synthetic::{Motion, Recording, header};
@@ -35,6 +36,7 @@ fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
         campaign: Some(campaign.to_owned()),
         robot: None,
         omega_rad_s: Some(omega_rad_s),
+        day: None,
         smoothing_window: None,
     }
 }
@@ -59,12 +61,20 @@ fn process_with(
     config: &Config,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let input = IngestInput::new(config, trial)?;
-    process(Path::new("a.csv"), text.as_bytes(), trial, &input, &mut Known::new(trial))
+    process(Path::new("a.csv"), text.as_bytes(), trial, &input, &mut PartialResult::new(trial))
 }
 
 fn symmetric(omega_rad_s: f64) -> (Recording, Trial) {
     let recording = Recording::new(Motion::new(omega_rad_s, 0.0));
     (recording, gait_trial("a", "kinematic-symmetric", omega_rad_s))
+}
+
+fn relative_error(found: f64, truth: f64) -> f64 {
+    (found / truth - 1.0).abs()
+}
+
+fn error_deg(found: f64, truth: f64) -> f64 {
+    (found - truth).to_degrees().abs()
 }
 
 #[test]
@@ -81,24 +91,22 @@ fn metrics_and_gait_of_a_known_motion_are_found() {
         let text = Recording::new(motion.clone()).export();
         let processed = process_text(&text, &gait_trial("a", campaign, omega)).unwrap();
         let row = processed.row;
-        let relative = |found: f64, truth: f64| (found / truth - 1.0).abs();
-        let degrees = |found: f64, truth: f64| (found - truth).to_degrees().abs();
         assert_eq!((row.status, row.message.as_str()), (TrialStatus::Ok, ""));
-        assert!(relative(row.omega_rad_s, motion.omega_rad_s) < 1e-4);
+        assert!(relative_error(row.omega_rad_s, motion.omega_rad_s) < 1e-4);
         assert!((row.omega_rad_s - motion.omega_rad_s).abs() < 4.0 * row.omega_rad_s_se);
         let GaitMetrics { d_m, v_m_s, alpha1_rad, dtheta_rad, .. } = row.metrics;
-        assert!(relative(d_m, truth.d_m) < 1e-3, "{omega}: {d_m} {}", truth.d_m);
-        assert!(relative(v_m_s, truth.v_m_s) < 1e-3);
-        assert!(degrees(dtheta_rad, truth.dtheta_rad) < 0.1);
-        assert!(degrees(alpha1_rad, truth.alpha1_rad) < 0.1, "{omega} {alpha1_rad}");
+        assert!(relative_error(d_m, truth.d_m) < 1e-3, "{omega}: {d_m} {}", truth.d_m);
+        assert!(relative_error(v_m_s, truth.v_m_s) < 1e-3);
+        assert!(error_deg(dtheta_rad, truth.dtheta_rad) < 0.1);
+        assert!(error_deg(alpha1_rad, truth.alpha1_rad) < 0.1, "{omega} {alpha1_rad}");
         for (found, truth) in row.sigma_debiased.iter().zip(truth.sigma) {
-            assert!(relative(found.value, truth) < 0.03, "{omega}: {found:?} {truth}");
+            assert!(relative_error(found.value, truth) < 0.03, "{omega}: {found:?} {truth}");
         }
         let found = row.gait.map(|joint| [joint.offset_rad, joint.amplitude_rad, joint.phase_rad]);
         for (found, truth) in found.iter().flatten().zip(motion.joints.iter().flatten()) {
-            assert!(degrees(*found, *truth) < 0.1, "{omega}: {found} {truth}");
+            assert!(error_deg(*found, *truth) < 0.1, "{omega}: {found} {truth}");
         }
-        // The joints have no other harmonics, and noise hardly makes any.
+        // The joints have no other harmonics, and noise contributes little.
         assert!(row.gait.iter().all(|joint| joint.harmonics_rad.to_degrees() < 0.03));
         let left = [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3];
         assert!(left.is_sorted_by(|a, b| a > b) && left[0] < 1.0 && left[2] > 0.5, "{left:?}");
@@ -122,7 +130,7 @@ fn standard_errors_of_d_are_of_the_right_size() {
 }
 
 #[test]
-fn a_skid_below_the_noise_is_recovered_with_an_honest_error() {
+fn a_skid_below_the_noise_is_recovered_with_the_right_standard_error() {
     const SEEDS: u64 = 12;
     let mut motion = Motion::new(3.9, std::f64::consts::FRAC_PI_4);
     motion.sigma = Some([0.01, 0.02, 0.03]);
@@ -130,7 +138,9 @@ fn a_skid_below_the_noise_is_recovered_with_an_honest_error() {
     let trial = gait_trial("a", "kinematic-skewed", 3.9);
     let mut recording = Recording::new(motion);
     recording.noise_mm = 0.4;
-    let (mut within, mut mean, mut mean_raw) = (0, [0.0; 3], [0.0; 3]);
+    let mut within = 0;
+    let mut mean = [0.0; 3];
+    let mut mean_raw = [0.0; 3];
     for seed in 0..SEEDS {
         recording.seed = seed;
         let row = process_text(&recording.export(), &trial).unwrap().row;
@@ -157,8 +167,8 @@ fn poses_are_those_of_the_robot_and_missing_frames_are_null() {
     assert_eq!(poses.values::<f64>("time_s").unwrap()[120], 1.0);
     assert!((poses.values::<f64>("x_m").unwrap()[0] - 0.5).abs() < 1e-5);
     assert!((poses.values::<f64>("y_m").unwrap()[0] + 0.3).abs() < 1e-5);
-    let [offset, amplitude, ahead] = recording.motion.joints[1];
-    let phase: f64 = 2.0 * 4.0 + ahead;
+    let [offset, amplitude, lead] = recording.motion.joints[1];
+    let phase: f64 = 2.0 * 4.0 + lead;
     assert!(
         (poses.values::<f64>("phi2_rad").unwrap()[480] - offset - amplitude * phase.cos()).abs()
             < 1e-3
@@ -176,8 +186,8 @@ fn poses_are_those_of_the_robot_and_missing_frames_are_null() {
     );
 }
 
-/// Empties the cells of link 1's markers, columns 12 to 20 after the two frame columns of
-/// link 0's four markers, in some rows.
+/// Returns an export in which the cells of link 1's markers (14 to 22 of each line, counted from 0) are empty in a
+/// range of rows.
 fn without_link1(text: &str, rows: std::ops::Range<usize>) -> String {
     const HEADER: usize = 5;
     let lines = text.split_inclusive("\r\n").enumerate().map(|(i, line)| {
@@ -191,21 +201,21 @@ fn without_link1(text: &str, rows: std::ops::Range<usize>) -> String {
     lines.collect()
 }
 
+fn used_cycles(trial: &ProcessedTrial) -> Vec<i64> {
+    trial.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.cycle).collect()
+}
+
 #[test]
 fn short_gaps_are_filled_and_long_ones_left_out() {
     let (mut recording, trial) = symmetric(3.9);
     recording.loss = 0.0;
     let text = recording.export();
-    let used = |processed: &ProcessedTrial| -> Vec<i64> {
-        let used = processed.cycles.iter().filter(|cycle| cycle.used);
-        used.map(|cycle| cycle.cycle).collect()
-    };
     let whole = process_text(&text, &trial).unwrap();
-    let all = used(&whole);
+    let all = used_cycles(&whole);
     assert!(all.len() >= 6 && *all == *(all[0]..=10).collect::<Vec<_>>(), "{all:?}");
 
     let short = process_text(&without_link1(&text, 900..912), &trial).unwrap();
-    assert_eq!((used(&short), short.row.status), (all.clone(), TrialStatus::Ok));
+    assert_eq!((used_cycles(&short), short.row.status), (all.clone(), TrialStatus::Ok));
     let fill = names(&short.poses, "fill1");
     assert_eq!((fill[899].as_str(), fill[905].as_str()), ("measured", "interpolated"));
     let unseen = names(&short.poses, "unseen1");
@@ -215,7 +225,7 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
     let long = process_text(&without_link1(&text, 900..1020), &trial).unwrap();
     // A second of 1.61 s cycles: frames 900 to 1020 lie in cycles 4 (773 to 967) and 5.
     let others: Vec<i64> = all.into_iter().filter(|cycle| ![4, 5].contains(cycle)).collect();
-    assert_eq!(used(&long), others);
+    assert_eq!(used_cycles(&long), others);
     assert!(long.cycles[4].metrics.d_m.is_nan() && long.cycles[5].metrics.d_m.is_nan());
     let gaps = check_of(&long, "W007");
     let expected = ("info", "2 cycles with gaps are left out");
@@ -230,15 +240,15 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
     assert!((long.cycles[8].metrics.d_m - whole.cycles[8].metrics.d_m).abs() < 1e-5);
 }
 
-/// With every link fitted by itself not a bit changes; with closed joints a missing link is
-/// missed where its joint was, and elsewhere less than can be measured.
+/// The poses of the other links stay identical bit for bit if every link is fitted separately; if the links are fitted
+/// together, such that they meet at their joints, these poses change by less than can be measured.
 #[test]
-fn a_second_without_a_links_markers_leaves_everything_else_as_it_was() {
-    leaves_everything_else(Poses::Links, 0.0);
-    leaves_everything_else(Poses::Chain, 3e-5);
+fn a_second_without_a_links_markers_does_not_change_the_other_links() {
+    assert_others_unchanged(Poses::Links, 0.0);
+    assert_others_unchanged(Poses::Chain, 3e-5);
 }
 
-fn leaves_everything_else(poses: Poses, tolerance: f64) {
+fn assert_others_unchanged(poses: Poses, tolerance: f64) {
     const GAP: std::ops::Range<usize> = 900..1020;
     const WINDOW: usize = 9;
     let (recording, mut trial) = symmetric(3.9);
@@ -248,43 +258,41 @@ fn leaves_everything_else(poses: Poses, tolerance: f64) {
     config.ingest.poses = poses;
     let [whole, gapped] = [text.clone(), without_link1(&text, GAP)]
         .map(|text| process_with(&text, &trial, &config).unwrap());
-    // The average and the derivative reach into the gap from beside it, and so does a filled
-    // short gap next to it.
-    let beside = GAP.start - 2 * WINDOW..GAP.end + 2 * WINDOW;
-    let same = |table: fn(&ProcessedTrial) -> &Table, column: &str, skipped: &Range<usize>| {
-        let [whole, gapped] =
-            [&whole, &gapped].map(|trial| table(trial).values::<f64>(column).unwrap());
-        for (i, (whole, gapped)) in whole.iter().zip(gapped).enumerate() {
-            let is_near = (whole - gapped).abs() <= tolerance;
-            let is_same = whole.to_bits() == gapped.to_bits() || (tolerance > 0.0 && is_near);
-            assert!(is_same || skipped.contains(&i), "{column} {i}: {whole} {gapped}");
-        }
-    };
-    let nowhere = if poses == Poses::Links { 0..0 } else { beside.clone() };
+    // The moving average and the derivative are affected in the neighbourhood of the gap, as they are near a filled
+    // short gap.
+    let affected = GAP.start - 2 * WINDOW..GAP.end + 2 * WINDOW;
+    let assert_same =
+        |table: fn(&ProcessedTrial) -> &Table, column: &str, skipped: &Range<usize>| {
+            let [whole, gapped] =
+                [&whole, &gapped].map(|trial| table(trial).values::<f64>(column).unwrap());
+            for (i, (whole, gapped)) in whole.iter().zip(gapped).enumerate() {
+                let is_near = (whole - gapped).abs() <= tolerance;
+                let is_same = whole.to_bits() == gapped.to_bits() || (tolerance > 0.0 && is_near);
+                assert!(is_same || skipped.contains(&i), "{column} {i}: {whole} {gapped}");
+            }
+        };
+    let nowhere = if poses == Poses::Links { 0..0 } else { affected.clone() };
     for column in ["x_m", "y_m", "theta_rad", "phi2_rad"] {
-        same(|trial| &trial.poses, column, &nowhere);
+        assert_same(|trial| &trial.poses, column, &nowhere);
     }
     if poses == Poses::Links {
         for column in ["residual0_mm", "residual2_mm"] {
-            same(|trial| &trial.poses, column, &nowhere);
+            assert_same(|trial| &trial.poses, column, &nowhere);
         }
     }
-    same(|trial| &trial.poses, "phi1_rad", &beside);
+    assert_same(|trial| &trial.poses, "phi1_rad", &affected);
     for column in ["roll0_m_s", "skid0_m_s", "roll2_m_s", "skid2_m_s"] {
-        same(|trial| &trial.wheels, column, &nowhere);
+        assert_same(|trial| &trial.wheels, column, &nowhere);
     }
     for column in ["roll1_m_s", "skid1_m_s"] {
-        same(|trial| &trial.wheels, column, &beside);
+        assert_same(|trial| &trial.wheels, column, &affected);
     }
-    let used = |trial: &ProcessedTrial| -> Vec<i64> {
-        trial.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.cycle).collect()
-    };
-    assert_eq!(used(&whole), (2..=10).collect::<Vec<_>>());
-    assert_eq!(used(&gapped), [2, 3, 6, 7, 8, 9, 10]);
-    // Frequency and phase are measured on all frames of both joints: without a second of one
-    // they differ, by less than their standard errors, and with them where a cycle begins.
+    assert_eq!(used_cycles(&whole), (2..=10).collect::<Vec<_>>());
+    assert_eq!(used_cycles(&gapped), [2, 3, 6, 7, 8, 9, 10]);
+    // Frequency and phase are measured on all frames of both joints: if one joint is occluded for a second, they change
+    // by less than their standard errors, and so do the starts of the cycles.
     assert!((whole.row.omega_rad_s - gapped.row.omega_rad_s).abs() < whole.row.omega_rad_s_se);
-    for i in used(&gapped) {
+    for i in used_cycles(&gapped) {
         let [whole, gapped] = [&whole, &gapped].map(|trial| &trial.cycles[i as usize]);
         assert!((whole.metrics.d_m / gapped.metrics.d_m - 1.0).abs() < 1e-4);
         assert!((whole.start_s - gapped.start_s).abs() < 1e-3);
@@ -304,23 +312,23 @@ fn a_frame_jump_is_a_gap_in_time() {
     assert!(jumped.poses.values::<f64>("x_m").unwrap()[901..1019].iter().all(|x| x.is_nan()));
     assert!((jumped.row.omega_rad_s - 3.9).abs() < 4e-4);
     let message = &jumped.row.message;
-    assert!(message.contains("120 frames are left out of the file"), "{message}");
+    assert!(message.contains("120 frames are missing from the file"), "{message}");
     assert_eq!(check_of(&jumped, "W007").message, "2 cycles with gaps are left out");
 }
 
-/// The rows of an export: frame, subframe, and three cells for each marker.
+/// Changes the rows of an export; a row has frame, subframe, and three cells for each marker.
 fn with_rows(text: &str, change: impl FnOnce(&mut Vec<Vec<String>>)) -> String {
     const HEADER: usize = 5;
     let lines: Vec<&str> = text.lines().collect();
-    let cells = |line: &&str| line.split(',').map(str::to_owned).collect();
-    let mut rows: Vec<Vec<String>> = lines[HEADER..].iter().map(cells).collect();
+    let mut rows: Vec<Vec<String>> =
+        lines[HEADER..].iter().map(|line| line.split(',').map(str::to_owned).collect()).collect();
     change(&mut rows);
     let header = lines[..HEADER].iter().map(|line| (*line).to_owned());
     header.chain(rows.iter().map(|row| row.join(","))).map(|line| line + "\r\n").collect()
 }
 
 #[test]
-fn a_cycle_in_which_a_camera_is_knocked_does_not_count() {
+fn a_cycle_in_which_a_camera_is_knocked_is_not_used() {
     let (mut recording, trial) = symmetric(3.9);
     recording.loss = 0.0;
     let text = recording.export();
@@ -331,12 +339,11 @@ fn a_cycle_in_which_a_camera_is_knocked_does_not_count() {
     });
     let [whole, knocked] = [&text, &knocked].map(|text| process_text(text, &trial).unwrap());
     // Frame 900 lies in cycle 4 (773 to 967).
-    let counts =
-        |trial: &ProcessedTrial| trial.cycles.iter().map(|cycle| cycle.used).collect::<Vec<_>>();
-    let mut expected = counts(&whole);
+    let [mut expected, used] = [&whole, &knocked]
+        .map(|trial| trial.cycles.iter().map(|cycle| cycle.used).collect::<Vec<_>>());
     assert!(std::mem::replace(&mut expected[4], false));
-    assert_eq!(counts(&knocked), expected);
-    assert!(knocked.cycles[4].reason.contains("the robot jumps in it"));
+    assert_eq!(used, expected);
+    assert!(knocked.cycles[4].reason.contains("a gap or a jump"));
     assert_eq!(names(&knocked.poses, "fill0")[899..902], ["measured", "missing", "measured"]);
     for (i, (whole, knocked)) in whole.cycles.iter().zip(&knocked.cycles).enumerate() {
         let [whole, knocked] = [whole, knocked].map(|cycle| cycle.metrics.d_m);
@@ -347,7 +354,7 @@ fn a_cycle_in_which_a_camera_is_knocked_does_not_count() {
 }
 
 #[test]
-fn a_trial_whose_rows_were_deleted_or_doubled_and_numbered_anew_fails() {
+fn a_trial_whose_rows_were_deleted_or_doubled_and_renumbered_fails() {
     let (mut recording, trial) = symmetric(3.9);
     recording.loss = 0.0;
     let text = recording.export();
@@ -359,13 +366,13 @@ fn a_trial_whose_rows_were_deleted_or_doubled_and_numbered_anew_fails() {
         })
     };
     for (next, found) in [
-        (next(906), "as if some 6 frames were missing there: were rows deleted"),
-        (next(895), "as if some 5 frames were there twice: were rows doubled"),
+        (next(906), "about 6 frames may be missing: were rows deleted"),
+        (next(895), "about 5 frames may be repeated: were rows duplicated"),
     ] {
         let failure = process_text(&next, &trial).unwrap_err().to_string();
         assert!(failure.contains("W025 jump: the robot jumps by "), "{failure}");
         assert!(failure.contains(found), "{failure}");
-        assert!(failure.ends_with(" (found 1, needed at most 0)"), "{failure}");
+        assert!(failure.ends_with(" (value 1, limit 0)"), "{failure}");
     }
 }
 
@@ -375,7 +382,7 @@ fn a_transient_is_skipped() {
     recording.motion.transient = 0.3;
     let truth = recording.motion.truth(&Robot::kinematic());
     let processed = process_text(&recording.export(), &trial).unwrap();
-    // 0.3 exp(-k) falls to 0.05 % of d with k between 6 and 7.
+    // 0.3 exp(-k) drops to 0.05 % of d for k between 6 and 7.
     assert!((6..=8).contains(&processed.cycles.iter().position(|cycle| cycle.used).unwrap()));
     assert!((processed.row.metrics.d_m / truth.d_m - 1.0).abs() < 5e-4);
 }
@@ -387,11 +394,11 @@ fn a_frequency_off_the_command_is_flagged() {
     let row = process_text(&recording.export(), &trial).unwrap().row;
     assert_eq!(row.status, TrialStatus::Flagged);
     assert!((row.omega_rad_s - 3.9).abs() < 1e-3);
-    assert!(row.message.contains("4.1 rad/s commanded"), "{}", row.message);
+    assert!(row.message.contains("commanded 4.1 rad/s"), "{}", row.message);
 }
 
 #[test]
-fn the_trials_own_window_counts_before_the_configured_one() {
+fn the_trials_own_window_takes_precedence_over_the_configured_one() {
     let (recording, mut trial) = symmetric(3.9);
     let text = recording.export();
     let mut config = Config::default();
@@ -406,58 +413,57 @@ fn the_trials_own_window_counts_before_the_configured_one() {
 }
 
 #[test]
-fn what_is_wrong_with_a_trial_is_said() {
+fn faults_of_a_trial_are_reported() {
     let (recording, trial) = symmetric(3.9);
     let text = recording.export();
     let message = |text: &str| process_text(text, &trial).unwrap_err().to_string();
     assert_eq!(
         message(&text.replace("Robot:F2", "Robot:G2")),
-        "a.csv: found no marker `F2`, needed by markers.link1 of pipeline.toml; \
-         the nearest of its 10 labels are `Robot:M2`, `Robot:F1`, `Robot:G2`"
+        "a.csv: the file has no marker `F2`, which markers.link1 of pipeline.toml requires; \
+         the most similar of the file's 10 labels are `Robot:M2`, `Robot:F1`, `Robot:G2`"
     );
     assert_eq!(
         message(&text.replacen("Robot:R1", "Other:M1", 1).replacen("Robot:R2", "Robot:R1", 1)),
-        "a.csv: found the marker `M1` of markers.link0 as `Robot:M1`, `Other:M1`, \
-         needed one of them; the layout must name it `Subject:Marker`"
+        "a.csv: the marker `M1` of markers.link0 matches the labels `Robot:M1`, `Other:M1`; replace the label in that \
+         table by one of these, in the form `Subject:Marker`"
     );
     assert_eq!(
         message(&text.replacen("\r\n120\r\n", "\r\n100\r\n", 1)),
-        "a.csv: found a frame rate of 100 Hz, needed 120 Hz as vicon.rate_hz says \
-         (or set vicon.rate_from_file = true)"
+        "a.csv: the file's frame rate is 100 Hz, but vicon.rate_hz is 120 Hz; correct vicon.rate_hz, \
+         or set vicon.rate_from_file = true"
     );
     let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
     assert_eq!(
         message(&lines[..5 + 618].concat()),
-        "a.csv: found 1 usable of 3 whole cycles (2 of them transient), needed at least 2"
+        "a.csv: only 1 of 3 whole cycles can be used (the first 2 were still settling), \
+         but at least 2 are needed"
     );
     let unseen = without_link1(&text, 0..lines.len());
     assert_eq!(
         message(&unseen),
-        "a.csv: found no frame in which the markers of link 1 give its pose, \
-         needed two that are seen together"
+        "a.csv: no frame shows two markers of link 1 together, but its pose requires two"
     );
 }
 
 #[test]
-fn what_no_trial_can_have_fails_it_by_the_check_that_found_it() {
+fn an_impossible_value_fails_the_trial_with_the_check_that_found_it() {
     let (recording, trial) = symmetric(3.9);
     let text = recording.export();
     let failed = |change: &dyn Fn(&mut Config)| {
         let mut config = Config::default();
         change(&mut config);
         let input = IngestInput::new(&config, &trial).unwrap();
-        let mut known = Known::new(&trial);
+        let mut known = PartialResult::new(&trial);
         let path = Path::new("a.csv");
         let failure = process(path, text.as_bytes(), &trial, &input, &mut known).unwrap_err();
         known.failed(&failure)
     };
-    let markers = |config: &mut Config| {
+    let (row, checks) = failed(&|config| {
         std::mem::swap(&mut config.markers.link1, &mut config.markers.link2);
-    };
-    let (row, checks) = failed(&markers);
+    });
     assert_eq!(row.status, TrialStatus::Failed);
     assert!(row.message.starts_with("a.csv: W018 joint-places: a joint is 2"), "{}", row.message);
-    assert!(row.message.contains(", needed at most 10)"), "{}", row.message);
+    assert!(row.message.contains(", limit 10)"), "{}", row.message);
     assert_eq!((&checks[0].check[..4], &checks[0].message), ("E001", &row.message));
     let joint = checks.iter().find(|row| row.check.starts_with("W018")).unwrap();
     assert_eq!((joint.severity, joint.limit), (Severity::Error, 10.0));
@@ -467,16 +473,17 @@ fn what_no_trial_can_have_fails_it_by_the_check_that_found_it() {
         let joint = config.gait.get_mut("symmetric").unwrap().joint2.as_mut().unwrap();
         joint.phase_deg = -joint.phase_deg;
     });
-    let phase = "a.csv: W009 gait: joint 2: measured phase -90.6 deg, configured 90: is its sign";
+    let phase = "a.csv: W009 gait: joint 2: measured phase -90.6 deg, configured 90: is the sign";
     assert!(row.message.starts_with(phase), "{}", row.message);
-    assert!(row.message.contains("joints 1 and 2 are exchanged"), "{}", row.message);
-    // Nothing to be fitted, but what the joints did.
+    assert!(row.message.contains("joints 1 and 2 are swapped"), "{}", row.message);
+    // No metrics, but the motion of the joints.
     assert!(row.metrics.d_m.is_nan() && row.sigma_debiased[1].value.is_nan() && row.cycles == 0);
     assert!((row.omega_rad_s - 3.9).abs() < 1e-3);
     assert!((row.gait[1].amplitude_rad - 0.54).abs() < 1e-3, "{:?}", row.gait);
 
     let (row, _) = failed(&|config| config.markers.link1.get_mut("F1").unwrap()[1] += 40.0);
-    let elsewhere = "F1` of link 1 is measured at x = 45.0, y = 30.";
+    let elsewhere =
+        "F1` of link 1 is configured at x = 45, y = 70 mm, but measured at x = 45.0, y = 30.";
     assert!(row.message.contains(elsewhere), "{}", row.message);
     let (row, _) = failed(&|config| {
         config.markers.link1.get_mut("F1").unwrap()[1] += 40.0;
@@ -486,18 +493,18 @@ fn what_no_trial_can_have_fails_it_by_the_check_that_found_it() {
 }
 
 #[test]
-fn a_file_without_a_rate_gets_the_configured_one_and_says_so() {
+fn a_file_without_a_rate_gets_the_configured_one_and_reports_it() {
     let (recording, trial) = symmetric(3.9);
     let text = recording.export().replacen("\r\n120\r\n", "\r\n", 1);
     let row = process_text(&text, &trial).unwrap().row;
-    assert_eq!(row.message, "the file does not say its rate; 120 Hz is assumed (vicon.rate_hz)");
+    assert_eq!(row.message, "the file states no frame rate; 120 Hz is assumed (vicon.rate_hz)");
     assert!((row.omega_rad_s - 3.9).abs() < 4e-4);
     let mut config = Config::default();
     config.vicon.rate_from_file = true;
     assert_eq!(
         process_with(&text, &trial, &config).unwrap_err().to_string(),
-        "a.csv: found no frame rate, needed one because vicon.rate_from_file = true \
-         (or set it to false and say vicon.rate_hz)"
+        "a.csv: the file states no frame rate, but vicon.rate_from_file = true requires one: \
+         set vicon.rate_from_file = false and vicon.rate_hz to the frame rate"
     );
 }
 
@@ -507,20 +514,21 @@ fn a_jump_of_the_frames_stays_a_gap_in_time_and_rows_without_a_number_are_counte
     let text = recording.export();
     let mut lines: Vec<String> = text.split_inclusive("\r\n").map(str::to_owned).collect();
     let whole = process_text(&text, &trial).unwrap();
-    // Two rows have lost their numbers, and 300 frames are not in the file.
+    // Two rows have lost their numbers, and 300 frames are missing from the file.
     for line in &mut lines[700..702] {
         *line = ",,".to_owned() + line.splitn(3, ',').last().unwrap();
     }
     lines.drain(702..1000);
     let jumped = process_text(&lines.concat(), &trial).unwrap();
     assert_eq!(jumped.poses.len(), whole.poses.len());
-    let (message, d_m) = (jumped.row.message, jumped.row.metrics.d_m);
-    assert!(message.contains("300 frames are left out of the file"), "{message}");
+    let message = jumped.row.message;
+    let d_m = jumped.row.metrics.d_m;
+    assert!(message.contains("300 frames are missing from the file"), "{message}");
     assert!(message.contains("2 rows without a frame number are left out"), "{message}");
     assert!((d_m / whole.row.metrics.d_m - 1.0).abs() < 2e-3);
 }
 
-/// A folder of good and bad trials.
+/// Creates a folder with good and bad trials.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
@@ -560,7 +568,7 @@ fn ingest(folder: &Path, derived: &Path, threads: usize) -> Ingested {
     pool.install(|| ingest_folder(folder, derived)).unwrap()
 }
 
-/// All trials of a folder, as a run does them.
+/// Ingests all trials of a folder as a complete run does.
 fn ingest_folder(
     folder: &Path,
     derived: &Path,
@@ -571,29 +579,30 @@ fn ingest_folder(
     let TrialFolders { folders, trials } = TrialFolders::load(&config.paths)?;
     let inputs: Vec<_> =
         trials.iter().map(|listed| IngestInput::new(&config, &listed.trial)).collect();
-    let entry = |(listed, input)| {
-        let listed: &ListedTrial = listed;
-        Entry { folder: &folders[listed.folder], listed, input }
-    };
-    let entries: Vec<Entry> = trials.iter().zip(&inputs).map(entry).collect();
+    let entries: Vec<Entry> = trials
+        .iter()
+        .zip(&inputs)
+        .map(|(listed, input)| Entry { folder: &folders[listed.folder], listed, input })
+        .collect();
     let provenance = || Provenance { input: String::new() };
     let done =
         ingest_trials(derived, &entries, &|_, _| provenance(), &|_| (), &Default::default())?;
-    let (mut all, mut written) = (Ingested::default(), Vec::new());
+    let mut all = Ingested::default();
+    let mut written = Vec::new();
     for IngestedTrial { rows, written: tables, .. } in done {
         all.extend(rows);
         let names = tables.into_keys().map(|path| path.strip_prefix(derived).unwrap().to_owned());
         written.extend(names.map(|name| name.to_str().unwrap().to_owned()));
     }
     FolderInput::new(&config, &folders).diagnose(&mut all, &Default::default());
-    for path in outdated(derived, &written.iter().map(String::as_str).collect())? {
+    for path in outdated_tables(derived, &written.iter().map(String::as_str).collect())? {
         fs::remove_file(path)?;
     }
     all.write(derived, &provenance())?;
     Ok(all)
 }
 
-/// Relative names and contents of all files below a folder.
+/// Returns the relative names and contents of all files below a folder, except locks and records of what is up to date.
 fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut folders = vec![folder.to_owned()];
@@ -613,8 +622,9 @@ fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 }
 
 #[test]
-fn bad_trials_fail_by_themselves() {
-    let (folder, derived) = (folder(), tempfile::tempdir().unwrap());
+fn bad_trials_fail_without_affecting_others() {
+    let folder = folder();
+    let derived = tempfile::tempdir().unwrap();
     let ingested = ingest(folder.path(), derived.path(), 2);
     let statuses: Vec<(&str, &str)> =
         ingested.trials.iter().map(|row| (row.trial.as_str(), row.status.name())).collect();
@@ -632,14 +642,14 @@ fn bad_trials_fail_by_themselves() {
         ]
     );
     let message = |i: usize| ingested.trials[i].message.as_str();
-    // As seen from the configuration.
+    // Paths are relative to the configuration.
     let home = Path::new(folder.path().file_name().unwrap());
     let path = |name: &str| home.join(name).display().to_string();
     assert_eq!(message(1), path("absent.csv") + ": no such file");
     let found = ": found an empty file, needed a `Trajectories` section";
     assert_eq!(message(2), path("empty.csv") + found);
     assert!(message(3).contains("text.csv, line 6, column 3 (Robot:M1 X): found `lost "));
-    let still = path("still.csv") + ": found joints that swing by at most 0.";
+    let still = path("still.csv") + ": the joints swing by at most 0.";
     assert!(message(4).starts_with(&still), "{}", message(4));
     assert!(message(5).contains("did you mean `kinematic-symmetric`?"), "{}", message(5));
 
@@ -669,7 +679,7 @@ fn bad_trials_fail_by_themselves() {
     assert!(coast.metrics.d_m.is_nan() && coast.coverage > 0.9);
     let errors = ingested.checks.iter().filter(|row| row.check == "E001 failed").count();
     assert_eq!(errors, 5);
-    // What was checked before a trial failed is there too.
+    // Checks made before a trial failed are also reported.
     let still: Vec<&str> = ingested
         .checks
         .iter()
@@ -690,36 +700,38 @@ fn bad_trials_fail_by_themselves() {
     assert_eq!(good, codes);
 }
 
-/// The rows of an export without gaps, and before and after them the robot that stands for a second and
-/// then is snatched: lifted, tilted and taken a metre away within half a second, or the reverse.
+/// Returns the rows of a gap-free export, preceded and followed by handling of the robot: at the end the robot stands
+/// for a second and is then lifted, tilted and moved a metre away within half a second; at the start the same happens
+/// in reverse.
 fn put_down_and_taken_away(text: &str) -> String {
     const STANDS: usize = 120;
     const MOVES: usize = 60;
-    /// Frames whose way it makes in the first.
+    /// Number of frames of the handling motion that take place within a single frame, as if the robot were snatched
+    /// away.
     const SNATCHED: usize = 6;
     with_rows(text, |rows| {
         let mut noise = ChaCha8Rng::seed_from_u64(3);
         let mut moved = |row: &[String], frames_away: usize| -> Vec<String> {
             let numbers: Vec<f64> = row[2..].iter().filter_map(|cell| cell.parse().ok()).collect();
-            let part = frames_away as f64 / MOVES as f64;
-            let (sin, cos) = (0.5 * part).sin_cos();
-            let (y0, z0) = (numbers[1], numbers[2]);
-            let at = |place: &[f64]| {
-                let (y, z) = (place[1] - y0, place[2] - z0);
+            let fraction = frames_away as f64 / MOVES as f64;
+            let (sin, cos) = (0.5 * fraction).sin_cos();
+            let [y0, z0] = [numbers[1], numbers[2]];
+            let positions = numbers.chunks(3).flat_map(|position| {
+                let [y, z] = [position[1] - y0, position[2] - z0];
                 [
-                    place[0] + 1000.0 * part,
+                    position[0] + 1000.0 * fraction,
                     y0 + cos * y - sin * z,
-                    z0 + sin * y + cos * z + 300.0 * part,
+                    z0 + sin * y + cos * z + 300.0 * fraction,
                 ]
-            };
-            let places = numbers.chunks(3).flat_map(at);
+            });
             let mut cell = |mm: f64| {
                 let normal: f64 = StandardNormal.sample(&mut noise);
                 format!("{:.3}", mm + 0.2 * normal)
             };
-            row[..2].iter().cloned().chain(places.map(&mut cell)).collect()
+            row[..2].iter().cloned().chain(positions.map(&mut cell)).collect()
         };
-        let (first, last) = (rows[0].clone(), rows[rows.len() - 1].clone());
+        let first = rows[0].clone();
+        let last = rows[rows.len() - 1].clone();
         let begin = (SNATCHED..MOVES).rev().chain([0; STANDS]).map(|away| moved(&first, away));
         let mut all: Vec<Vec<String>> = begin.collect();
         all.append(rows);
@@ -741,11 +753,10 @@ fn a_recording_in_which_the_robot_is_put_down_and_taken_away_need_not_be_trimmed
         let jump = check_of(&untrimmed, "W025");
         assert_eq!((jump.severity, jump.value), (Severity::Info, 0.0));
         assert!(jump.message.contains("before or after the cycles in use"), "{}", jump.message);
-        // By chance a cycle more or less is taken for transient.
+        // By chance, the number of cycles skipped as transient may differ by one.
         let cycles = [&trimmed, &untrimmed].map(|trial| trial.row.cycles);
         assert!(cycles.iter().all(|count| *count >= 5), "{cycles:?}");
-        let rate = |trial: &ProcessedTrial| trial.row.omega_rad_s;
-        assert!((rate(&untrimmed) / rate(&trimmed) - 1.0).abs() < 1e-4);
+        assert!((untrimmed.row.omega_rad_s / trimmed.row.omega_rad_s - 1.0).abs() < 1e-4);
         let [there, here] = [&untrimmed, &trimmed].map(|trial| trial.row.metrics);
         assert!((there.d_m / here.d_m - 1.0).abs() < 1e-3, "{there:?} {here:?}");
         for (there, here) in there.sigma.into_iter().zip(here.sigma) {
@@ -755,13 +766,13 @@ fn a_recording_in_which_the_robot_is_put_down_and_taken_away_need_not_be_trimmed
 }
 
 #[test]
-fn rows_that_were_deleted_outside_of_the_cycles_in_use_cost_nothing() {
+fn rows_deleted_outside_of_the_used_cycles_change_nothing() {
     let (mut recording, trial) = symmetric(3.9);
     recording.loss = 0.0;
     let text = recording.export();
     let whole = process_text(&text, &trial).unwrap();
     let rows = text.lines().count() - 5;
-    // In the first cycle, and after the last.
+    // In the first cycle and after the last.
     for deleted in [50..65, rows - 40..rows - 25] {
         let cut = with_rows(&text, |rows| {
             rows.drain(deleted.clone());
@@ -770,9 +781,9 @@ fn rows_that_were_deleted_outside_of_the_cycles_in_use_cost_nothing() {
         let cut = process_text(&cut, &trial).unwrap();
         assert_eq!(cut.row.status, TrialStatus::Ok, "{}", cut.row.message);
         assert_eq!(check_of(&cut, "W025").severity, Severity::Info);
-        // By less than what deleting frames anywhere does to the frequency.
-        let off = (cut.row.omega_rad_s - whole.row.omega_rad_s).abs();
-        assert!(off < 4.0 * whole.row.omega_rad_s_se, "{off} {}", whole.row.omega_rad_s_se);
+        // Deleting frames anywhere in the gait changes the frequency by more.
+        let error = (cut.row.omega_rad_s - whole.row.omega_rad_s).abs();
+        assert!(error < 4.0 * whole.row.omega_rad_s_se, "{error} {}", whole.row.omega_rad_s_se);
         assert!((cut.row.metrics.d_m / whole.row.metrics.d_m - 1.0).abs() < 1e-3);
     }
 }
@@ -788,9 +799,10 @@ fn noise_of_recordings_is_white_and_that_of_a_smoothed_export_is_flagged() {
     recording.loss = 0.0;
     // A moving average over seven frames.
     let smoothed = with_rows(&recording.export(), |rows| {
-        let numbers =
-            |row: &Vec<String>| row[2..].iter().map(|cell| cell.parse::<f64>().unwrap()).collect();
-        let exact: Vec<Vec<f64>> = rows.iter().map(numbers).collect();
+        let exact: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|row| row[2..].iter().map(|cell| cell.parse::<f64>().unwrap()).collect())
+            .collect();
         for (row, near) in rows[3..].iter_mut().zip(exact.windows(7)) {
             for (column, cell) in row[2..].iter_mut().enumerate() {
                 *cell = format!("{:.3}", mean(near.iter().map(|row| row[column])));
@@ -804,14 +816,20 @@ fn noise_of_recordings_is_white_and_that_of_a_smoothed_export_is_flagged() {
     assert_eq!(smoothed.row.noise_white, Some(false));
 }
 
-/// What the trials of a recipe come to, with what was planted.
+/// Processes the trials of a recipe and returns them with their true values.
 fn ingested(recipe: &Recipe) -> Vec<(ProcessedTrial, serde_json::Value)> {
-    let (folder, config) = (tempfile::tempdir().unwrap(), Config::default());
+    let folder = tempfile::tempdir().unwrap();
+    let config = Config::default();
     let trials = synthesise(&config, folder.path(), recipe, &|_| Ok(())).unwrap();
     let truth = fs::read_to_string(folder.path().join("truth.json")).unwrap();
     let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
-    let process = |trial: &Trial| process_trial(folder.path(), trial, &config).unwrap();
-    trials.iter().map(|trial| (process(trial), truth["trials"][&trial.id].clone())).collect()
+    trials
+        .iter()
+        .map(|trial| {
+            let processed = process_trial(folder.path(), trial, &config).unwrap();
+            (processed, truth["trials"][&trial.id].clone())
+        })
+        .collect()
 }
 
 fn check_of<'p>(processed: &'p ProcessedTrial, code: &str) -> &'p CheckRow {
@@ -833,7 +851,10 @@ fn a_tilted_floor_and_a_tilted_link_are_corrected_and_flagged() {
         assert!((check.value - 1.0).abs() < 0.1, "{}: {}", row.trial, check.value);
         let (floor, link) = check.message.split_once(", ").unwrap();
         assert!(floor.starts_with("the floor is tilted by ") && link.starts_with("link 1 is"));
-        assert!(floor.ends_with("and was corrected") && link.ends_with("and was corrected"));
+        assert!(
+            floor.ends_with("(the tilt was corrected)")
+                && link.ends_with("(the tilt was corrected)")
+        );
         let planted = |key: &str| truth[key].as_f64().unwrap();
         assert!((row.metrics.d_m / planted("d_m") - 1.0).abs() < 2e-3, "{}", row.trial);
         let alpha1_deg = (row.metrics.alpha1_rad - planted("alpha1_rad")).to_degrees();
@@ -841,15 +862,15 @@ fn a_tilted_floor_and_a_tilted_link_are_corrected_and_flagged() {
         for (found, planted) in row.gait.iter().zip(truth["gait"].as_array().unwrap()) {
             let Some(offset) = planted["offset_rad"].as_f64() else { continue };
             let amplitude = planted["amplitude_rad"].as_f64().unwrap();
-            for away in [found.offset_rad - offset, found.amplitude_rad - amplitude] {
-                assert!(away.to_degrees().abs() < 0.1, "{}: {away}", row.trial);
+            for error in [found.offset_rad - offset, found.amplitude_rad - amplitude] {
+                assert!(error.to_degrees().abs() < 0.1, "{}: {error}", row.trial);
             }
         }
     }
 }
 
 #[test]
-fn what_a_soft_suspension_and_noise_do_is_no_tilt_and_moves_no_joint() {
+fn a_soft_suspension_and_noise_cause_no_tilt_and_no_joint_displacement() {
     let recipe = Recipe { omegas_rad_s: vec![0.5, 3.9, 6.0], ..Recipe::new(5) };
     for (processed, _) in ingested(&recipe) {
         for code in ["W017", "W018"] {
@@ -868,8 +889,8 @@ fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints
     let mut wrong = Config::default();
     for robot in wrong.robot.values_mut() {
         let Robot { h_m, l_m, .. } = robot.to_robot();
-        robot.set(Quantity::H, [h_m + 0.001]);
-        robot.set(Quantity::L, [l_m - 0.001]);
+        robot.set(Quantity::H, h_m.map(|h_m| h_m + 0.001));
+        robot.set(Quantity::L, l_m.map(|l_m| l_m - 0.001));
     }
     for trial in trials.iter().filter(|trial| trial.kind == TrialKind::Gait) {
         let right = process_trial(folder.path(), trial, &Config::default()).unwrap();
@@ -884,21 +905,21 @@ fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints
 }
 
 #[test]
-fn a_few_jumped_markers_are_said_and_need_nobody_and_many_are_flagged() {
+fn a_few_jumped_markers_are_reported_and_many_are_flagged() {
     for (misplaced, severity) in [(0.004, Severity::Info), (0.1, Severity::Warning)] {
         let recipe = Recipe { omegas_rad_s: vec![3.9], misplaced, ..Recipe::new(4) };
         let (processed, _) = &ingested(&recipe)[0];
         let check = check_of(processed, "W011");
         assert_eq!(check.severity, severity, "{}", check.message);
-        assert!(check.message.contains("have a marker that jumped and is left out: "));
+        assert!(check.message.contains("have an outlying marker, which is left out: "));
         assert!(check.value > 0.0 && check.limit == 0.02);
-        let is_said = processed.row.message.contains("have a marker that jumped");
-        assert_eq!(is_said, severity == Severity::Warning, "{}", processed.row.message);
+        let is_reported = processed.row.message.contains("have an outlying marker");
+        assert_eq!(is_reported, severity == Severity::Warning, "{}", processed.row.message);
     }
 }
 
 #[test]
-fn masses_and_moments_of_inertia_in_grams_are_told_by_what_a_trial_measures() {
+fn masses_and_moments_of_inertia_in_grams_are_found_from_the_measured_parameters() {
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(4) };
     let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
@@ -910,7 +931,8 @@ fn masses_and_moments_of_inertia_in_grams_are_told_by_what_a_trial_measures() {
     }
     assert!(!trials.is_empty());
     for trial in trials {
-        let (row, checks) = check_trial(folder.path(), &trial, &in_grams);
+        let Ingested { trials, checks, .. } = check_trial(folder.path(), &trial, &in_grams);
+        let row = &trials[0];
         let check = checks.iter().find(|row| row.check.starts_with("W022")).unwrap();
         assert_eq!(check.severity, Severity::Error);
         assert!((check.value - 1000.0).abs() < 100.0 && check.limit == 3.0, "{check:?}");
@@ -922,8 +944,9 @@ fn masses_and_moments_of_inertia_in_grams_are_told_by_what_a_trial_measures() {
     }
 }
 
-/// Releases and coast-downs of synthetic trials of several seeds, with their true robot, read
-/// with a configuration whose values of what they measure are others.
+/// Measures joint releases and coast-downs for several seeds. They are synthesised with a configuration that `change`
+/// has altered, and processed with one that has other values of the parameters to be measured. Returns the measured
+/// rows with the true robots.
 fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParameterRow)> {
     let mut found = Vec::new();
     for seed in 1..=10 {
@@ -957,7 +980,8 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
         robot.set(Quantity::RestAngle, [45.0]);
         robot.set(Quantity::Roll, [0.9, 0.5, 0.2]);
     };
-    let (mut within, mut count) = (0, 0);
+    let mut within = 0;
+    let mut count = 0;
     let mut worst = [0.0_f64; 5];
     for (truth, row) in [measured_parameters(&|_| ()), measured_parameters(&stiff)].concat() {
         let mut check = |i: usize, Estimate { value: found, se }: Estimate, truth: f64| {
@@ -992,10 +1016,11 @@ fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() 
 }
 
 #[test]
-fn a_trial_that_shows_no_decay_says_so() {
+fn a_trial_without_a_decay_reports_it() {
     let (recording, mut trial) = symmetric(3.9);
     let text = recording.export();
-    (trial.campaign, trial.omega_rad_s) = (None, None);
+    trial.campaign = None;
+    trial.omega_rad_s = None;
     trial.robot = Some("semi-passive".to_owned());
     trial.kind = TrialKind::CoastDown;
     let driven = process_text(&text, &trial);
@@ -1010,18 +1035,18 @@ fn a_trial_that_shows_no_decay_says_so() {
     let message = |trial: &Trial| process_text(&still, trial).unwrap_err().to_string();
     assert_eq!(
         message(&trial),
-        "a.csv: found a top speed of 0.000 m/s, needed a robot that is pushed to 0.05 m/s or more"
+        "a.csv: the robot reaches only 0.000 m/s: push it to 0.05 m/s or more"
     );
     trial.kind = TrialKind::JointRelease;
     assert_eq!(
         message(&trial),
-        "a.csv: found joints that turn by only 0.00 degrees from their rest, \
-         needed one that is let go at 2.9 degrees or more"
+        "a.csv: the joints deviate from their rest angles by only 0.00 degrees: release one joint at an angle of 2.9 \
+         degrees or more"
     );
 }
 
 #[test]
-fn any_number_of_threads_gives_the_same_bytes() {
+fn tables_are_identical_for_any_number_of_threads() {
     let folder = folder();
     let [one, two] = [1, 2].map(|threads| {
         let derived = tempfile::tempdir().unwrap();
@@ -1034,7 +1059,8 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn tables_of_trials_that_are_gone_or_fail_now_are_removed() {
-    let (folder, derived) = (folder(), tempfile::tempdir().unwrap());
+    let folder = folder();
+    let derived = tempfile::tempdir().unwrap();
     ingest(folder.path(), derived.path(), 2);
     let notes = derived.path().join("poses/notes.txt");
     fs::write(&notes, "mine").unwrap();
@@ -1062,7 +1088,7 @@ fn a_folder_without_a_list_is_an_error() {
 }
 
 #[test]
-fn a_known_recording_comes_out_as_ever() {
+fn results_of_a_known_recording_do_not_change() {
     let (recording, trial) = symmetric(3.9);
     let processed = process_text(&recording.export(), &trial).unwrap();
     let TrialRow { omega_rad_s, metrics, sigma_debiased, .. } = processed.row;
@@ -1080,7 +1106,7 @@ fn a_known_recording_comes_out_as_ever() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Whatever damage does to a file, the trial has metrics or a reason.
+    /// Any damaged file yields either metrics or a reason for failure.
     #[test]
     fn damaged_files_never_panic(
         damage in prop::collection::vec((0.0_f64..1.0, 0_usize..7), 1..12),
@@ -1104,9 +1130,9 @@ proptest! {
             match process_text(&text, &other) {
                 Ok(processed) => {
                     let found = processed.parameters.unwrap();
-                    let is_off = processed.row.status == TrialStatus::Flagged;
+                    let is_flagged = processed.row.status == TrialStatus::Flagged;
                     prop_assert!(
-                        is_off
+                        is_flagged
                             || found.stiffness_nm_rad.value > 0.0
                             || found.roll_sum_kg_s.value > 0.0
                     );

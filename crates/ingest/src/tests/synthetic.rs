@@ -1,4 +1,4 @@
-//! Marker files of a robot whose motion is prescribed, so that every metric is known.
+//! Synthetic marker files of a robot with prescribed motion, for which every metric is known.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -9,41 +9,43 @@ use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Robot, Trig, dot, skid_rows};
 use trilink_tables::config::{Config, Markers};
 
-/// A robot that moves with prescribed joint angles and prescribed velocities of link 0.
+/// Motion with prescribed joint angles and prescribed velocities of link 0.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     pub(super) omega_rad_s: f64,
-    /// Phase of the command in the first frame.
+    /// Phase of the command in the first frame, rad.
     pub(super) first_phase_rad: f64,
     /// Offset, amplitude and phase of each joint, rad.
     pub(super) joints: [[f64; 3]; 2],
-    /// Net rotation over a cycle, rad.
+    /// Net rotation of link 0 over a cycle, rad.
     pub(super) dtheta_rad: f64,
-    /// Part by which the speed is too high at the start, decaying over one cycle.
+    /// Relative excess of the speed at the start, which decays by a factor of e per cycle.
     pub(super) transient: f64,
-    /// If given, the robot hardly skids: RMS skid velocities of its wheels over `l omega`.
-    /// Only for gaits that keep away from the singular straight shape.
+    /// Prescribed skid ratios (RMS skid velocities of the wheels over `l omega`), from which the velocities of link 0
+    /// follow; `None` if these velocities are prescribed directly. Only for gaits that avoid the singular straight
+    /// shape.
     pub(super) sigma: Option<[f64; 3]>,
 }
 
-/// How the cameras see it.
+/// Synthetic camera recording of a motion.
 #[derive(Debug, Clone)]
 pub(super) struct Recording {
     pub(super) motion: Motion,
     pub(super) cycles: f64,
     pub(super) noise_mm: f64,
-    /// Chance of a marker to get lost in a frame; then it is, for 1 to 12 frames.
+    /// Probability that a marker becomes occluded in a frame; occlusions last 1 to 12 frames.
     pub(super) loss: f64,
     pub(super) first_frame: i64,
     pub(super) seed: u64,
 }
 
 pub(super) const RATE_HZ: f64 = 120.0;
-/// Steps per frame of the integration of the path.
+/// Number of integration steps per frame for the path.
 const STEPS: usize = 8;
 
 impl Motion {
-    /// The symmetric or skewed gait, not quite reached.
+    /// Creates a motion whose joints deviate slightly from the symmetric gait (`offset_rad` is zero) or the skewed
+    /// gait.
     pub(super) fn new(omega_rad_s: f64, offset_rad: f64) -> Self {
         Self {
             omega_rad_s,
@@ -62,7 +64,7 @@ impl Motion {
         })
     }
 
-    /// u, v (m/s) and the rate of turn (rad/s) of link 0.
+    /// Returns the velocities u and v, m/s, and the angular rate, rad/s, of link 0.
     fn body(&self, phase: f64) -> [f64; 3] {
         let omega = self.omega_rad_s;
         if let Some(sigma) = self.sigma {
@@ -77,17 +79,20 @@ impl Motion {
         ]
     }
 
-    /// The velocities of link 0 with which the wheels skid as wanted: harmonics 1, 2, 1.
+    /// Returns the velocities of link 0 that give wheels 0, 1, 2 the skid ratios `sigma`. The skid velocities are
+    /// sinusoids of the phase with one, two and one oscillations per cycle.
     fn body_with_skid(&self, phase: f64, sigma: [f64; 3]) -> [f64; 3] {
-        let Robot { h_m: h, l_m: l, .. } = Robot::kinematic();
+        let Robot { h_m: [h, _], l_m: [l, _], .. } = Robot::kinematic();
         let peak = sigma.map(|sigma| 2_f64.sqrt() * sigma * l * self.omega_rad_s);
         let v = peak[0] * (phase + 0.4).sin();
         let skid1 = peak[1] * (2.0 * phase + 1.1).sin();
         let skid2 = peak[2] * (phase - 0.7).sin();
         let [[phi1, rate1], [phi2, rate2]] = self.phi(phase);
-        let (s1, c1, s2, c2) = (phi1.sin(), phi1.cos(), phi2.sin(), phi2.cos());
+        let (s1, c1) = (phi1.sin(), phi1.cos());
+        let (s2, c2) = (phi2.sin(), phi2.cos());
         // s1 u + arm1 r = right1 and -s2 u - arm2 r = right2.
-        let (arm1, arm2) = (l + h * c1, l + h * c2);
+        let arm1 = l + h * c1;
+        let arm2 = l + h * c2;
         let right1 = skid1 - c1 * v + l * rate1;
         let right2 = skid2 - c2 * v + l * rate2;
         let determinant = s2 * arm1 - s1 * arm2;
@@ -96,7 +101,7 @@ impl Motion {
         [u, v, r]
     }
 
-    /// x, y, theta of link 0 after each of `steps` equal steps of phase, from the origin.
+    /// Integrates x, y, theta of link 0 from the origin over `steps` equal phase steps.
     fn path(&self, from: f64, step: f64, steps: usize) -> Vec<[f64; 3]> {
         let rate = |phase: f64, theta: f64| {
             let [u, v, r] = self.body(phase);
@@ -105,18 +110,20 @@ impl Motion {
         };
         let mut path = vec![[0.0; 3]];
         for i in 0..steps {
-            let (phase, [x, y, theta]) = (from + step * i as f64, path[i]);
+            let phase = from + step * i as f64;
+            let [x, y, theta] = path[i];
             let k1 = rate(phase, theta);
             let k2 = rate(phase + 0.5 * step, theta + 0.5 * step * k1[2]);
             let k3 = rate(phase + 0.5 * step, theta + 0.5 * step * k2[2]);
             let k4 = rate(phase + step, theta + step * k3[2]);
-            let move_by = |j: usize| step / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]);
-            path.push([x + move_by(0), y + move_by(1), theta + move_by(2)]);
+            let [dx, dy, dtheta] =
+                [0, 1, 2].map(|j: usize| step / 6.0 * (k1[j] + 2.0 * k2[j] + 2.0 * k3[j] + k4[j]));
+            path.push([x + dx, y + dy, theta + dtheta]);
         }
         path
     }
 
-    /// The metrics of a steady cycle.
+    /// Returns the true metrics of a steady cycle.
     pub(super) fn truth(&self, robot: &Robot) -> GaitMetrics {
         const POINTS: usize = 2000;
         let steady = Self { transient: 0.0, ..self.clone() };
@@ -136,7 +143,7 @@ impl Motion {
         GaitMetrics {
             d_m,
             v_m_s: d_m * self.omega_rad_s / TAU,
-            sigma: squares.map(|square| square.sqrt() / (robot.l_m * self.omega_rad_s)),
+            sigma: squares.map(|square| square.sqrt() / (robot.skid_length_m() * self.omega_rad_s)),
             alpha1_rad: self.joints[0][1],
             dtheta_rad,
         }
@@ -148,7 +155,7 @@ impl Recording {
         Self { motion, cycles: 11.3, noise_mm: 0.2, loss: 0.008, first_frame: 371, seed: 5 }
     }
 
-    /// The markers of the default layout as Nexus exports them.
+    /// Exports the markers of the default layout in the format of Nexus.
     pub(super) fn export(&self) -> String {
         let config = Config::default();
         let robot = Robot::kinematic();
@@ -158,7 +165,7 @@ impl Recording {
             .into_iter()
             .enumerate()
             .flat_map(|(link, markers)| {
-                markers.iter().map(move |(label, place)| (link, label, *place))
+                markers.iter().map(move |(label, position)| (link, label, *position))
             })
             .collect();
         let mut text = header(&config.markers, RATE_HZ);
@@ -172,18 +179,17 @@ impl Recording {
             let [x, y, theta] = path[i * STEPS];
             let phase = self.motion.first_phase_rad + step * i as f64;
             let [[phi1, _], [phi2, _]] = self.motion.phi(phase);
-            let unit = |angle: f64| [angle.cos(), angle.sin()];
             let angles = [theta, theta - phi1, theta + phi2];
-            let [t0, t1, t2] = angles.map(unit);
+            let [t0, t1, t2] = angles.map(unit_vector);
             let joint = |sign: f64, side: [f64; 2]| {
                 [0, 1].map(|j| {
                     let start = [x, y][j] + [0.5, -0.3][j];
-                    1000.0 * (start + sign * (robot.h_m * t0[j] + robot.l_m * side[j]))
+                    1000.0 * (start + sign * (robot.h_m[0] * t0[j] + robot.l_m[0] * side[j]))
                 })
             };
             let origins = [joint(0.0, t0), joint(1.0, t1), joint(-1.0, t2)];
             write!(text, "{},0", self.first_frame + i as i64).unwrap();
-            for (marker, (link, _, place)) in layout.iter().enumerate() {
+            for (marker, (link, _, local)) in layout.iter().enumerate() {
                 if lost[marker] == 0 && uniform(&mut random) < self.loss {
                     lost[marker] = 1 + (12.0 * uniform(&mut random)) as usize;
                 }
@@ -193,10 +199,11 @@ impl Recording {
                     text.push_str(",,,");
                     continue;
                 }
-                let ([c, s], origin) = (unit(angles[*link]), origins[*link]);
-                let px = origin[0] + c * place[0] - s * place[1] + noise[0];
-                let py = origin[1] + s * place[0] + c * place[1] + noise[1];
-                write!(text, ",{px:.3},{py:.3},{:.3}", place[2] + noise[2]).unwrap();
+                let [c, s] = unit_vector(angles[*link]);
+                let origin = origins[*link];
+                let px = origin[0] + c * local[0] - s * local[1] + noise[0];
+                let py = origin[1] + s * local[0] + c * local[1] + noise[1];
+                write!(text, ",{px:.3},{py:.3},{:.3}", local[2] + noise[2]).unwrap();
             }
             text.push_str("\r\n");
         }
@@ -204,7 +211,7 @@ impl Recording {
     }
 }
 
-/// The header of an export of all markers of a layout.
+/// Returns the header of an export with all markers of a layout.
 pub(super) fn header(markers: &Markers, rate_hz: f64) -> String {
     let labels: Vec<&String> = markers.links().into_iter().flat_map(|link| link.keys()).collect();
     let mut text = format!("Trajectories\r\n{rate_hz}\r\n,");
@@ -213,6 +220,10 @@ pub(super) fn header(markers: &Markers, rate_hz: f64) -> String {
     write!(text, "\r\nFrame,Sub Frame{}\r\n,{}\r\n", columns(",X,Y,Z"), columns(",mm,mm,mm"))
         .unwrap();
     text
+}
+
+fn unit_vector(angle: f64) -> [f64; 2] {
+    [angle.cos(), angle.sin()]
 }
 
 fn uniform(random: &mut ChaCha8Rng) -> f64 {

@@ -1,13 +1,14 @@
-//! Branches: how steady motions change with a parameter, through folds and past where they lose their
+//! Continuation of branches of steady-state motions along a parameter, through folds and beyond losses of
 //! stability.
 //!
-//! A branch is followed by pseudo-arclength in the state at phase 0 and the parameter. Between two of
-//! its points multipliers tell what happens: where the parameter turns round there is a fold; a
-//! multiplier of the elements' span through -1 is where the mirror image of the motion no longer is the
-//! motion (half a period), or where its period doubles (a whole one); a pair of complex ones through the
-//! unit circle leads to a torus. There another branch begins, over twice the span, and is followed, too.
+//! A branch is traced by pseudo-arclength continuation in the state at phase 0 and the parameter. The tangent
+//! and the Floquet multipliers detect bifurcations between two points: at a fold the parameter reverses its
+//! direction; where a multiplier over the meshed time span passes through -1, the motion loses its
+//! half-period symmetry (span of half a period) or its period doubles (span of a whole period); where a
+//! complex-conjugate pair of multipliers crosses the unit circle, a torus emerges. Where a multiplier passes
+//! through -1, another branch begins, whose motions have twice the span; it is traced as well.
 
-mod walk;
+mod continuation;
 
 use std::f64::consts::TAU;
 
@@ -18,119 +19,129 @@ use super::method::{Collocation, Method};
 use super::orbit::{PeriodicOrbit, Start};
 use super::reduced::{PassiveNoSkid, Reduced, Skid};
 use super::{MotionError, Problem, Result};
-use walk::{Origin, Walk};
+use continuation::{BranchStart, Continuation};
 
-/// A motion of a branch.
+/// Point of a branch: a steady-state motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BranchPoint {
-    /// Of the parameter that the branch is followed over.
+    /// Value of the continuation parameter.
     pub value: f64,
-    /// Per period of the command, also where the motion repeats itself after two.
+    /// Metrics per period of the command, even if the motion has twice that period.
     pub metrics: GaitMetrics,
-    /// Modulus of the largest Floquet multiplier of the motion's own period.
+    /// Modulus of the largest Floquet multiplier over the motion's own period.
     pub floquet: f64,
     pub status: MotionStatus,
     pub bifurcation: Option<Bifurcation>,
 }
 
-/// Motions that follow each other.
+/// Branch of steady-state motions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Branch {
     pub kind: BranchKind,
-    /// Index of the branch that it begins on.
+    /// Index of the branch from which this branch bifurcates; `None` for the first.
     pub parent: Option<usize>,
     pub points: Vec<BranchPoint>,
-    /// Why there is no further point.
+    /// Reason why the continuation of the branch ended.
     pub end: String,
 }
 
-/// Most branches that are followed.
-const MOST_BRANCHES: usize = 16;
-/// Relative accuracy of the metrics.
+/// Maximum number of branches that are traced.
+const MAX_BRANCHES: usize = 16;
+/// Relative accuracy of the metrics on the branches.
 pub(super) const ACCURACY: f64 = 1e-9;
 
-/// Follows the motion at the low end of a range of a parameter to its ends, and every branch that it
-/// meets. `problem_at` gives the problem of each value; `is_cancelled` is asked before each step.
+/// Traces the branch of the motion at the lower end of a parameter range, and every branch that bifurcates
+/// from a traced branch. `problem_at` returns the problem at a parameter value; `is_cancelled` is checked
+/// before each step.
 ///
 /// # Errors
-/// There is no motion at the low end, or it has no states of its own; or the work was cancelled.
+/// Returns an error if there is no steady-state motion at the lower end, if the no-skid constraints alone
+/// determine that motion, so that it has no dynamic states, or if the computation was cancelled.
 pub fn branches(
     problem_at: &dyn Fn(f64) -> Problem,
     range: [f64; 2],
     is_cancelled: &dyn Fn() -> bool,
 ) -> Result<Vec<Branch>> {
     let first = problem_at(range[0]).effective();
-    // The same per radian of phase at the first frequency: then no time depends on the parameter.
+    // All problems are converted to one frequency with the same motion per radian of phase, so that no time
+    // scale depends on the parameter.
     let omega_rad_s = first.omega_rad_s;
     let at = |value: f64| problem_at(value).effective().per_radian_as(omega_rad_s);
     let speed = |value: f64| problem_at(value).omega_rad_s;
-    let over = Over { range, omega_rad_s: &speed, is_cancelled };
+    let sweep = Sweep { range, omega_rad_s: &speed, is_cancelled };
     match first.gait.joints {
         [None, None] => Err(MotionError::NotDriven),
         [Some(_), Some(_)] if !first.laws.skids() => Err(MotionError::Determined),
-        _ if !first.laws.are_linear() => with_friction::<Dry>(&at, &over, &first),
-        _ => with_friction::<Viscous>(&at, &over, &first),
+        _ if !first.laws.are_linear() => with_friction::<Dry>(&at, &sweep, &first),
+        _ => with_friction::<Viscous>(&at, &sweep, &first),
     }
 }
 
-/// What branches are followed over.
-struct Over<'a> {
+/// Parameter range of the sweep, and the gait's frequency as a function of the parameter; shared by all
+/// branches.
+struct Sweep<'a> {
     range: [f64; 2],
     omega_rad_s: &'a dyn Fn(f64) -> f64,
     is_cancelled: &'a dyn Fn() -> bool,
 }
 
-/// The same for one kind of friction; `first` is the problem at the low end.
+/// Traces all branches under the friction law `F`; `first` is the problem at the lower end of the parameter
+/// range.
 fn with_friction<F: Friction>(
     at: &dyn Fn(f64) -> Problem,
-    over: &Over,
+    sweep: &Sweep,
     first: &Problem,
 ) -> Result<Vec<Branch>> {
     match (first.gait.passive_joint(), first.laws.skids()) {
-        (None, _) => follow(&|value| Skid::<3, F>::new(at(value), 0), over),
-        (Some(of), true) => follow(&|value| Skid::<5, F>::new(at(value), of), over),
-        (Some(of), false) => follow(&|value| PassiveNoSkid::<F>::new(at(value), of), over),
+        (None, _) => trace_all(&|value| Skid::<3, F>::new(at(value), 0), sweep),
+        (Some(passive), true) => trace_all(&|value| Skid::<5, F>::new(at(value), passive), sweep),
+        (Some(passive), false) => {
+            trace_all(&|value| PassiveNoSkid::<F>::new(at(value), passive), sweep)
+        }
     }
 }
 
-/// All branches of a kind of motion, each with those that begin on it after those that were met before.
-fn follow<const N: usize, R: Reduced<N>>(
+/// Traces all branches of the motions of one reduced model, in the order in which their starts are found.
+fn trace_all<const N: usize, R: Reduced<N>>(
     model_at: &dyn Fn(f64) -> R,
-    &Over { range, omega_rad_s, is_cancelled }: &Over,
+    &Sweep { range, omega_rad_s, is_cancelled }: &Sweep,
 ) -> Result<Vec<Branch>> {
     let model = model_at(range[0]);
     let mut orbit = PeriodicOrbit::default();
     if orbit.solve(&model, Start::Guess, ACCURACY).is_err() {
         Collocation { model: model.clone(), orbit: &mut orbit }.solve(false, ACCURACY)?;
     }
-    let mut waiting = vec![Origin::of_solution(orbit, range[0])];
+    let mut waiting = vec![BranchStart::from_solution(orbit, range[0])];
     let mut found: Vec<Branch> = Vec::new();
-    while found.len() < MOST_BRANCHES && !waiting.is_empty() {
+    while found.len() < MAX_BRANCHES && !waiting.is_empty() {
         let origin = waiting.remove(0);
         let parent = origin.parent;
-        let mut walk = Walk::new(model_at, range, origin, found.len())?;
-        let mut branch = walk.walk(is_cancelled)?;
+        let mut continuation = Continuation::new(model_at, range, origin, found.len())?;
+        let mut branch = continuation.trace(is_cancelled)?;
         branch.points.iter_mut().for_each(|point| {
             point.metrics.v_m_s = point.metrics.d_m * omega_rad_s(point.value) / TAU;
         });
-        // Where it ends on the branch that it began on, another one would come back from there.
-        if let Some(value) = walk.joins_at {
-            let near = |of: &Origin<N, R>| (of.value - value).abs() < 1e-3 * (range[1] - range[0]);
-            waiting.retain(|of| of.parent != parent || !near(of));
+        // If the branch rejoins its parent, the branch that starts at the junction would only retrace this
+        // one.
+        if let Some(value) = continuation.joins_at {
+            let tolerance = 1e-3 * (range[1] - range[0]);
+            waiting
+                .retain(|other| other.parent != parent || (other.value - value).abs() >= tolerance);
         }
-        waiting.append(&mut walk.origins);
+        waiting.append(&mut continuation.bifurcating);
         found.push(branch);
     }
     Ok(found)
 }
 
 impl Problem {
-    /// The problem at another frequency of which the motion is the same per radian of phase.
+    /// Returns the equivalent problem at the frequency `omega_rad_s`: its motion is the same function of the
+    /// command's phase.
     fn per_radian_as(&self, omega_rad_s: f64) -> Self {
         let ratio = omega_rad_s / self.omega_rad_s;
         let mut problem = Self { omega_rad_s, ..self.clone() };
-        for parameter in Parameter::ALL.into_iter().filter(|of| !of.is_sum()) {
-            let value = parameter.of(&self.robot) * ratio.powf(parameter.power_of_omega());
+        for parameter in Parameter::ALL.into_iter().filter(|parameter| !parameter.is_sum()) {
+            let value = parameter.value_in(&self.robot) * ratio.powf(parameter.power_of_omega());
             parameter.set(&mut problem.robot, value);
         }
         problem

@@ -1,10 +1,10 @@
-//! Steps along a branch of solutions, of which a parameter is one of the unknowns.
+//! Newton steps along a branch of periodic solutions, with a parameter among the unknowns.
 //!
-//! Each element is condensed to the derivatives of its end with respect to its start and to the
-//! parameter, so that `N + 1` equations close the chain: that it repeats itself, and one more, which
-//! keeps a step within a plane across the branch. They are regular at folds, where the `N` are not
-//! (pseudo-arclength continuation: H. B. Keller, in *Applications of Bifurcation Theory*, Academic
-//! Press 1977).
+//! Each element is condensed to the derivatives of the state at its end with respect to the state at its
+//! start and to the parameter. The system is completed by `N + 1` equations: periodicity, and one that
+//! confines a step to a plane across the branch. The bordered system is regular at folds, where the
+//! periodicity equations alone are singular (pseudo-arclength continuation: H. B. Keller, in *Applications of
+//! Bifurcation Theory*, Academic Press 1977).
 
 use nalgebra::{Matrix5, Matrix6, SMatrix, Vector6};
 use trilink_robot::{LANES, Lanes, Number};
@@ -15,14 +15,15 @@ use crate::Result;
 use crate::mesh::States;
 use crate::reduced::{Reduced, lanes};
 
-/// Derivatives of the elements' stages and ends with respect to the parameter when their starts stay.
+/// Derivatives of the states at the elements' stages and ends with respect to the continuation parameter,
+/// with the states at the elements' starts held fixed.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Slopes<const N: usize> {
     stages: States<N>,
     ends: Vec<[f64; N]>,
 }
 
-/// A direction from a solution: of its states and of the parameter.
+/// Direction, from a solution, in the space spanned by the states and the continuation parameter.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Direction<const N: usize> {
     pub states: States<N>,
@@ -30,7 +31,7 @@ pub(crate) struct Direction<const N: usize> {
 }
 
 impl<const N: usize> Direction<N> {
-    /// Makes it longer or shorter.
+    /// Multiplies the direction by a factor.
     pub(crate) fn scale(&mut self, by: f64) {
         self.parameter *= by;
         self.states.start.iter_mut().for_each(|y| *y *= by);
@@ -40,7 +41,8 @@ impl<const N: usize> Direction<N> {
     }
 }
 
-/// A plane: what a step's states at phase 0 and its parameter are weighted with, and what comes of it.
+/// Plane in which Newton steps lie: the scalar product of `start` and the step in the state at phase 0, plus
+/// `parameter` times the step in the continuation parameter, equals `distance`.
 pub(crate) struct Plane<const N: usize> {
     pub start: [f64; N],
     pub parameter: f64,
@@ -48,8 +50,9 @@ pub(crate) struct Plane<const N: usize> {
 }
 
 impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
-    /// Linearises the elements with respect to the parameter, too, from the models below, at and above
-    /// its value, of which those beside it are `step` away.
+    /// Linearises the elements with respect to the states and, by central differences, with respect to the continuation
+    /// parameter; the latter derivatives are stored in `slopes`. The parameter in the models `below` and `above`
+    /// differs from that in `at` by `-step` and `step`.
     pub(crate) fn linearise_along(
         &mut self,
         [below, at, above]: &[R; 3],
@@ -63,7 +66,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         for (model, weight) in [(below, -0.5 / step), (above, 0.5 / step)] {
             self.mesh.lay_out(model);
             self.evaluate(model);
-            let (weights, zero) = (Lanes::splat(weight), Lanes::default());
+            let weights = Lanes::splat(weight);
+            let zero = Lanes::default();
             for pack in 0..self.mesh.packs() {
                 self.linearisation.solve_step::<N, R>(pack);
                 let duration_s = self.mesh.durations_s[pack];
@@ -93,15 +97,16 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }
     }
 
-    /// Solves for the step within a plane, into `step`; gives that of the parameter. After
-    /// [`PeriodicOrbit::linearise_along`].
+    /// Computes the Newton step that lies in a plane, stores the changes in the states in `step`, and returns the
+    /// change in the continuation parameter. [`PeriodicOrbit::linearise_along`] must have been called before.
     ///
     /// # Errors
-    /// The equations are singular.
+    /// Returns an error if the equations are singular.
     pub(crate) fn step_within(&mut self, slopes: &Slopes<N>, plane: &Plane<N>) -> Result<f64> {
         let Self { mesh, linearisation, transfers, offsets, .. } = self;
         offsets.clear();
-        let (mut end, mut slope) = ([0.0; N], [0.0; N]);
+        let mut end = [0.0; N];
+        let mut slope = [0.0; N];
         for pack in 0..mesh.packs() {
             let steps = linearisation.end_step::<N, R>(pack, mesh.durations_s[pack]);
             for (lane, k) in mesh.elements_of(pack).enumerate() {
@@ -114,7 +119,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let ends = mesh.states.start_of(mesh.count);
         let monodromy = self.monodromy();
         let mesh = &self.mesh;
-        // As large for every model: what is left over stays zero.
+        // The matrix has the same size for every model; unused rows and columns are those of the identity.
         let mut matrix = Matrix6::identity();
         let mut right = Vector6::zeros();
         for i in 0..N {
@@ -123,15 +128,17 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             matrix[(5, i)] = plane.start[i];
             right[i] = mesh.signs[i] * (end[i] + ends[i]) - mesh.states.start[i];
         }
-        (matrix[(5, 5)], right[5]) = (plane.parameter, plane.distance);
+        matrix[(5, 5)] = plane.parameter;
+        right[5] = plane.distance;
         let solved = matrix.lu().solve(&right).filter(|step| step.iter().all(|x| x.is_finite()));
         let solved = solved.ok_or(self.not_converged())?;
         self.propagate(slopes, std::array::from_fn(|i| solved[i]), solved[5]);
         Ok(solved[5])
     }
 
-    /// Where a change at phase 0 and of the parameter leads, into `step`. After
-    /// [`PeriodicOrbit::step_within`] or [`PeriodicOrbit::linearise_along`] of a solution.
+    /// Propagates a change in the state at phase 0 (`start`) and in the continuation parameter along the elements, and
+    /// stores the resulting changes in all states in `step`. [`PeriodicOrbit::step_within`] must have been called
+    /// before, or [`PeriodicOrbit::linearise_along`] at a solution.
     pub(crate) fn propagate(&mut self, slopes: &Slopes<N>, mut start: [f64; N], parameter: f64) {
         let Self { mesh, linearisation, transfers, step, .. } = self;
         step.start = start;
@@ -141,67 +148,67 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             let mut starts = [start; LANES];
             for (lane, k) in mesh.elements_of(pack).enumerate() {
                 starts[lane..].fill(start);
-                let by_parameter = slopes.ends[k].map(|slope| parameter * slope);
-                let offset = sum(&steps.map(|step| step.lane(lane)), &by_parameter);
+                let parameter_changes = slopes.ends[k].map(|slope| parameter * slope);
+                let offset = sum(&steps.map(|step| step.lane(lane)), &parameter_changes);
                 start = sum(&product(&transfers[k], &start), &offset);
             }
             let starts = lanes(starts.each_ref());
             let mut changes = linearisation.changes::<N, R>(pack, &starts, mesh.durations_s[pack]);
-            let by_parameter = slopes.stages.packs[pack].iter().flatten();
-            for (change, slope) in changes.iter_mut().flatten().zip(by_parameter) {
+            let parameter_changes = slopes.stages.packs[pack].iter().flatten();
+            for (change, slope) in changes.iter_mut().flatten().zip(parameter_changes) {
                 *change += Lanes::splat(parameter) * *slope;
             }
             step.packs.push(changes);
         }
     }
 
-    /// The last step as a direction.
+    /// Returns the direction of the last Newton step, given the change in the continuation parameter in that step.
     pub(crate) fn direction(&self, parameter: f64) -> Direction<N> {
         Direction { states: self.step.clone(), parameter }
     }
 
-    /// Goes the last step; gives its size relative to the states.
-    pub(crate) fn go(&mut self) -> f64 {
+    /// Adds the last Newton step to the states and returns the size of the step relative to the states.
+    pub(crate) fn apply_step(&mut self) -> f64 {
         let size = self.step_size(&self.sizes());
         self.move_by(1.0);
         size
     }
 
-    /// Goes a part of a direction.
-    pub(crate) fn go_along(&mut self, direction: &Direction<N>, part: f64) {
+    /// Moves the states by `length` times a direction.
+    pub(crate) fn move_along(&mut self, direction: &Direction<N>, length: f64) {
         self.step.clone_from(&direction.states);
-        self.move_by(part);
+        self.move_by(length);
     }
 
-    /// Takes the states at hand for a solution; gives its discretisation error.
+    /// Accepts the current states as a solution and returns their discretisation error.
     pub(crate) fn accept(&mut self, model: &R) -> f64 {
-        (self.cycle, self.floquet) = (None, None);
+        self.cycle = None;
+        self.floquet = None;
         self.path.follow(model, &self.mesh);
         self.discretisation_error(model)
     }
 
-    /// Replaces the elements by more of them where `error` is larger than what may be missed; gives
-    /// whether it is.
+    /// Refines the mesh if `error` exceeds `max_error`, and returns whether the mesh was refined.
     ///
     /// # Errors
-    /// There are too many.
-    pub(crate) fn refine_to(&mut self, model: &R, error: f64, enough: f64) -> Result<bool> {
-        let is_rough = error > enough;
+    /// Returns an error if too many elements would be needed.
+    pub(crate) fn refine_to(&mut self, model: &R, error: f64, max_error: f64) -> Result<bool> {
+        let is_rough = error > max_error;
         if is_rough {
-            self.refine(model, error / enough)?;
+            self.refine(model, error / max_error)?;
         }
         Ok(is_rough)
     }
 
-    /// Makes the solution one over twice the span, the second half of which follows from the first.
+    /// Extends the solution to twice its time span; the second half follows from the first by symmetry or periodicity.
     pub(crate) fn unfold(&mut self, model: &R) {
         let doubled = self.mesh.unfold(model, &mut self.before);
         self.linearisation.resize::<N, R>(doubled);
     }
 
-    /// The change at phase 0 that is the opposite of itself after the elements' span, where there is
-    /// one. By the last linearisation.
-    pub(crate) fn flipped(&self) -> Option<[f64; N]> {
+    /// Returns, from the last linearisation, the change in the state at phase 0 that comes closest to being reversed
+    /// after the time span of the mesh (Floquet multiplier -1); `None` if the singular value decomposition fails.
+    pub(crate) fn flip_direction(&self) -> Option<[f64; N]> {
         let monodromy: SMatrix<f64, N, N> = self.monodromy();
         let svd =
             (Matrix5::identity() + padded(&monodromy)).try_svd(false, true, f64::EPSILON, 1000)?;

@@ -1,13 +1,13 @@
-//! Steady periodic motion: a periodic boundary value problem, solved by collocation.
+//! Steady-state periodic motion: a periodic boundary value problem, solved by collocation.
 //!
-//! The period (half of it, where the mirror image of the motion must follow) is cut into
-//! elements of Radau IIA collocation. Newton's method linearises all of them; each is condensed
-//! to the derivative of its end with respect to its start, and an `N x N` system closes the
-//! chain. The product of these derivatives is the monodromy matrix `M`, whose eigenvalues are the
-//! Floquet multipliers. Work and storage grow in proportion to the number of elements.
+//! The period (or half of it, for motions with half-period symmetry) is divided into elements (time steps) of
+//! Radau IIA collocation. Newton's method linearises all elements; each is condensed to the derivative of the
+//! state at its end with respect to the state at its start, and periodicity leaves an `N x N` system for the
+//! state at phase 0. The product of these derivatives is the monodromy matrix `M`, whose eigenvalues are the
+//! Floquet multipliers. Work and storage are proportional to the number of elements.
 //!
-//! A few coarse elements bring Newton's method near; the end of their polynomials' spectra tells
-//! how many elements the accuracy asks for.
+//! Newton's method first converges on a few coarse elements; how fast the Legendre coefficients of their
+//! polynomials decay then shows how many elements the accuracy requires.
 
 mod bordered;
 mod newton;
@@ -18,95 +18,105 @@ use nalgebra::SMatrix;
 pub(super) use bordered::{Direction, Plane, Slopes};
 pub(super) use newton::largest_lane;
 
-use trilink_robot::Lanes;
+use trilink_robot::{Friction, Lanes};
 
 use super::cycle::{Cycle, measure, skid_scale};
 use super::element::{Element, Linearisation, solve_element};
-use super::mesh::{MOST_ELEMENTS, Mesh, States};
+use super::mesh::{MAX_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
 use super::reduced::Reduced;
 use super::sensitivity::Adjoints;
 use super::{MotionError, Problem, Result};
 
-/// What solutions took.
+/// Computational effort spent on solutions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Effort {
-    /// Newton steps, those of coarse meshes and of starts that failed among them.
+    /// Number of Newton steps, including those on coarse meshes and from failed starts.
     pub newton_steps: usize,
-    /// Jacobians that were evaluated and factored.
+    /// Number of Jacobians that were evaluated and factored.
     pub factorisations: usize,
-    /// Systems that were solved by these factors.
+    /// Number of linear systems that were solved with the factored Jacobians.
     pub linear_solves: usize,
-    /// Elements of the last solution.
+    /// Number of collocation elements of the last solution.
     pub elements: usize,
 }
 
-/// A periodic motion and the workspace to solve for it, which is used again by the next solution.
+/// Solver for the periodic motions of one model, with the last solution and a workspace that the next one
+/// reuses.
 #[derive(Debug, Clone)]
 pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub mesh: Mesh<N, R>,
-    /// Newton steps of the last solution.
+    /// Number of Newton steps of the last solution.
     steps: usize,
-    /// Of all solutions since it was last cleared.
+    /// Computational effort of all solutions since the last reset.
     pub effort: Effort,
-    /// Newton's contraction: the step after a fresh one over that one's square, when last seen.
+    /// Estimated contraction constant of Newton's method: the ratio of a step to the square of the preceding step, as
+    /// last observed directly after a factorisation of the Jacobian.
     contraction: f64,
     pub linearisation: Linearisation<Lanes>,
-    /// Derivatives of each element's end with respect to its start, and its change by the last step
-    /// when its start stays.
+    /// Derivatives of the state at each element's end with respect to the state at its start.
     transfers: Vec<[[f64; N]; N]>,
+    /// Change in the state at each element's end due to the last Newton step, with the state at the element's
+    /// start held fixed.
     offsets: Vec<[f64; N]>,
-    /// `(I - M)^-1`, which closes the chain.
+    /// `(I - M)^-1`, with the monodromy matrix M; solves the periodicity condition for the state at phase 0.
     monodromy_closure: SMatrix<f64, N, N>,
-    /// The last step by the factors at hand, and the one before.
+    /// Last Newton step, computed with the current factors of the Jacobian.
     step: States<N>,
+    /// Newton step before the last one.
     last_step: States<N>,
-    /// The states before a step, or coarser ones, and the bounds of their elements.
+    /// States before the last Newton step or the last change to the mesh.
     before: States<N>,
+    /// Bounds of the elements before the last change to the mesh.
     bounds_before: Vec<f64>,
-    /// Those of a motion under softer friction.
+    /// States to which the homotopy in the transition speed of dry friction returns if a step fails.
     softer: States<N>,
-    /// How much each element's polynomials miss, where the elements are not equally long.
+    /// Estimated relative error of each element's polynomials, which determines the next mesh.
     roughness: Vec<f64>,
+    /// Highest-order Legendre coefficients of the polynomials of the two joint angles and the five
+    /// velocities, for each pack of elements (one element per SIMD lane).
     tails: Vec<[Lanes; 7]>,
-    /// For single elements.
+    /// Workspace for solving single elements.
     pub workspace: Linearisation,
-    /// For derivatives.
+    /// Workspace for derivatives by the adjoint method.
     pub adjoints: Adjoints,
-    /// The last solution's discretisation error over the accepted one; infinite if there is none.
+    /// Ratio of the last solution's discretisation error to the tolerance; infinite if there is no solution.
     error_ratio: f64,
-    /// Whether the last solution is not its own mirror image, though its commands are.
+    /// Whether the last solution lacks the half-period symmetry of its commands.
     pub is_symmetry_broken: bool,
-    /// What was found out about the solution: its path, its metrics, its largest Floquet multiplier.
+    /// Path of the robot in the plane for the last solution.
     pub path: Path,
+    /// Metrics of the last solution; `None` until they are computed.
     cycle: Option<Cycle<N>>,
+    /// Modulus of the last solution's largest Floquet multiplier; `None` until it is computed.
     floquet: Option<f64>,
 }
 
-/// A solution that others may start from.
-pub(super) struct Kept<const N: usize, R: Reduced<N>> {
+/// Snapshot of a solution, from which other solutions can start.
+pub(super) struct Snapshot<const N: usize, R: Reduced<N>> {
     mesh: Mesh<N, R>,
     roughness: Vec<f64>,
     error_ratio: f64,
     is_symmetry_broken: bool,
 }
 
-/// Where Newton's method starts.
+/// Starting point for Newton's method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Start<const N: usize> {
-    /// The model's own guess.
+    /// The model's initial guess.
     Guess,
-    /// The last solution of this orbit, if there is one.
+    /// The last solution of this solver, if there is one.
     Last,
-    /// The motion that follows from a state at phase 0.
+    /// The motion integrated from a state at phase 0.
     State([f64; N]),
-    /// The same over a whole period, whether its mirror image follows half a period later or not.
+    /// The motion integrated from a state at phase 0 over a whole period, without assuming half-period
+    /// symmetry.
     WholePeriod([f64; N]),
 }
 
 impl<const N: usize> Start<N> {
-    /// The state at phase 0, if it is known.
+    /// Returns the state at phase 0 from which the motion is integrated; `None` for the other kinds of start.
     pub(crate) fn state(&self) -> Option<[f64; N]> {
         match self {
             Self::State(state) | Self::WholePeriod(state) => Some(*state),
@@ -115,28 +125,33 @@ impl<const N: usize> Start<N> {
     }
 }
 
-/// Elements at first, per half period or per period.
+/// Initial number of collocation elements per half period.
 const COARSE_OF_HALF: usize = 2;
+/// Initial number of collocation elements per period.
 const COARSE: usize = 6;
-/// Elements per period in the end at least.
-const FEWEST: usize = 8;
-/// By how much finer the first elements are when Newton's method fails with coarse ones.
-const FINER: [usize; 3] = [1, 4, 16];
-/// The speed within which dry friction changes its sign at first on the way to a motion under it, over
-/// the characteristic speed of eq. 20, and how much larger than that it may be.
-const SOFTEST: f64 = 0.1;
-const MOST_SOFT: f64 = 64.0;
-/// By how much it falls from one motion on that way to the next, and at least.
-const HARDER: f64 = 4.0;
-const LEAST_HARDER: f64 = 1.1;
-/// Relative accuracy of the motions on that way.
+/// Minimum number of collocation elements per period of an accepted solution.
+const MIN_ELEMENTS: usize = 8;
+/// Factors by which the initial mesh is refined in successive attempts, until Newton's method converges.
+const REFINEMENTS: [usize; 3] = [1, 4, 16];
+/// Transition speed at which the homotopy in dry friction starts, relative to the reference speed of the skid ratio
+/// (side link length times frequency omega; eq. 20 of the paper).
+const INITIAL_TRANSITION: f64 = 0.1;
+/// Maximum factor by which the initial transition speed of the homotopy in dry friction is increased while
+/// Newton's method fails.
+const MAX_SOFTENING: f64 = 64.0;
+/// Factor by which each step of the homotopy in dry friction divides the transition speed at the first attempt.
+const TRANSITION_RATIO: f64 = 4.0;
+/// Minimum factor by which a step of the homotopy in dry friction divides the transition speed; if Newton's method
+/// would need a smaller factor, the homotopy fails.
+const MIN_TRANSITION_RATIO: f64 = 1.1;
+/// Relative accuracy of the intermediate motions of the homotopy in the transition speed of dry friction.
 const SOFT_ACCURACY: f64 = 0.01;
-/// Relative step at which the coarse elements' solution is good enough to be refined.
+/// Relative size of the Newton step below which a coarse mesh is refined.
 const COARSE_STEP: f64 = 0.02;
-/// Error ratio that elements are laid out for.
-const MARGIN: f64 = 0.4;
-/// A solution that could do with this part of its neighbour's elements gets fewer.
-const FEWER: f64 = 0.9;
+/// Target ratio of the discretisation error to the tolerance in the design of a new mesh.
+const TARGET_ERROR_RATIO: f64 = 0.4;
+/// Maximum ratio of the sufficient number of elements to the current number at which a warm start coarsens the mesh.
+const COARSENING_FRACTION: f64 = 0.9;
 
 impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
     fn default() -> Self {
@@ -168,11 +183,12 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
 }
 
 impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
-    /// Finds the periodic solution near `start` with as many elements as the relative
-    /// `accuracy` of the metrics takes.
+    /// Finds the periodic solution near `start`, with as many elements as the relative `accuracy` of the
+    /// metrics requires.
     pub(crate) fn solve(&mut self, model: &R, start: Start<N>, accuracy: f64) -> Result<()> {
         let error_ratio = std::mem::replace(&mut self.error_ratio, f64::INFINITY);
-        (self.cycle, self.floquet) = (None, None);
+        self.cycle = None;
+        self.floquet = None;
         let is_whole = match start {
             Start::WholePeriod(_) => true,
             Start::Last => self.is_symmetry_broken,
@@ -182,27 +198,31 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let signs = mirror.filter(|_| !is_whole);
         let is_warm =
             start == Start::Last && error_ratio.is_finite() && self.mesh.is_half == signs.is_some();
-        // Two motions that are nearly their own mirror image are one to coarse elements.
-        let coarse = match (signs.is_some(), is_whole && error_ratio.is_finite()) {
-            (true, _) => COARSE_OF_HALF,
-            (false, false) => COARSE,
-            (false, true) => COARSE.max(self.mesh.count * self.mesh.spans()),
+        // Coarse elements cannot separate the two motions of a mirror-image pair that are nearly symmetric.
+        let coarse = if signs.is_some() {
+            COARSE_OF_HALF
+        } else if is_whole && error_ratio.is_finite() {
+            COARSE.max(self.mesh.count * self.mesh.spans())
+        } else {
+            COARSE
         };
-        (self.mesh.is_half, self.mesh.periods) = (signs.is_some(), 1);
+        self.mesh.is_half = signs.is_some();
+        self.mesh.periods = 1;
         self.mesh.signs = signs.unwrap_or([1.0; N]);
         self.is_symmetry_broken = false;
-        (self.steps, self.contraction) = (0, 1.0);
+        self.steps = 0;
+        self.contraction = 1.0;
         if is_warm {
             self.start_warm(model, error_ratio);
             self.resolve(model, accuracy)?;
         } else {
             self.solve_cold(model, start, coarse, accuracy)?;
         }
-        self.is_symmetry_broken = is_whole && mirror.is_some() && self.turns(accuracy);
+        self.is_symmetry_broken = is_whole && mirror.is_some() && self.has_net_rotation(accuracy);
         Ok(())
     }
 
-    /// Finds the solution near the states at hand with as many elements as the accuracy takes.
+    /// Finds the periodic solution near the current states, with as many elements as the accuracy requires.
     fn resolve(&mut self, model: &R, accuracy: f64) -> Result<()> {
         loop {
             self.newton(model, accuracy)?;
@@ -216,9 +236,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }
     }
 
-    /// What the next solution may start from.
-    pub(crate) fn keep(&self) -> Kept<N, R> {
-        Kept {
+    /// Returns a snapshot from which another solution can start.
+    pub(crate) fn snapshot(&self) -> Snapshot<N, R> {
+        Snapshot {
             mesh: self.mesh.clone(),
             roughness: self.roughness.clone(),
             error_ratio: self.error_ratio,
@@ -226,22 +246,23 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }
     }
 
-    /// Makes what was kept the start of the next solution; nothing else can be asked of it.
-    pub(crate) fn restore(&mut self, kept: Kept<N, R>) {
-        let Kept { mesh, roughness, error_ratio, is_symmetry_broken } = kept;
-        (self.mesh, self.roughness) = (mesh, roughness);
-        (self.error_ratio, self.is_symmetry_broken) = (error_ratio, is_symmetry_broken);
+    /// Restores a snapshot as the start of the next solution; the path and the metrics are not restored.
+    pub(crate) fn restore(&mut self, snapshot: Snapshot<N, R>) {
+        self.mesh = snapshot.mesh;
+        self.roughness = snapshot.roughness;
+        self.error_ratio = snapshot.error_ratio;
+        self.is_symmetry_broken = snapshot.is_symmetry_broken;
     }
 
-    /// Another one whose next solution starts from this one's last.
+    /// Creates a solver whose next solution starts from the last solution of this solver.
     pub(crate) fn successor(&self) -> Self {
         let mut successor = Self::default();
-        successor.restore(self.keep());
+        successor.restore(self.snapshot());
         successor
     }
 
-    /// Finds the solution from an approximate one with few elements, or with more where that one or what it leads
-    /// to is none.
+    /// Finds the periodic solution from an approximation on `coarse` elements, or on more if Newton's method does not
+    /// converge.
     fn solve_cold(
         &mut self,
         model: &R,
@@ -249,57 +270,65 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         coarse: usize,
         accuracy: f64,
     ) -> Result<()> {
-        let mut tried = Err(self.not_converged());
-        for finer in FINER {
-            tried = self.start_cold(model, start, finer * coarse);
-            if tried.is_ok() {
+        let mut result = Err(self.not_converged());
+        for refinement in REFINEMENTS {
+            result = self.start_cold(model, start, refinement * coarse);
+            if result.is_ok() {
                 let error_ratio = self.error_ratio(model, accuracy);
-                tried =
+                result =
                     self.refine(model, error_ratio).and_then(|()| self.resolve(model, accuracy));
-                if !matches!(tried, Err(MotionError::NotConverged { .. })) {
+                if !matches!(result, Err(MotionError::NotConverged { .. })) {
                     break;
                 }
             }
         }
-        tried
+        result
     }
 
-    /// Finds an approximate solution with so many elements.
+    /// Finds an approximate periodic solution on `count` elements.
     fn start_cold(&mut self, model: &R, start: Start<N>, count: usize) -> Result<()> {
-        self.mesh.divide(count);
+        self.mesh.divide_equally(count);
         self.lay_out(model);
         self.mesh.guess(model);
         self.steps = 0;
         match start {
             Start::State(state) => self.march(model, state, 1e-4)?,
-            // Nearly singular equations magnify what is missed here.
+            // Nearly singular equations magnify the error of the start.
             Start::WholePeriod(state) => self.march(model, state, 1e-9)?,
             Start::Guess | Start::Last => return self.soften(model),
         }
         self.newton(model, COARSE_STEP)
     }
 
-    /// Finds an approximate solution from the states at hand: under dry friction through those under
-    /// friction that changes its sign less suddenly.
+    /// Finds an approximate periodic solution from the current states. Under dry friction, the solution is followed
+    /// from a larger transition speed down to the actual one (homotopy).
     fn soften(&mut self, model: &R) -> Result<()> {
         let Problem { robot, .. } = model.problem();
-        let softest = SOFTEST * skid_scale(model.problem()) / robot.transition_m_s;
-        let (mut reached, mut aim) = (f64::INFINITY, softest.max(1.0));
-        while let Some(softened) = model.softened(aim) {
+        let softest = INITIAL_TRANSITION * skid_scale(model.problem()) / robot.transition_m_s;
+        let mut last_factor = f64::INFINITY;
+        let mut factor = softest.max(1.0);
+        while let Some(softened) = model.with_transition_scaled(factor) {
             self.steps = 0;
             self.softer.start = self.mesh.states.start;
             self.softer.packs.clone_from(&self.mesh.states.packs);
             match self.newton(&softened, COARSE_STEP) {
-                Ok(()) if aim == 1.0 => return Ok(()),
+                Ok(()) if factor == 1.0 => return Ok(()),
                 Ok(()) => {
                     let error_ratio = self.error_ratio(&softened, SOFT_ACCURACY);
                     self.refine(&softened, error_ratio)?;
-                    (reached, aim) = (aim, f64::max(1.0, aim / HARDER));
+                    last_factor = factor;
+                    factor = f64::max(1.0, factor / TRANSITION_RATIO);
                 }
                 Err(error) => {
                     std::mem::swap(&mut self.mesh.states, &mut self.softer);
-                    aim = if reached.is_finite() { (reached * aim).sqrt() } else { HARDER * aim };
-                    if reached / aim < LEAST_HARDER || aim > MOST_SOFT * softest.max(1.0) {
+                    factor = if last_factor.is_finite() {
+                        (last_factor * factor).sqrt()
+                    } else {
+                        TRANSITION_RATIO * factor
+                    };
+                    if last_factor / factor < MIN_TRANSITION_RATIO
+                        || factor > MAX_SOFTENING * softest.max(1.0)
+                    {
                         return Err(error);
                     }
                 }
@@ -308,81 +337,94 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.newton(model, COARSE_STEP)
     }
 
-    /// Makes the last solution, which had this error ratio, the start for another frequency.
+    /// Prepares a warm start: adapts the last solution to the model's frequency, and coarsens the mesh if
+    /// `error_ratio`, the last solution's ratio of discretisation error to tolerance, allows it.
     fn start_warm(&mut self, model: &R, error_ratio: f64) {
         let before_s = self.mesh.span_s;
-        let enough = self.enough_elements(error_ratio);
-        if (enough as f64) < FEWER * self.mesh.count as f64 {
-            self.resample(model, enough);
+        let sufficient = self.sufficient_elements(error_ratio);
+        if (sufficient as f64) < COARSENING_FRACTION * self.mesh.count as f64 {
+            self.resample(model, sufficient);
         }
         self.lay_out(model);
-        // Velocities go with the frequency, the passive joint's angle does not.
-        let faster = before_s / self.mesh.span_s;
+        // Velocities scale with the frequency; the angle of the passive joint does not.
+        let frequency_ratio = before_s / self.mesh.span_s;
         let rates = if R::HAS_ANGLE { N - 1 } else { N };
         let States { start, packs } = &mut self.mesh.states;
-        start[..rates].iter_mut().for_each(|rate| *rate *= faster);
+        start[..rates].iter_mut().for_each(|rate| *rate *= frequency_ratio);
         let states = packs.iter_mut().flatten();
-        states.for_each(|y| y[..rates].iter_mut().for_each(|rate| *rate *= Lanes::splat(faster)));
+        states.for_each(|y| {
+            y[..rates].iter_mut().for_each(|rate| *rate *= Lanes::splat(frequency_ratio))
+        });
         self.mesh.integrate();
     }
 
-    /// Elements with an error ratio of [`MARGIN`], where those at hand have `error_ratio`.
-    fn enough_elements(&self, error_ratio: f64) -> usize {
-        let fewest = FEWEST / self.mesh.spans();
-        // By the rule's order.
-        let growth = (error_ratio / MARGIN).powf(1.0 / (2.0 * STAGES as f64 - 1.0)).min(4.0);
-        ((self.mesh.count as f64 * growth).ceil() as usize).max(fewest)
+    /// Returns the number of elements that is expected to change the ratio of discretisation error to tolerance from
+    /// `error_ratio` to [`TARGET_ERROR_RATIO`].
+    fn sufficient_elements(&self, error_ratio: f64) -> usize {
+        let min_elements = MIN_ELEMENTS / self.mesh.spans();
+        // The error decreases with the order of the collocation rule.
+        let growth =
+            (error_ratio / TARGET_ERROR_RATIO).powf(1.0 / (2.0 * STAGES as f64 - 1.0)).min(4.0);
+        ((self.mesh.count as f64 * growth).ceil() as usize).max(min_elements)
     }
 
-    /// Replaces the elements by as many as are needed, if those at hand are too few.
+    /// Refines the mesh if its elements are too few or the ratio of discretisation error to tolerance is too
+    /// large.
     fn refine(&mut self, model: &R, error_ratio: f64) -> Result<()> {
-        let (fewest, most) = (FEWEST / self.mesh.spans(), MOST_ELEMENTS / self.mesh.spans());
+        let min_elements = MIN_ELEMENTS / self.mesh.spans();
+        let max_elements = MAX_ELEMENTS / self.mesh.spans();
         let count = self.mesh.count;
-        if error_ratio <= 1.0 && count >= fewest {
+        if error_ratio <= 1.0 && count >= min_elements {
             return Ok(());
         }
-        if count >= most || !error_ratio.is_finite() {
+        if count >= max_elements || !error_ratio.is_finite() {
             return Err(MotionError::Unresolved { error: self.discretisation_error(model) });
         }
-        let finer = self.enough_elements(error_ratio).clamp(count + 1, most);
-        self.resample(model, finer);
-        self.linearisation.resize::<N, R>(finer);
+        let refined = self.sufficient_elements(error_ratio).clamp(count + 1, max_elements);
+        self.resample(model, refined);
+        self.linearisation.resize::<N, R>(refined);
         Ok(())
     }
 
-    /// Replaces the elements by `count` others, shorter ones where the polynomials miss more.
+    /// Replaces the mesh by one with `count` elements: equally long under linear friction, otherwise shorter
+    /// where the discretisation error is larger.
     fn resample(&mut self, model: &R, count: usize) {
         self.bounds_before.clear();
-        self.bounds_before.reserve(MOST_ELEMENTS + 1);
+        self.bounds_before.reserve(MAX_ELEMENTS + 1);
         self.bounds_before.extend_from_slice(&self.mesh.bounds);
-        if R::IS_LINEAR {
-            self.mesh.divide(count);
+        if R::Friction::IS_LINEAR {
+            self.mesh.divide_equally(count);
         } else {
             self.equidistribute(count);
         }
         self.mesh.resample(model, &self.bounds_before, &mut self.before);
     }
 
-    /// Lays out the commands of the elements and the workspace for them.
+    /// Computes the durations and joint commands of the elements, and resizes the workspace to their number.
     fn lay_out(&mut self, model: &R) {
         self.mesh.lay_out(model);
         self.linearisation.resize::<N, R>(self.mesh.count);
     }
 
-    /// Fills the elements with the motion that follows from a state.
+    /// Sets the states to the motion integrated from a state at phase 0.
     fn march(&mut self, model: &R, state: [f64; N], tolerance: f64) -> Result<()> {
         let Self { mesh, workspace, .. } = self;
         workspace.resize::<N, R>(1);
-        let (mut start, mut result) = (state, Ok(()));
+        let mut start = state;
+        let mut result = Ok(());
         let mut marched = std::mem::take(&mut mesh.states);
         marched.start = state;
         marched.fill(mesh.count, |k| {
-            let (nodes, mut stages) = (mesh.nodes_of(model, k), [start; STAGES]);
+            let nodes = mesh.nodes_of(model, k);
+            let mut stages = [start; STAGES];
             if result.is_ok() {
                 let duration_s = mesh.duration_s(k);
                 let guess = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
                 match solve_element(model, &guess, tolerance, workspace) {
-                    Some(solved) => (stages, start) = (solved, solved[STAGES - 1]),
+                    Some(solved) => {
+                        stages = solved;
+                        start = solved[STAGES - 1];
+                    }
                     None => {
                         result = Err(MotionError::Stuck { time_s: mesh.bounds[k] * mesh.span_s })
                     }
@@ -394,24 +436,25 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         result
     }
 
-    /// Where the last solution is and how to get back to it.
-    pub(crate) fn here(&self) -> Start<N> {
+    /// Returns a starting point from which Newton's method finds the last solution again.
+    pub(crate) fn as_start(&self) -> Start<N> {
         let state = self.mesh.states.start;
         if self.is_symmetry_broken { Start::WholePeriod(state) } else { Start::State(state) }
     }
 
-    /// Whether the robot has turned after a whole period, by more than a motion that was solved to
-    /// this accuracy may miss; what is its own mirror image has not.
-    fn turns(&self, accuracy: f64) -> bool {
-        const LEAST: f64 = 1e-7;
+    /// Returns whether the net rotation over a whole period exceeds the error of a motion that was solved to
+    /// `accuracy`; a motion with half-period symmetry has no net rotation.
+    fn has_net_rotation(&self, accuracy: f64) -> bool {
+        const MIN_TOLERANCE: f64 = 1e-7;
         let rates = self.path.legs.iter().flat_map(|leg| &leg.states);
         let largest = rates
             .fold(Lanes::default(), |largest, state| largest.fast_max(state.velocity[2].abs()));
-        let most = LEAST.max(30.0 * accuracy) * newton::largest_lane(largest) * self.mesh.span_s;
-        self.path.end.theta_rad.abs() > most
+        let tolerance =
+            MIN_TOLERANCE.max(30.0 * accuracy) * newton::largest_lane(largest) * self.mesh.span_s;
+        self.path.end.theta_rad.abs() > tolerance
     }
 
-    /// What a cycle of the solution amounts to.
+    /// Returns the metrics of the last solution, computed at the first call and cached.
     pub(crate) fn measure(&mut self, model: &R) -> Cycle<N> {
         let Self { mesh, path, workspace, cycle, .. } = self;
         *cycle.get_or_insert_with(|| measure(model, mesh, path, workspace))

@@ -1,4 +1,4 @@
-//! Newton's method for the orbit, and its stability.
+//! Newton's method for the periodic orbit, and the stability of the orbit.
 
 use nalgebra::{Complex, Matrix5, SMatrix, SVector};
 use trilink_robot::{LANES, Lanes, Number};
@@ -8,25 +8,28 @@ use crate::mesh::Mesh;
 use crate::reduced::{Reduced, lanes};
 use crate::{MotionError, Result};
 
-const MOST_STEPS: usize = 60;
-/// Newton gives up when steps do not shrink along this part of one.
-const LEAST_PART: f64 = 1.0 / 512.0;
-/// Factors are kept while a step is at most this part of the one before.
-const FAST: f64 = 0.15;
-/// By how much less a step by kept factors may shrink than the one before: the first one shrinks
-/// twice as much as those that follow.
-const SLOWER: f64 = 3.0;
-/// Steps below this size are rounding: whether they shrink cannot be judged.
+/// Maximum number of Newton steps.
+const MAX_STEPS: usize = 60;
+/// Minimum damping factor; Newton's method fails if a step damped by this factor is still not acceptable.
+const MIN_DAMPING: f64 = 1.0 / 512.0;
+/// Maximum ratio of successive Newton steps at which the factors of the Jacobian are reused.
+const FAST_CONTRACTION: f64 = 0.15;
+/// Safety factor for the contraction observed while a factored Jacobian is reused, because the first step contracts
+/// twice as much as the following ones.
+const CONTRACTION_SAFETY: f64 = 3.0;
+/// Relative step size below which steps are dominated by rounding errors, so that their contraction cannot be
+/// judged.
 const ROUNDING: f64 = 1e-9;
-/// By how much the error may be larger than the contraction seen so far lets expect.
-const SAFETY: f64 = 10.0;
+/// Safety factor for the error predicted from the observed contraction.
+const ERROR_SAFETY: f64 = 10.0;
 
 impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     pub(crate) fn not_converged(&self) -> MotionError {
         MotionError::NotConverged { steps: self.steps }
     }
 
-    /// Linearises the elements at the present states and prepares the chain's closure.
+    /// Linearises the elements at the current states and prepares the solution of the cyclic linear system of
+    /// the periodic orbit.
     fn linearise(&mut self, model: &R) -> Result<()> {
         self.linearise_elements(model);
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
@@ -34,7 +37,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         Ok(())
     }
 
-    /// Linearises the elements at the present states.
+    /// Linearises the elements at the current states.
     pub(super) fn linearise_elements(&mut self, model: &R) {
         self.effort.factorisations += 1;
         let Self { mesh, linearisation, transfers, .. } = self;
@@ -53,7 +56,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }
     }
 
-    /// Evaluates the residuals at the present states; the factors are kept.
+    /// Evaluates the residuals of the elements at the current states; the factors of the Jacobian are retained.
     pub(super) fn evaluate(&mut self, model: &R) {
         for pack in 0..self.mesh.packs() {
             let starts = self.mesh.starts(pack);
@@ -61,7 +64,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }
     }
 
-    /// Derivative of the states at the end of the elements' span with respect to the start's.
+    /// Returns the monodromy matrix: the derivative of the state at the end of the mesh's time span (mirrored if the
+    /// mesh covers half a period) with respect to the state at its start.
     pub(super) fn monodromy(&self) -> SMatrix<f64, N, N> {
         SMatrix::from_columns(&std::array::from_fn::<_, N, _>(|m| {
             let unit = std::array::from_fn(|i| if i == m { 1.0 } else { 0.0 });
@@ -70,8 +74,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }))
     }
 
-    /// Solves the closed chain for the residuals at hand, into `step`.
-    fn close(&mut self) {
+    /// Solves the cyclic linear system of the periodic orbit for the current residuals and stores the Newton
+    /// step in `step`.
+    fn solve_step(&mut self) {
         self.effort.linear_solves += 1;
         let Self { mesh, linearisation, transfers, offsets, step, .. } = self;
         let Mesh { states, signs, durations_s, .. } = &*mesh;
@@ -87,9 +92,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             }
         }
         let ends = states.start_of(mesh.count);
-        let mismatch = |i: usize| signs[i] * (end[i] + ends[i]) - states.start[i];
-        let first = self.monodromy_closure * SVector::<f64, N>::from_fn(|i, _| mismatch(i));
-        step.start = first.into();
+        let mismatch =
+            SVector::<f64, N>::from_fn(|i, _| signs[i] * (end[i] + ends[i]) - states.start[i]);
+        step.start = (self.monodromy_closure * mismatch).into();
         let mut start = step.start;
         step.packs.clear();
         for pack in 0..mesh.packs() {
@@ -103,52 +108,51 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         }
     }
 
-    /// Newton's method until what is left is below `accuracy`, relative to the states. A step is
-    /// damped until the next one by the same factors is shorter (natural monotonicity, which
-    /// does not depend on how the equations are scaled), and the factors are kept while steps
-    /// by them shrink fast.
+    /// Iterates Newton's method until the error relative to the states is below `accuracy`. A step is damped until the
+    /// next step with the same factors of the Jacobian is shorter (natural monotonicity test, which is invariant to the
+    /// scaling of the equations). The factors are reused as long as convergence is fast.
     ///
     /// Reference: P. Deuflhard, *Newton Methods for Nonlinear Problems*, Springer 2004,
     /// section 3.3.
     pub(super) fn newton(&mut self, model: &R, accuracy: f64) -> Result<()> {
-        let enough = 0.3 * accuracy;
-        let mut first_part = 1.0;
-        while self.steps < MOST_STEPS {
+        let max_error = 0.3 * accuracy;
+        let mut initial_damping = 1.0;
+        while self.steps < MAX_STEPS {
             self.linearise(model)?;
-            self.close();
+            self.solve_step();
             let sizes = self.sizes();
             let mut size = self.step_size(&sizes);
             if !size.is_finite() {
                 return Err(self.not_converged());
             }
-            let is_last = SAFETY * self.contraction * size * size <= enough;
-            let mut part = first_part;
+            let is_last = ERROR_SAFETY * self.contraction * size * size <= max_error;
+            let mut damping = initial_damping;
             let mut next_size = loop {
-                self.move_by(if is_last { 1.0 } else { part });
+                self.move_by(if is_last { 1.0 } else { damping });
                 if is_last {
                     return Ok(());
                 }
                 let next_size = self.next_step(model, &sizes);
-                if next_size < (1.0 - 0.25 * part) * size || size < ROUNDING {
+                if next_size < (1.0 - 0.25 * damping) * size || size < ROUNDING {
                     break next_size;
                 }
-                // Back, and on by less.
+                // Reject the step and try a shorter one.
                 std::mem::swap(&mut self.step, &mut self.last_step);
                 std::mem::swap(&mut self.mesh.states, &mut self.before);
-                part *= 0.5;
-                if part < LEAST_PART {
+                damping *= 0.5;
+                if damping < MIN_DAMPING {
                     return Err(self.not_converged());
                 }
             };
-            first_part = f64::min(1.0, 2.0 * part);
-            if part == 1.0 {
+            initial_damping = f64::min(1.0, 2.0 * damping);
+            if damping == 1.0 {
                 self.contraction = next_size / (size * size);
             }
-            while part == 1.0 && next_size < FAST * size && self.steps < MOST_STEPS {
-                let shrinks = next_size / size;
+            while damping == 1.0 && next_size < FAST_CONTRACTION * size && self.steps < MAX_STEPS {
+                let contraction = next_size / size;
                 size = next_size;
                 self.move_by(1.0);
-                if SLOWER * shrinks * size <= enough {
+                if CONTRACTION_SAFETY * contraction * size <= max_error {
                     return Ok(());
                 }
                 next_size = self.next_step(model, &sizes);
@@ -157,31 +161,35 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         Err(self.not_converged())
     }
 
-    /// The step from the present states by the factors at hand, and its size.
+    /// Computes the next Newton step from the current states with the current factors of the Jacobian, and returns the
+    /// size of the step relative to the magnitudes `sizes` of the states.
     fn next_step(&mut self, model: &R, sizes: &[f64; N]) -> f64 {
         self.evaluate(model);
         std::mem::swap(&mut self.step, &mut self.last_step);
-        self.close();
+        self.solve_step();
         let size = self.step_size(sizes);
         if size.is_finite() { size } else { f64::INFINITY }
     }
 
-    /// Goes a part of `step`; where it comes from is left in `before`.
-    pub(super) fn move_by(&mut self, part: f64) {
+    /// Adds a multiple of `step` to the states; the previous states are left in `before`.
+    pub(super) fn move_by(&mut self, factor: f64) {
         self.steps += 1;
         self.effort.newton_steps += 1;
         std::mem::swap(&mut self.before, &mut self.mesh.states);
-        let (now, before, step) = (&mut self.mesh.states, &self.before, &self.step);
-        now.start = std::array::from_fn(|i| before.start[i] + part * step.start[i]);
-        let part = Lanes::splat(part);
+        let now = &mut self.mesh.states;
+        let before = &self.before;
+        let step = &self.step;
+        now.start = std::array::from_fn(|i| before.start[i] + factor * step.start[i]);
+        let factor = Lanes::splat(factor);
         now.packs.clear();
         now.packs.extend_from_slice(&before.packs);
         for (now, step) in now.packs.iter_mut().flatten().zip(step.packs.iter().flatten()) {
-            (0..N).for_each(|i| now[i] += part * step[i]);
+            (0..N).for_each(|i| now[i] += factor * step[i]);
         }
     }
 
-    /// Largest value of each state before or after a step.
+    /// Returns, for each state variable, its largest magnitude over the orbit, both before and after the current Newton
+    /// step.
     pub(super) fn sizes(&self) -> [f64; N] {
         let mut sizes = [Lanes::default(); N];
         let states = self.mesh.states.packs.iter().flatten();
@@ -193,9 +201,11 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         sizes.map(largest_lane)
     }
 
-    /// Largest step of any state over that state's size; infinite where a step is not finite.
+    /// Returns the size of the current Newton step: the largest ratio, over the state variables, of the change in a
+    /// variable to its magnitude in `sizes`; infinite if the step is not finite.
     pub(super) fn step_size(&self, sizes: &[f64; N]) -> f64 {
-        let (mut steps, mut all) = ([Lanes::default(); N], Lanes::default());
+        let mut steps = [Lanes::default(); N];
+        let mut all = Lanes::default();
         for step in self.step.packs.iter().flatten() {
             keep_largest(&mut steps, step);
             step.iter().for_each(|step| all += *step);
@@ -204,8 +214,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         if is_finite { largest_ratio(&steps.map(largest_lane), sizes) } else { f64::INFINITY }
     }
 
-    /// Modulus of the largest Floquet multiplier of a whole period, from a fresh
-    /// linearisation.
+    /// Returns the modulus of the largest Floquet multiplier over a whole period, from a fresh linearisation.
     pub(crate) fn floquet(&mut self, model: &R) -> Result<f64> {
         if let Some(floquet) = self.floquet {
             return Ok(floquet);
@@ -216,46 +225,50 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         Ok(*self.floquet.insert(if self.mesh.is_half { largest * largest } else { largest }))
     }
 
-    /// Multipliers of the elements' span, some of them zero. By the factors at hand.
+    /// Returns the Floquet multipliers over the time span of the mesh (one or more periods, or half of one), according
+    /// to the last linearisation. Zeros are added to make five values, the number for the largest model.
     pub(crate) fn multipliers(&self) -> Result<SVector<Complex<f64>, 5>> {
-        const MOST_SWEEPS: usize = 1000;
+        const MAX_SWEEPS: usize = 1000;
         let padded = padded(&self.monodromy());
         if padded.iter().any(|entry| !entry.is_finite()) {
             return Err(self.not_converged());
         }
-        let schur = padded.try_schur(f64::EPSILON, MOST_SWEEPS).ok_or(self.not_converged())?;
+        let schur = padded.try_schur(f64::EPSILON, MAX_SWEEPS).ok_or(self.not_converged())?;
         Ok(schur.complex_eigenvalues())
     }
 
-    /// Whether a motion that is its own mirror image has lost its stability to a pair of motions that
-    /// are each other's: a multiplier of the half period is below -1. By the factors at hand.
+    /// Returns whether, according to the last linearisation, a motion with half-period symmetry is unstable to the loss
+    /// of that symmetry: whether a Floquet multiplier over the half period is below -1.
     pub(crate) fn breaks_symmetry(&self) -> bool {
         self.mesh.is_half && (Matrix5::identity() + padded(&self.monodromy())).determinant() < 0.0
     }
 
-    /// Whether the last solution is known to be stable.
+    /// Returns whether the last solution is known to be stable: whether the modulus of its largest Floquet multiplier
+    /// could be computed and is below 1.
     pub(crate) fn is_stable(&mut self, model: &R) -> bool {
         self.floquet(model).is_ok_and(|modulus| modulus < 1.0)
     }
 
-    /// One Newton step from the last solution; gives the step relative to the states.
+    /// Takes one Newton step from the last solution and returns the size of the step relative to the states.
     pub(crate) fn polish(&mut self, model: &R) -> Result<f64> {
         self.linearise(model)?;
-        self.close();
+        self.solve_step();
         let size = self.step_size(&self.sizes());
         self.move_by(1.0);
         self.path.follow(model, &self.mesh);
-        (self.cycle, self.floquet) = (None, None);
+        self.cycle = None;
+        self.floquet = None;
         Ok(size)
     }
 }
 
-/// The matrix and zeros, which adds to the eigenvalues nothing but zeros: of one size for all orbits.
+/// Returns the matrix padded with zeros to 5 x 5, the size for the largest model. The padding adds only zero
+/// eigenvalues.
 pub(super) fn padded<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
     Matrix5::from_fn(|i, j| if i < N && j < N { matrix[(i, j)] } else { 0.0 })
 }
 
-/// `matrix x`.
+/// Returns the product of a matrix and a vector.
 #[inline(always)]
 pub(super) fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [f64; N] {
     let mut product = [0.0; N];
@@ -265,12 +278,13 @@ pub(super) fn product<const N: usize>(matrix: &[[f64; N]; N], x: &[f64; N]) -> [
     product
 }
 
+/// Returns the sum of two vectors.
 #[inline(always)]
 pub(super) fn sum<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
-/// Replaces each of `largest` by the size of a value that is larger.
+/// Updates the largest magnitudes seen so far with those of `values`.
 #[inline(always)]
 pub(super) fn keep_largest<const K: usize>(largest: &mut [Lanes; K], values: &[Lanes; K]) {
     for (largest, value) in largest.iter_mut().zip(values) {
@@ -278,18 +292,20 @@ pub(super) fn keep_largest<const K: usize>(largest: &mut [Lanes; K], values: &[L
     }
 }
 
+/// Returns the maximum over the lanes, whose values must be nonnegative.
 pub(crate) fn largest_lane(lanes: Lanes) -> f64 {
     lanes.to_array().into_iter().fold(0.0, f64::max)
 }
 
-/// Largest of `parts[i] / sizes[i]`. A state that is nothing beside the others, such as the
-/// lateral motion of a robot that goes straight, counts as rounding.
-pub(super) fn largest_ratio<const N: usize>(parts: &[f64; N], sizes: &[f64; N]) -> f64 {
-    const NOTHING: f64 = 1e-9;
-    let floor = NOTHING * sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
+/// Returns the largest of the ratios `errors[i] / sizes[i]`. A size that is negligible relative to the largest one,
+/// such as that of the lateral motion of a robot that moves straight, is replaced by a small fraction of the largest
+/// size.
+pub(super) fn largest_ratio<const N: usize>(errors: &[f64; N], sizes: &[f64; N]) -> f64 {
+    const RELATIVE_FLOOR: f64 = 1e-9;
+    let floor = RELATIVE_FLOOR * sizes.iter().fold(0.0_f64, |largest, size| largest.max(*size));
     let mut largest = 0.0;
-    for i in (0..N).filter(|&i| parts[i] != 0.0) {
-        let ratio = parts[i] / sizes[i].max(floor);
+    for i in (0..N).filter(|&i| errors[i] != 0.0) {
+        let ratio = errors[i] / sizes[i].max(floor);
         if ratio.is_nan() {
             return f64::INFINITY;
         }

@@ -1,11 +1,11 @@
-//! The models' equations in the few states that matter.
+//! Equations of motion of the models in minimal states.
 //!
-//! The motion does not depend on where the robot is or where it points, so only velocities
-//! in link 0's frame and the passive joint's angle are states:
+//! The motion does not depend on the position or heading of the robot, so the states are only velocities in
+//! the frame of link 0 and the passive joint's angle:
 //!
 //! | robot | skidding wheels | wheels that cannot skid |
 //! |---|---|---|
-//! | both joints commanded | `u, v, theta'` | none: eq. 3 gives the motion |
+//! | both joints commanded | `u, v, theta'` | none: eq. 3 determines the motion |
 //! | one joint passive | `u, v, theta', phi_p', phi_p` | `s, phi_p` |
 
 mod harmonic;
@@ -23,13 +23,13 @@ use trilink_robot::{
 
 use super::Problem;
 
-/// The equations of motion and their derivatives at one time.
+/// Residual of the equations of motion and its derivatives at one time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Residual<const N: usize, T = f64> {
     pub value: [T; N],
     /// `state_jacobian[i][j]`: derivative of equation i with respect to state j.
     pub state_jacobian: [[T; N]; N],
-    /// The same with respect to the time derivative of state j.
+    /// `rate_jacobian[i][j]`: derivative of equation i with respect to the time derivative of state j.
     pub rate_jacobian: [[T; N]; N],
 }
 
@@ -40,56 +40,61 @@ pub(super) struct KinematicState<T = f64> {
     pub velocity: Velocity<T>,
 }
 
-/// What a motion can be differentiated by.
+/// Variable with respect to which the metrics of a motion can be differentiated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Variable {
     Parameter(Parameter),
-    /// A number of a commanded joint (0 or 1), rad: its offset, amplitude or phase (0, 1, 2).
+    /// Variable of a joint's command, rad: the joint's index (0 or 1), then the index of the variable (0 offset, 1
+    /// amplitude, 2 phase).
     Gait(usize, usize),
-    /// A part of its second harmonic, rad: in phase or in quadrature (0, 1).
+    /// Component of the second harmonic of a joint's command, rad: the joint's index (0 or 1), then the index of the
+    /// component (0 in phase, 1 in quadrature).
     Second(usize, usize),
 }
 
 impl Variable {
-    /// Whether half a period later a motion that is its own mirror image changes by the opposite.
+    /// Returns whether the effect of this variable on a motion with half-period symmetry has the opposite
+    /// sign half a period later.
     pub(crate) fn is_odd(self) -> bool {
         matches!(self, Self::Gait(_, OFFSET) | Self::Second(..))
     }
 }
 
-/// Numbers of a joint's command: offset, amplitude, phase.
+/// Index of the offset in a joint's command.
 const OFFSET: usize = 0;
-pub(super) const NUMBERS: usize = 3;
-/// Parts of its second harmonic, in phase and in quadrature.
-pub(super) const PARTS: usize = 2;
+/// Number of variables of a joint's command: offset, amplitude, phase.
+pub(super) const COMMAND_SIZE: usize = 3;
+/// Number of components of a joint's second harmonic: in phase and in quadrature.
+pub(super) const HARMONIC_SIZE: usize = 2;
 
-/// Derivatives with respect to the numbers of a joint's command, then to the parts of its second
-/// harmonic.
-pub(super) type BySlopes<T> = [T; NUMBERS + PARTS];
+/// Derivatives with respect to a joint's offset, amplitude and phase, then with respect to the components of
+/// its second harmonic.
+pub(super) type CommandGradient<T> = [T; COMMAND_SIZE + HARMONIC_SIZE];
 
-/// Derivatives of the metrics, or of another quantity; zero for what the motion does not depend on.
+/// Derivatives of the metrics, or of another quantity, with respect to all variables; zero for variables on
+/// which the motion does not depend.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivatives<T = GaitMetrics> {
-    /// Per unit of each parameter.
+    /// Derivatives with respect to each parameter, per unit of the parameter.
     pub parameters: ByParameter<T>,
-    /// Per rad/s of omega.
+    /// Derivative with respect to the frequency omega, per rad/s.
     pub omega: T,
-    /// Per radian of offset, amplitude and phase of each commanded joint; NaN where the motion
-    /// exists for this gait alone.
-    pub gait: [[T; NUMBERS]; 2],
-    /// Per radian of the second harmonic's part in phase and that in quadrature, of commands that have
-    /// one; zero of others.
-    pub second: [[T; PARTS]; 2],
+    /// Derivatives with respect to offset, amplitude and phase of each commanded joint, per radian; NaN if no
+    /// motion exists for neighbouring gaits.
+    pub gait: [[T; COMMAND_SIZE]; 2],
+    /// Derivatives with respect to the in-phase and quadrature components of each joint's second harmonic,
+    /// per radian; zero for a command without a second harmonic.
+    pub second: [[T; HARMONIC_SIZE]; 2],
 }
 
 impl<T: Copy> Derivatives<T> {
-    /// The same with respect to everything.
+    /// Creates derivatives that have the same value for all variables.
     pub(crate) const fn splat(value: T) -> Self {
         Self {
             parameters: ByParameter::splat(value),
             omega: value,
-            gait: [[value; NUMBERS]; 2],
-            second: [[value; PARTS]; 2],
+            gait: [[value; COMMAND_SIZE]; 2],
+            second: [[value; HARMONIC_SIZE]; 2],
         }
     }
 
@@ -101,10 +106,11 @@ impl<T: Copy> Derivatives<T> {
         }
     }
 
-    /// Fills in the derivatives with respect to the sums of the wheels' resistances, whose
-    /// proportions stay when they change; `weighted` adds three derivatives with these weights.
+    /// Sets the derivatives with respect to each coefficient's sum over the three wheels. They are computed from the
+    /// derivatives with respect to the coefficients of the single wheels, whose proportions are held fixed. `weighted`
+    /// multiplies three derivatives by the given weights and returns the sum.
     pub(super) fn set_sums(&mut self, robot: &Robot, weighted: impl Fn([f64; 3], [T; 3]) -> T) {
-        for sum in Parameter::ALL.into_iter().filter(|of| of.is_sum()) {
+        for sum in Parameter::ALL.into_iter().filter(|parameter| parameter.is_sum()) {
             let quantity = sum.quantity();
             let of_wheels = quantity.of_each().map(|parameter| self.parameters[parameter]);
             self.parameters[sum] = weighted(quantity.shares(robot), of_wheels);
@@ -113,111 +119,123 @@ impl<T: Copy> Derivatives<T> {
 }
 
 impl Derivatives<f64> {
-    /// With those by omega and by the wheels' sums, once the derivatives by single parameters and the gait's numbers are there. A
-    /// quantity that goes with a power of velocities has that power times its value in `powered`, what goes with none 0.
-    pub(super) fn completed(mut self, problem: &Problem, powered: f64) -> Self {
-        let parts = problem.parts_of_omega().map(|(of, part)| part * self.parameters[of]);
-        self.omega = powered / problem.omega_rad_s + parts.sum::<f64>();
-        self.set_sums(&problem.robot, |shares, of| (0..3).map(|i| shares[i] * of[i]).sum());
+    /// Adds the derivatives of a quantity with respect to omega and to the sums of coefficients over the wheels,
+    /// computed from those with respect to single parameters. `scaled` is the quantity times n if the quantity is
+    /// proportional to omega^n for a given motion per radian of phase (n = 0 for a distance, 2 for a work).
+    pub(super) fn with_omega_and_sums(mut self, problem: &Problem, scaled: f64) -> Self {
+        let terms =
+            problem.omega_scaling().map(|(parameter, factor)| factor * self.parameters[parameter]);
+        self.omega = scaled / problem.omega_rad_s + terms.sum::<f64>();
+        self.set_sums(&problem.robot, |shares, slopes| (0..3).map(|i| shares[i] * slopes[i]).sum());
         self
     }
 }
 
-/// Most parameters that a motion of one kind can depend on: all of friction, and both joints' commands.
-pub(super) const MOST_PARAMETERS: usize = Dry::SKID.len() + Dry::ROLL.len() + 2 * (NUMBERS + PARTS);
+/// Maximum number of variables on which a motion can depend: all friction parameters and the commands of both
+/// joints.
+pub(super) const MAX_PARAMETERS: usize =
+    Dry::SKID.len() + Dry::ROLL.len() + 2 * (COMMAND_SIZE + HARMONIC_SIZE);
 
 /// Equations of motion `0 = residual(t, y, y')` with `N` states.
 pub(super) trait Reduced<const N: usize>: Clone {
-    /// Variables that the motion can depend on: the robot's, the commanded joints', those of their
-    /// second harmonics.
-    const PARAMETERS: usize = Self::OF_ROBOT + (NUMBERS + PARTS) * Self::COMMANDED;
+    /// Number of variables on which the motion can depend: robot parameters, and variables of the commanded joints,
+    /// including second harmonics.
+    const PARAMETERS: usize =
+        Self::ROBOT_VARIABLES + (COMMAND_SIZE + HARMONIC_SIZE) * Self::COMMANDED;
 
-    /// Those of the robot among them.
-    const OF_ROBOT: usize;
+    /// Number of robot parameters on which the motion can depend.
+    const ROBOT_VARIABLES: usize;
 
-    /// The same with those of the commanded joints but for second harmonics.
-    const OF_FIRST: usize = Self::OF_ROBOT + NUMBERS * Self::COMMANDED;
+    /// Number of variables on which the motion can depend if no command has a second harmonic.
+    const FIRST_HARMONIC_VARIABLES: usize = Self::ROBOT_VARIABLES + COMMAND_SIZE * Self::COMMANDED;
 
-    /// How many joints are commanded.
+    /// Number of commanded joints.
     const COMMANDED: usize;
 
     /// Whether the wheels can skid.
     const SKIDS: bool;
 
-    /// Whether friction is in proportion to velocities.
-    const IS_LINEAR: bool;
+    /// Friction law of the wheels.
+    type Friction: Friction;
 
-    /// Whether the last state is the integral of the one before it; its own equation is then
-    /// not among the residuals.
+    /// Whether the last state is the time integral of the one before it; if so, [`Reduced::residual`] omits
+    /// the equation that relates these two states.
     const INTEGRATED: bool;
 
     /// Whether the last state is an angle; all others are velocities.
     const HAS_ANGLE: bool;
 
-    /// What the command prescribes at one time, computed once per solution.
+    /// Joint commands at one time, with the quantities that depend on them alone; computed once per solution.
     type Node<T: Number>: Copy + std::fmt::Debug;
 
-    /// The same with a transition of dry friction that is so much wider; `None` where there is none.
-    fn softened(&self, factor: f64) -> Option<Self>
+    /// Returns the equations with the transition speed of dry friction multiplied by `factor`; `None` if
+    /// there is no dry friction.
+    fn with_transition_scaled(&self, factor: f64) -> Option<Self>
     where
         Self: Sized;
 
-    /// The same with all friction of the wheels times a factor.
-    fn resisted(&self, factor: f64) -> Self;
+    /// Returns the equations with all friction of the wheels multiplied by `factor`.
+    fn with_friction_scaled(&self, factor: f64) -> Self;
 
-    /// What the equations are of.
+    /// Returns the problem that the equations describe.
     fn problem(&self) -> &Problem;
 
-    /// States near the steady motion's by phase, from which Newton's method starts; at rest where
-    /// nothing better is known.
+    /// Returns an initial guess for the states of the steady-state motion as a function of the phase. By
+    /// default, the robot is at rest.
     fn guess(&self) -> impl Fn(f64) -> [f64; N] {
         let rest = self.at_rest();
         move |_| rest
     }
 
-    /// The command at phase `omega t`.
+    /// Returns the joint commands at the phase `omega t` (`phase_rad`).
     fn node<T: Number>(&self, phase_rad: T) -> Self::Node<T>;
 
-    /// The equations at state `y` with time derivative `dy`.
+    /// Evaluates the equations at state `y` with time derivative `dy`.
     fn residual<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> Residual<N, T>;
 
-    /// The parameter of the robot in a column, counted from 0 to [`Reduced::OF_ROBOT`].
+    /// Returns the robot parameter with respect to which a column contains derivatives; `column` must be below
+    /// [`Reduced::ROBOT_VARIABLES`].
     fn parameter(&self, column: usize) -> Parameter;
 
-    /// The variable of a column, counted from 0 to [`Reduced::PARAMETERS`].
+    /// Returns the variable with respect to which a column contains derivatives; `column` must be below
+    /// [`Reduced::PARAMETERS`].
     fn variable(&self, column: usize) -> Variable {
-        let joint = |count: usize| match self.problem().gait.passive_joint() {
-            Some(passive) => 1 - passive,
-            None => count,
-        };
-        match (column.checked_sub(Self::OF_ROBOT), column.checked_sub(Self::OF_FIRST)) {
-            (None, _) => Variable::Parameter(self.parameter(column)),
-            (Some(number), None) => Variable::Gait(joint(number / NUMBERS), number % NUMBERS),
-            (_, Some(part)) => Variable::Second(joint(part / PARTS), part % PARTS),
+        if column < Self::ROBOT_VARIABLES {
+            return Variable::Parameter(self.parameter(column));
         }
+        // The only commanded joint, if one is passive.
+        let commanded = self.problem().gait.passive_joint().map(|passive| 1 - passive);
+        if let Some(index) = column.checked_sub(Self::FIRST_HARMONIC_VARIABLES) {
+            let joint = commanded.unwrap_or(index / HARMONIC_SIZE);
+            return Variable::Second(joint, index % HARMONIC_SIZE);
+        }
+        let index = column - Self::ROBOT_VARIABLES;
+        Variable::Gait(commanded.unwrap_or(index / COMMAND_SIZE), index % COMMAND_SIZE)
     }
 
-    /// The equations and the derivatives of each with respect to the first `parameters` of the
-    /// variables of [`Reduced::variable`].
+    /// Evaluates the residual of the equations, and writes its derivatives with respect to the first
+    /// `parameters` variables (see [`Reduced::variable`]) to `jacobian`, which has one row per equation and
+    /// must contain zeros.
     fn sensitivity<T: Number>(
         &self,
         node: &Self::Node<T>,
         y: &[T; N],
         dy: &[T; N],
         parameters: usize,
-        jacobian: &mut [[T; MOST_PARAMETERS]],
+        jacobian: &mut [[T; MAX_PARAMETERS]],
     ) -> Residual<N, T>;
 
-    /// Angles and velocities of the whole robot in state `y`.
+    /// Returns the joint angles and velocities of the robot in state `y`.
     fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> KinematicState<T>;
 
-    /// Sines and cosines of the joint angles.
+    /// Returns the sines and cosines of the joint angles.
     fn trig<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> Trig<T>;
 
-    /// Time derivatives of the robot's velocities.
+    /// Returns the time derivatives of the robot's velocities.
     fn acceleration<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> [T; 5];
 
-    /// Gradient with respect to the states, from that with respect to angles and velocities.
+    /// Converts a gradient with respect to joint angles and velocities to a gradient with respect to the
+    /// states.
     fn state_gradient<T: Number>(
         &self,
         node: &Self::Node<T>,
@@ -226,72 +244,80 @@ pub(super) trait Reduced<const N: usize>: Clone {
         gradient: &KinematicState<T>,
     ) -> [T; N];
 
-    /// The same with respect to the numbers of the joints' commands when the states stay.
+    /// Converts a gradient with respect to joint angles and velocities to a gradient with respect to the
+    /// joints' commands, with the states held fixed.
     fn gait_gradient<T: Number>(
         &self,
         node: &Self::Node<T>,
         y: &[T; N],
         trig: &Trig<T>,
         gradient: &KinematicState<T>,
-    ) -> [BySlopes<T>; 2];
+    ) -> [CommandGradient<T>; 2];
 
-    /// See [`friction_power`].
+    /// Returns the power dissipated by friction, W (see [`friction_power`]).
     fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T;
 
-    /// See [`friction_power_gradient`].
+    /// Returns the gradient of the power dissipated by friction with respect to joint angles and velocities
+    /// (see [`friction_power_gradient`]).
     fn friction_power_gradient<T: Number>(
         &self,
         state: &KinematicState<T>,
         trig: &Trig<T>,
     ) -> KinematicState<T>;
 
-    /// Adds the derivatives of the power that friction takes with respect to the robot's variables, times a `weight`, to
-    /// their columns.
+    /// Adds to each column the derivative of the power dissipated by friction with respect to that column's
+    /// robot parameter, times `weight`.
     fn add_friction_power_slopes<T: Number>(
         &self,
         state: &KinematicState<T>,
         trig: &Trig<T>,
         weight: T,
-        columns: &mut [T; MOST_PARAMETERS],
+        columns: &mut [T; MAX_PARAMETERS],
     );
 
-    /// Signs of the states half a period later, if the commands have changed theirs.
+    /// Returns, for each state, the factor (1 or -1) by which it is multiplied after half a period of a motion with
+    /// half-period symmetry; `None` if the motion cannot have this symmetry.
     fn half_period_signs(&self) -> Option<[f64; N]>;
 
-    /// The state of a robot at rest at phase 0. The commanded joints start with their
-    /// command's rate.
+    /// Returns the state at phase 0 of a motion that starts from rest; only the commanded joints already
+    /// move, at their commanded rates.
     fn at_rest(&self) -> [f64; N];
 }
 
 impl Problem {
-    /// Whether the motion can depend on a variable.
-    pub(super) fn knows(&self, variable: Variable) -> bool {
+    /// Returns whether the motion can depend on a variable.
+    pub(super) fn depends_on(&self, variable: Variable) -> bool {
         match variable {
-            Variable::Parameter(parameter) => self.laws.know(parameter, &self.gait),
+            Variable::Parameter(parameter) => self.laws.is_relevant(parameter, &self.gait),
             Variable::Gait(joint, _) => self.gait.passive_joint() != Some(joint),
             Variable::Second(joint, _) => {
-                self.gait.joints[joint].is_some_and(|of| of.second.is_some())
+                self.gait.joints[joint].is_some_and(|command| command.second.is_some())
             }
         }
     }
 
-    /// How much of its own derivative every parameter adds to that with respect to omega: per radian of
-    /// phase the motion depends on viscous coefficients and the speeds of dry friction over omega and on stiffness
-    /// and dry friction over its square.
-    pub(super) fn parts_of_omega(&self) -> impl Iterator<Item = (Parameter, f64)> {
-        let part = |of: Parameter| -of.power_of_omega() * of.of(&self.robot) / self.omega_rad_s;
-        let all = Parameter::ALL.into_iter().filter(|of| !of.is_sum());
-        all.map(move |of| (of, part(of))).filter(|(_, part)| *part != 0.0)
+    /// Returns robot parameters with factors. The sum of the factors times the derivatives with respect to these
+    /// parameters is the derivative with respect to omega of the motion per radian of phase, which depends only on
+    /// viscous coefficients and characteristic speeds over omega and on stiffness and dry friction over omega squared.
+    pub(super) fn omega_scaling(&self) -> impl Iterator<Item = (Parameter, f64)> {
+        let single = Parameter::ALL.into_iter().filter(|parameter| !parameter.is_sum());
+        single
+            .map(|parameter| {
+                let value = parameter.value_in(&self.robot);
+                (parameter, -parameter.power_of_omega() * value / self.omega_rad_s)
+            })
+            .filter(|(_, factor)| *factor != 0.0)
     }
 
-    /// Whether the mirror image of the motion follows half a period later.
+    /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half
+    /// a period, is also a motion.
     pub fn is_mirrored(&self) -> bool {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
         self.gait.is_symmetric() && (self.gait.passive_joint().is_none() || rests_straight)
     }
 }
 
-/// The power that friction takes, at the wheels and in the `passive` joint.
+/// Returns the power dissipated at the wheels and, if there is one, in the `passive` joint, W.
 #[inline(always)]
 pub(super) fn friction_power<T: Number, F: Friction>(
     robot: &Robot,
@@ -299,21 +325,23 @@ pub(super) fn friction_power<T: Number, F: Friction>(
     KinematicState { velocity, .. }: &KinematicState<T>,
     trig: &Trig<T>,
 ) -> T {
-    let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
+    let skid = skid_rows(robot, trig);
+    let roll = roll_rows(robot, trig);
     let mut power = match passive {
-        Some(p) => T::of(robot.damping_nm_s_rad) * velocity[3 + p] * velocity[3 + p],
-        None => T::of(0.0),
+        Some(p) => T::splat(robot.damping_nm_s_rad) * velocity[3 + p] * velocity[3 + p],
+        None => T::splat(0.0),
     };
     for wheel in 0..3 {
-        let (across, along) = (dot(&skid[wheel], velocity), dot(&roll[wheel], velocity));
+        let across = dot(&skid[wheel], velocity);
+        let along = dot(&roll[wheel], velocity);
         power +=
             F::skid(robot, wheel, across)[0] * across + F::roll(robot, wheel, along)[0] * along;
     }
     power
 }
 
-/// Gradient of the power that friction takes, at the wheels and in the `passive` joint, with respect to
-/// angles and velocities.
+/// Returns the gradient, with respect to joint angles and velocities, of the power dissipated at the wheels
+/// and in the `passive` joint.
 #[inline(always)]
 pub(super) fn friction_power_gradient<T: Number, F: Friction>(
     robot: &Robot,
@@ -321,32 +349,35 @@ pub(super) fn friction_power_gradient<T: Number, F: Friction>(
     KinematicState { velocity, .. }: &KinematicState<T>,
     trig: &Trig<T>,
 ) -> KinematicState<T> {
-    let zero = T::of(0.0);
+    let zero = T::splat(0.0);
     let mut gradient = KinematicState { phi_rad: [zero; 2], velocity: [zero; 5] };
-    let mut add = |wheel: usize, row: &[T; 5], drows_dphi: &[[T; 5]; 2], by_speed: T| {
+    let mut add = |wheel: usize, row: &[T; 5], drows_dphi: &[[T; 5]; 2], dpower_dspeed: T| {
         for i in 0..5 {
-            gradient.velocity[i] += by_speed * row[i];
+            gradient.velocity[i] += dpower_dspeed * row[i];
         }
         if let Some(joint) = wheel.checked_sub(1) {
-            gradient.phi_rad[joint] += by_speed * dot(&drows_dphi[joint], velocity);
+            gradient.phi_rad[joint] += dpower_dspeed * dot(&drows_dphi[joint], velocity);
         }
     };
-    let (skid, dskid) = (skid_rows(robot, trig), dskid_rows_dphi(robot, trig));
-    let (roll, droll) = (roll_rows(robot, trig), droll_rows_dphi(robot, trig));
+    let skid = skid_rows(robot, trig);
+    let dskid = dskid_rows_dphi(robot, trig);
+    let roll = roll_rows(robot, trig);
+    let droll = droll_rows_dphi(robot, trig);
     for wheel in 0..3 {
-        let (across, along) = (dot(&skid[wheel], velocity), dot(&roll[wheel], velocity));
+        let across = dot(&skid[wheel], velocity);
+        let along = dot(&roll[wheel], velocity);
         let [force, slope] = F::skid(robot, wheel, across);
         add(wheel, &skid[wheel], &dskid, force + slope * across);
         let [force, slope] = F::roll(robot, wheel, along);
         add(wheel, &roll[wheel], &droll, force + slope * along);
     }
     if let Some(p) = passive {
-        gradient.velocity[3 + p] += T::of(2.0 * robot.damping_nm_s_rad) * velocity[3 + p];
+        gradient.velocity[3 + p] += T::splat(2.0 * robot.damping_nm_s_rad) * velocity[3 + p];
     }
     gradient
 }
 
-/// Arrays side by side, one in each lane.
+/// Packs arrays into SIMD vectors, one array per lane.
 #[inline(always)]
 pub(super) fn lanes<const K: usize>(arrays: [&[f64; K]; LANES]) -> [Lanes; K] {
     let mut packed = [Lanes::default(); K];
@@ -356,12 +387,13 @@ pub(super) fn lanes<const K: usize>(arrays: [&[f64; K]; LANES]) -> [Lanes; K] {
     packed
 }
 
-/// What the command prescribes at one time; the entries of a passive joint are zero.
+/// Joint commands at one time; the entries of a passive joint are zero.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CommandNode<T = f64> {
-    /// See [`Gait::waves`](trilink_robot::Gait::waves).
+    /// Angle (relative to the offset), rate and acceleration of each joint's first harmonic, per radian of
+    /// its amplitude; see [`Gait::waves`](trilink_robot::Gait::waves).
     waves: [[T; 3]; 2],
-    /// See [`Gait::double_turn`](trilink_robot::Gait::double_turn).
+    /// Sine and cosine of twice the phase; zero if no command has a second harmonic.
     double_turn: [T; 2],
     shape: Shape<T>,
     trig: Trig<T>,
@@ -377,48 +409,50 @@ impl<T: Number> CommandNode<T> {
         Self { waves, double_turn, shape, trig: Trig::new(shape.phi_rad) }
     }
 
-    /// Derivatives of a joint's angle, rate and acceleration with respect to each number of its
-    /// command.
+    /// Returns the derivatives of a joint's commanded angle, rate and acceleration with respect to its
+    /// offset, amplitude and phase.
     #[inline(always)]
-    fn slopes(&self, joint: usize, problem: &Problem) -> [[T; 3]; NUMBERS] {
+    fn slopes(&self, joint: usize, problem: &Problem) -> [[T; 3]; COMMAND_SIZE] {
         let Problem { gait, omega_rad_s, .. } = problem;
-        let amplitude = T::of(gait.joints[joint].map_or(0.0, |joint| joint.amplitude_rad));
+        let amplitude = T::splat(gait.joints[joint].map_or(0.0, |joint| joint.amplitude_rad));
         let [_, rate, acceleration] = self.waves[joint].map(|wave| amplitude * wave);
-        let (omega, period) = (T::of(*omega_rad_s), T::of(1.0 / omega_rad_s));
-        let by_phase = [rate * period, acceleration * period, -(omega * rate)];
-        [[T::of(1.0), T::of(0.0), T::of(0.0)], self.waves[joint], by_phase]
+        let omega = T::splat(*omega_rad_s);
+        let period = T::splat(1.0 / omega_rad_s);
+        let dphase = [rate * period, acceleration * period, -(omega * rate)];
+        [[T::splat(1.0), T::splat(0.0), T::splat(0.0)], self.waves[joint], dphase]
     }
 
-    /// The same with respect to the parts of its second harmonic.
+    /// Returns the derivatives of a joint's commanded angle, rate and acceleration with respect to the
+    /// components of its second harmonic.
     #[inline(always)]
-    fn second_slopes(&self, problem: &Problem) -> [[T; 3]; PARTS] {
+    fn second_slopes(&self, problem: &Problem) -> [[T; 3]; HARMONIC_SIZE] {
         Gait::second_waves(self.double_turn, problem.omega_rad_s)
     }
 
-    /// Gradient with respect to these numbers, as far as they act on the joints' own angles and
-    /// rates alone.
+    /// Converts a gradient with respect to joint angles and rates to a gradient with respect to the joints'
+    /// commands; other velocities are held fixed.
     #[inline(always)]
     pub(crate) fn gait_gradient(
         &self,
         gradient: &KinematicState<T>,
         problem: &Problem,
-    ) -> [BySlopes<T>; 2] {
-        let mut by_number = [[T::of(0.0); NUMBERS + PARTS]; 2];
+    ) -> [CommandGradient<T>; 2] {
+        let mut command_gradient = [[T::splat(0.0); COMMAND_SIZE + HARMONIC_SIZE]; 2];
         for joint in 0..2 {
-            let along = |[phi, rate, _]: [T; 3]| {
-                gradient.phi_rad[joint] * phi + gradient.velocity[3 + joint] * rate
-            };
+            let [dphi, drate] = [gradient.phi_rad[joint], gradient.velocity[3 + joint]];
             let slopes = self.slopes(joint, problem);
-            for number in 0..NUMBERS {
-                by_number[joint][number] = along(slopes[number]);
+            for i in 0..COMMAND_SIZE {
+                let [phi, rate, _] = slopes[i];
+                command_gradient[joint][i] = dphi * phi + drate * rate;
             }
             if problem.gait.has_second() {
                 let slopes = self.second_slopes(problem);
-                for part in 0..PARTS {
-                    by_number[joint][NUMBERS + part] = along(slopes[part]);
+                for i in 0..HARMONIC_SIZE {
+                    let [phi, rate, _] = slopes[i];
+                    command_gradient[joint][COMMAND_SIZE + i] = dphi * phi + drate * rate;
                 }
             }
         }
-        by_number
+        command_gradient
     }
 }

@@ -1,4 +1,4 @@
-//! One joint on its spring, wheels that cannot skid.
+//! Equations of motion with one passive joint and no-skid wheels.
 
 use std::marker::PhantomData;
 
@@ -9,25 +9,30 @@ use trilink_robot::{
 
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
-    BySlopes, CommandNode, KinematicState, MOST_PARAMETERS, NUMBERS, Reduced, Residual,
+    COMMAND_SIZE, CommandGradient, CommandNode, KinematicState, MAX_PARAMETERS, Reduced, Residual,
     friction_power, friction_power_gradient,
 };
 use crate::Problem;
 
-/// Joint `passive` (0 or 1) on its spring, wheels that cannot skid. States `s, phi_p`.
+/// Equations of motion with no-skid wheels and with joint `passive` (index 0 or 1) on its spring. The states
+/// are the factor `s` of the null direction defined below, and the passive joint's angle `phi_p`.
 ///
-/// Wheel 0 leaves `v = 0`. With `sigma = 1` for joint 1 and `-1` for joint 2, the wheel of the
-/// commanded link a and that of the passive link p leave
+/// Link 0 moves at `u` along and `v` across its heading `theta`; the constraint of its wheel is `v = 0`.
+/// Joints are at the distance `h` from wheel 0 and `l` from the wheels of their side links. With `sigma = 1`
+/// for joint 1 and `-1` for joint 2, the constraints of the wheels of the commanded link a and of the passive
+/// link p are
 ///
 /// ```text
-/// sin(phi_a) u + (l + h cos phi_a) theta' = sigma_a l phi_a'
-/// l phi_p' = sigma_p (sin(phi_p) u + (l + h cos phi_p) theta')
+/// sin(phi_a) u + (l_a + h_a cos phi_a) theta' = sigma_a l_a phi_a'
+/// l_p phi_p' = sigma_p (sin(phi_p) u + (l_p + h_p cos phi_p) theta')
 /// ```
 ///
-/// The first has the solutions `(u, theta') = s n + e` with the null direction
-/// `n = (l + h cos phi_a, -sin phi_a)`, which is never zero, and a particular solution `e`;
-/// the second gives `phi_p'`. Neither needs `det W_b`, so nothing happens where it is zero.
-/// Eq. 7 projected on the null direction `(n_u, 0, n_r, n_p)` is free of constraint forces.
+/// The first has the solutions `(u, theta') = s n + e` with the null direction `n = (l_a + h_a cos phi_a,
+/// -sin phi_a)`, which never vanishes, and a particular solution `e`; the second gives `phi_p'`. Neither
+/// involves the matrix `W_b` of eq. 4 of the paper, so the joint angles at which `det W_b = 0` are regular
+/// here. The equations of motion (eq. 7 of the paper) contain no constraint forces after projection on the
+/// null direction of all velocities, whose components along `u`, `v`, `theta'` and `phi_p'` are `(n_u, 0,
+/// n_r, n_p)`.
 #[derive(Debug, Clone)]
 pub(crate) struct PassiveNoSkid<F> {
     problem: Problem,
@@ -35,7 +40,8 @@ pub(crate) struct PassiveNoSkid<F> {
     friction: PhantomData<F>,
 }
 
-/// What the command prescribes: the null direction and the particular solution.
+/// Joint command at one time, with the null direction and the particular solution of the commanded link's
+/// wheel constraint.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ConstrainedNode<T = f64> {
     command: CommandNode<T>,
@@ -43,8 +49,8 @@ pub(crate) struct ConstrainedNode<T = f64> {
     frame: Frame<T>,
 }
 
-/// `(u, theta')` along the null direction and of the particular solution, and their time
-/// derivatives.
+/// Null direction and particular solution `(u, theta')` of the commanded link's wheel constraint, and their
+/// time derivatives.
 #[derive(Debug, Clone, Copy)]
 struct Frame<T = f64> {
     null: [T; 2],
@@ -65,16 +71,19 @@ impl<T: Number> Frame<T> {
     }
 }
 
-/// What the wheel of the commanded link leaves, as functions of that joint's angle with their first
-/// two derivatives.
+/// Solutions of the commanded link's wheel constraint as functions of that link's joint angle, with their
+/// first two derivatives.
 #[derive(Debug, Clone, Copy)]
 struct Constraint<T> {
-    /// `(u, theta')` along the null direction.
+    /// Null direction `(u, theta')` and its first two derivatives with respect to the commanded joint's
+    /// angle.
     null: [[T; 2]; 3],
-    /// Of the particular solution, per unit of the commanded rate.
+    /// Particular solution `(u, theta')` per unit of the commanded joint's rate, and its first two
+    /// derivatives with respect to that joint's angle.
     particular: [[T; 2]; 3],
-    /// The commanded rate and acceleration.
+    /// Commanded joint rate, rad/s.
     rate: T,
+    /// Commanded joint acceleration, rad/s^2.
     acceleration: T,
 }
 
@@ -90,7 +99,8 @@ impl<T: Number> Constraint<T> {
         }
     }
 
-    /// Change of the frame with the commanded joint's angle, rate and acceleration.
+    /// Returns the change in the null direction and in the particular solution for given changes in the
+    /// commanded joint's angle, rate and acceleration.
     #[inline(always)]
     fn frame_change(&self, [dphi, drate, dacceleration]: [T; 3]) -> Frame<T> {
         let Self { null, particular: [e, de, d2e], rate, acceleration } = self;
@@ -101,53 +111,54 @@ impl<T: Number> Constraint<T> {
             particular: [0, 1].map(|i| de[i] * turned + e[i] * drate),
             particular_rate: [0, 1].map(|i| {
                 d2e[i] * *rate * turned
-                    + de[i] * (*acceleration * dphi + T::of(2.0) * *rate * drate)
+                    + de[i] * (*acceleration * dphi + T::splat(2.0) * *rate * drate)
                     + e[i] * dacceleration
             }),
         }
     }
 }
 
-/// The wheel of the passive link, which gives `phi_p'` from `(u, theta')`.
+/// Wheel constraint of the passive link, which determines `phi_p'` from `(u, theta')`.
 struct PassiveWheel<T> {
     sin: T,
     cos: T,
     arm_m: T,
     h_m: T,
-    /// `sigma_p / l`.
+    /// Sign of the passive joint (see [`joint_sign`]) divided by the length of its side link, 1/m.
     per_m: T,
 }
 
 impl<T: Number> PassiveWheel<T> {
-    /// `phi_p'`.
+    /// Returns the passive joint's rate `phi_p'`, rad/s.
     #[inline(always)]
     fn rate(&self, [u, r]: [T; 2]) -> T {
         self.per_m * (self.sin * u + self.arm_m * r)
     }
 
-    /// Derivative of `phi_p'` with respect to `phi_p`.
+    /// Returns the derivative of the passive joint's rate `phi_p'` with respect to its angle `phi_p`.
     #[inline(always)]
     fn drate_dphi(&self, [u, r]: [T; 2]) -> T {
         self.per_m * (self.cos * u - self.h_m * self.sin * r)
     }
 
-    /// The second derivative.
+    /// Returns the second derivative of the passive joint's rate `phi_p'` with respect to its angle `phi_p`.
     #[inline(always)]
     fn d2rate_dphi2(&self, [u, r]: [T; 2]) -> T {
         -(self.per_m * (self.sin * u + self.h_m * self.cos * r))
     }
 }
 
-/// The projected equations of one state and what they are made of.
+/// Equations of motion at one time, projected on the null direction of the wheel constraints, with
+/// intermediate results.
 struct Projected<T> {
     residual: Residual<2, T>,
     balance: Balance<T>,
     trig: Trig<T>,
     state: KinematicState<T>,
     wheel: PassiveWheel<T>,
-    /// `(u, theta')`.
+    /// Velocities `(u, theta')`.
     velocities: [T; 2],
-    /// The null direction along `u`, `theta'` and `phi_p'`.
+    /// Components of the null direction along `u`, `theta'` and `phi_p'`.
     null: [T; 3],
 }
 
@@ -156,16 +167,23 @@ impl<F: Friction> PassiveNoSkid<F> {
         Self { problem, passive, friction: PhantomData }
     }
 
-    /// Rows of eq. 7 that the null direction has parts along.
+    /// Returns the indices of the velocities along which the null direction has components: `u`, `theta'` and
+    /// `phi_p'`. They are also the indices of the equations of motion (rows of eq. 7 of the paper) to be
+    /// projected.
     fn rows(&self) -> [usize; 3] {
         [0, 2, 3 + self.passive]
     }
 
     #[inline(always)]
     fn wheel<T: Number>(&self, trig: &Trig<T>) -> PassiveWheel<T> {
-        let (h_m, l_m) = (T::of(self.problem.robot.h_m), self.problem.robot.l_m);
-        let (sin, cos) = (trig.s[self.passive], trig.c[self.passive]);
-        let (arm_m, per_m) = (T::of(l_m) + h_m * cos, T::of(joint_sign(self.passive) / l_m));
+        let p = self.passive;
+        let robot = &self.problem.robot;
+        let h_m = T::splat(robot.h_m[p]);
+        let l_m = robot.l_m[p];
+        let sin = trig.s[p];
+        let cos = trig.c[p];
+        let arm_m = T::splat(l_m) + h_m * cos;
+        let per_m = T::splat(joint_sign(p) / l_m);
         PassiveWheel { sin, cos, arm_m, h_m, per_m }
     }
 
@@ -176,13 +194,17 @@ impl<F: Friction> PassiveNoSkid<F> {
         y: &[T; 2],
         dy: &[T; 2],
     ) -> Projected<T> {
-        let (p, robot, frame) = (self.passive, &self.problem.robot, &node.frame);
+        let p = self.passive;
+        let robot = &self.problem.robot;
+        let frame = &node.frame;
         let trig = self.trig(node, y);
         let wheel = self.wheel(&trig);
         let velocities = frame.velocities(y[0]);
         let accelerations = frame.accelerations(y[0], dy[0]);
-        let (n_p, dn_p_dphi) = (wheel.rate(frame.null), wheel.drate_dphi(frame.null));
-        let (w, dw_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
+        let n_p = wheel.rate(frame.null);
+        let dn_p_dphi = wheel.drate_dphi(frame.null);
+        let w = wheel.rate(velocities);
+        let dw_dphi = wheel.drate_dphi(velocities);
         let dw_rate_ds = dn_p_dphi * w + dw_dphi * n_p + wheel.rate(frame.null_rate);
         let dw_rate_dphi = wheel.d2rate_dphi2(velocities) * w
             + dw_dphi * dw_dphi
@@ -197,15 +219,17 @@ impl<F: Friction> PassiveNoSkid<F> {
 
         let rows = self.rows();
         let null = [frame.null[0], frame.null[1], n_p];
-        let (zero, one) = (T::of(0.0), T::of(1.0));
+        let zero = T::splat(0.0);
+        let one = T::splat(1.0);
         let projected =
-            |of: &dyn Fn(usize) -> T| (0..3).fold(zero, |sum, k| sum + null[k] * of(rows[k]));
-        // Derivative of the projected balance when velocities and accelerations change.
+            |row: &dyn Fn(usize) -> T| (0..3).fold(zero, |sum, k| sum + null[k] * row(rows[k]));
+        // Derivative of the projected force balance for given changes in velocities and accelerations.
         let along = |velocity: [T; 3], rate: [T; 3]| -> T {
             projected(&|row| {
                 (0..3).fold(zero, |sum, k| {
-                    let (by_velocity, mass) = (&balance.dforce_dvelocity[row], &balance.mass[row]);
-                    sum + by_velocity[rows[k]] * velocity[k] + mass[rows[k]] * rate[k]
+                    let dforce_dvelocity = &balance.dforce_dvelocity[row];
+                    let mass = &balance.mass[row];
+                    sum + dforce_dvelocity[rows[k]] * velocity[k] + mass[rows[k]] * rate[k]
                 })
             })
         };
@@ -222,22 +246,27 @@ impl<F: Friction> PassiveNoSkid<F> {
         Projected { residual, balance, trig, state, wheel, velocities, null }
     }
 
-    /// What the wheel of the commanded link leaves.
+    /// Returns the solutions of the commanded link's wheel constraint.
     #[inline(always)]
     fn constraint<T: Number>(&self, command: &CommandNode<T>) -> Constraint<T> {
         let a = 1 - self.passive;
-        let (sin, cos) = (command.trig.s[a], command.trig.c[a]);
-        let (h, l, two) =
-            (T::of(self.problem.robot.h_m), T::of(self.problem.robot.l_m), T::of(2.0));
+        let sin = command.trig.s[a];
+        let cos = command.trig.c[a];
+        let robot = &self.problem.robot;
+        let h = T::splat(robot.h_m[a]);
+        let l = T::splat(robot.l_m[a]);
+        let two = T::splat(2.0);
         let arm = l + h * cos;
-        // The shortest particular solution, rotation counted as speed at the distance l.
+        // Minimum-norm particular solution, with rotation weighted by the length l.
         let norm = l * l * sin * sin + arm * arm;
         let turn = l * l * cos - h * arm;
-        let (dnorm, d2norm) = (two * sin * turn, two * (cos * turn + (h * h - l * l) * sin * sin));
-        let (lever, per_norm) = (T::of(joint_sign(a)) * l, T::of(1.0) / norm);
+        let dnorm = two * sin * turn;
+        let d2norm = two * (cos * turn + (h * h - l * l) * sin * sin);
+        let lever = T::splat(joint_sign(a)) * l;
+        let per_norm = T::splat(1.0) / norm;
         let direction =
             [[l * l * sin, arm], [l * l * cos, -(h * sin)], [-(l * l * sin), -(h * cos)]];
-        let [value, slope, curve] = direction.map(|of| of.map(|entry| lever * entry));
+        let [value, slope, curve] = direction.map(|entries| entries.map(|entry| lever * entry));
         let particular: [T; 2] = std::array::from_fn(|i| value[i] * per_norm);
         let dparticular: [T; 2] =
             std::array::from_fn(|i| (slope[i] - particular[i] * dnorm) * per_norm);
@@ -254,21 +283,22 @@ impl<F: Friction> PassiveNoSkid<F> {
 }
 
 impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
-    const OF_ROBOT: usize = F::ROLL.len() + 2;
+    const ROBOT_VARIABLES: usize = F::ROLL.len() + 2;
     const COMMANDED: usize = 1;
     const SKIDS: bool = false;
-    const IS_LINEAR: bool = F::IS_LINEAR;
     const INTEGRATED: bool = false;
     const HAS_ANGLE: bool = true;
 
+    type Friction = F;
     type Node<T: Number> = ConstrainedNode<T>;
 
-    fn softened(&self, factor: f64) -> Option<Self> {
-        (!F::IS_LINEAR).then(|| Self::new(self.problem.softened(factor), self.passive))
+    fn with_transition_scaled(&self, factor: f64) -> Option<Self> {
+        (!F::IS_LINEAR)
+            .then(|| Self::new(self.problem.with_transition_scaled(factor), self.passive))
     }
 
-    fn resisted(&self, factor: f64) -> Self {
-        Self::new(self.problem.resisted(factor), self.passive)
+    fn with_friction_scaled(&self, factor: f64) -> Self {
+        Self::new(self.problem.with_friction_scaled(factor), self.passive)
     }
 
     fn problem(&self) -> &Problem {
@@ -277,7 +307,8 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
 
     fn guess(&self) -> impl Fn(f64) -> [f64; 2] {
         let Problem { robot, .. } = &self.problem;
-        let (rest, arm_m) = (self.at_rest(), robot.h_m + robot.l_m);
+        let rest = self.at_rest();
+        let arm_m = robot.reach_m()[1 - self.passive];
         let motion = HarmonicMotion::find(&self.problem, self.passive);
         move |phase_rad| {
             motion.as_ref().map_or(rest, |motion| {
@@ -319,13 +350,15 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         y: &[T; 2],
         dy: &[T; 2],
         parameters: usize,
-        jacobian: &mut [[T; MOST_PARAMETERS]],
+        jacobian: &mut [[T; MAX_PARAMETERS]],
     ) -> Residual<2, T> {
-        let (p, a, robot) = (self.passive, 1 - self.passive, &self.problem.robot);
+        let p = self.passive;
+        let a = 1 - self.passive;
+        let robot = &self.problem.robot;
         let Projected { residual, balance, trig, state, wheel, velocities, null } =
             self.equations(node, y, dy);
         let rows = self.rows();
-        let zero = T::of(0.0);
+        let zero = T::splat(0.0);
         let along = |force: &[T; 5]| -> T {
             null.iter().zip(&rows).fold(zero, |sum, (n, &row)| sum + *n * force[row])
         };
@@ -335,24 +368,26 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
             });
         }
         let [stiffness, damping] = [F::ROLL.len(), F::ROLL.len() + 1];
-        jacobian[0][stiffness] = null[2] * (y[1] - T::of(robot.rest_angle_rad));
+        jacobian[0][stiffness] = null[2] * (y[1] - T::splat(robot.rest_angle_rad));
         jacobian[0][damping] = null[2] * state.velocity[3 + p];
-        if parameters <= Self::OF_ROBOT {
+        if parameters <= Self::ROBOT_VARIABLES {
             return residual;
         }
-        // The frame of the constraints turns with the commanded joint.
-        let (w, drate_dphi) = (wheel.rate(velocities), wheel.drate_dphi(velocities));
+        // The frame of the constraints rotates with the commanded joint.
+        let w = wheel.rate(velocities);
+        let drate_dphi = wheel.drate_dphi(velocities);
         let acceleration = self.acceleration(node, y, dy);
         let turned = dforce_dphi::<T, F>(robot, Some(p), a, &trig, &state.velocity, &acceleration);
         let mut set = |slopes: [T; 3], column: usize| {
             let frame = node.constraint.frame_change(slopes);
-            let (dvelocities, daccelerations) =
-                (frame.velocities(y[0]), frame.accelerations(y[0], dy[0]));
+            let dvelocities = frame.velocities(y[0]);
+            let daccelerations = frame.accelerations(y[0], dy[0]);
             let dw = wheel.rate(dvelocities);
             let [phi, rate, acceleration] = slopes;
             let mut velocity = [dvelocities[0], zero, dvelocities[1], zero, zero];
             let mut rates = [daccelerations[0], zero, daccelerations[1], zero, zero];
-            (velocity[3 + p], velocity[3 + a]) = (dw, rate);
+            velocity[3 + p] = dw;
+            velocity[3 + a] = rate;
             rates[3 + p] =
                 wheel.drate_dphi(dvelocities) * w + drate_dphi * dw + wheel.rate(daccelerations);
             rates[3 + a] = acceleration;
@@ -364,15 +399,16 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
                     + turned[row] * phi;
                 sum += *n * force + *dn * balance.force[row];
             }
-            (jacobian[0][column], jacobian[1][column]) = (sum, -dw);
+            jacobian[0][column] = sum;
+            jacobian[1][column] = -dw;
         };
         for (number, slopes) in node.command.slopes(a, &self.problem).into_iter().enumerate() {
-            set(slopes, Self::OF_ROBOT + number);
+            set(slopes, Self::ROBOT_VARIABLES + number);
         }
-        if parameters > Self::OF_FIRST {
+        if parameters > Self::FIRST_HARMONIC_VARIABLES {
             for (part, slopes) in node.command.second_slopes(&self.problem).into_iter().enumerate()
             {
-                set(slopes, Self::OF_FIRST + part);
+                set(slopes, Self::FIRST_HARMONIC_VARIABLES + part);
             }
         }
         residual
@@ -380,7 +416,8 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
 
     #[inline(always)]
     fn trig<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> Trig<T> {
-        let (p, mut trig) = (self.passive, node.command.trig);
+        let p = self.passive;
+        let mut trig = node.command.trig;
         (trig.s[p], trig.c[p]) = y[1].sin_cos();
         trig
     }
@@ -392,10 +429,11 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         y: &[T; 2],
         dy: &[T; 2],
     ) -> [T; 5] {
-        let (p, wheel) = (self.passive, self.wheel(&self.trig(node, y)));
+        let p = self.passive;
+        let wheel = self.wheel(&self.trig(node, y));
         let velocities = node.frame.velocities(y[0]);
         let [du, dr] = node.frame.accelerations(y[0], dy[0]);
-        let zero = T::of(0.0);
+        let zero = T::splat(0.0);
         let mut acceleration = [du, zero, dr, zero, zero];
         acceleration[3 + p] =
             wheel.drate_dphi(velocities) * wheel.rate(velocities) + wheel.rate([du, dr]);
@@ -411,7 +449,9 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [T; 2] {
-        let (p, wheel, frame) = (self.passive, self.wheel(trig), &node.frame);
+        let p = self.passive;
+        let wheel = self.wheel(trig);
+        let frame = &node.frame;
         let [u, _, r, ..] = gradient.velocity;
         let dw = gradient.velocity[3 + p];
         let ds = u * frame.null[0] + r * frame.null[1] + dw * wheel.rate(frame.null);
@@ -426,8 +466,10 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         y: &[T; 2],
         trig: &Trig<T>,
         gradient: &KinematicState<T>,
-    ) -> [BySlopes<T>; 2] {
-        let (p, a, wheel) = (self.passive, 1 - self.passive, self.wheel(trig));
+    ) -> [CommandGradient<T>; 2] {
+        let p = self.passive;
+        let a = 1 - self.passive;
+        let wheel = self.wheel(trig);
         let [u, _, r, ..] = gradient.velocity;
         let mut gradients = node.command.gait_gradient(gradient, &self.problem);
         let mut add = |number: usize, slopes: [T; 3]| {
@@ -442,7 +484,7 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         if self.problem.gait.has_second() {
             for (part, slopes) in node.command.second_slopes(&self.problem).into_iter().enumerate()
             {
-                add(NUMBERS + part, slopes);
+                add(COMMAND_SIZE + part, slopes);
             }
         }
         gradients
@@ -454,7 +496,7 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         let [u, r] = node.frame.velocities(y[0]);
         let mut phi_rad = node.command.shape.phi_rad;
         phi_rad[p] = y[1];
-        let zero = T::of(0.0);
+        let zero = T::splat(0.0);
         let mut velocity = [u, zero, r, zero, zero];
         velocity[3 + p] = self.wheel(&self.trig(node, y)).rate([u, r]);
         velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
@@ -481,9 +523,10 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         state: &KinematicState<T>,
         trig: &Trig<T>,
         weight: T,
-        columns: &mut [T; MOST_PARAMETERS],
+        columns: &mut [T; MAX_PARAMETERS],
     ) {
-        let (robot, velocity) = (&self.problem.robot, &state.velocity);
+        let robot = &self.problem.robot;
+        let velocity = &state.velocity;
         for (wheel, row) in roll_rows(robot, trig).iter().enumerate() {
             let along = dot(row, velocity);
             F::roll_slopes(robot, wheel, along, |column, slope| {

@@ -1,4 +1,4 @@
-//! Wheels that skid.
+//! Equations of motion with skidding wheels.
 
 use std::marker::PhantomData;
 
@@ -9,17 +9,18 @@ use trilink_robot::{
 
 use super::harmonic::HarmonicMotion;
 use super::{
-    BySlopes, CommandNode, KinematicState, MOST_PARAMETERS, Reduced, Residual, friction_power,
-    friction_power_gradient,
+    CommandGradient, CommandNode, KinematicState, MAX_PARAMETERS, Reduced, Residual,
+    friction_power, friction_power_gradient,
 };
 use crate::Problem;
 
-/// Wheels that skid. With both joints commanded (`N` = 3) the states are `u, v, theta'`; with
-/// joint `passive` (0 or 1) on its spring (`N` = 5) `phi_p', phi_p` follow them.
+/// Equations of motion with skidding wheels. The states are the velocities `u` along and `v` across link 0 and
+/// its turning rate `theta'` (`N` = 3). If joint `passive` (index 0 or 1) is on its spring, that joint's rate
+/// `phi_p'` and angle `phi_p` are two further states (`N` = 5).
 #[derive(Debug, Clone)]
 pub(crate) struct Skid<const N: usize, F> {
     problem: Problem,
-    /// Of no meaning where both joints are commanded.
+    /// Index of the passive joint; unused if both joints are commanded.
     passive: usize,
     friction: PhantomData<F>,
 }
@@ -30,9 +31,9 @@ impl<const N: usize, F: Friction> Skid<N, F> {
     }
 
     const IS_PASSIVE: bool = N == 5;
-    /// Parameters of the wheels.
-    const OF_WHEELS: usize = F::SKID.len() + F::ROLL.len();
-    /// Rows of eq. 7 among the equations.
+    /// Number of friction parameters of the wheels.
+    const WHEEL_PARAMETERS: usize = F::SKID.len() + F::ROLL.len();
+    /// Number of residual equations, all of which are equations of motion (rows of eq. 7 of the paper).
     const ROWS: usize = if Self::IS_PASSIVE { 4 } else { 3 };
 
     #[inline(always)]
@@ -40,7 +41,8 @@ impl<const N: usize, F: Friction> Skid<N, F> {
         Self::IS_PASSIVE.then_some(self.passive)
     }
 
-    /// The row of eq. 7 that is equation `i`: the body's three, then the passive joint's.
+    /// Returns the index of the equation of motion (row of eq. 7 of the paper) that is residual equation `i`: first the
+    /// three equations of link 0, then that of the passive joint.
     #[inline(always)]
     fn row(&self, i: usize) -> usize {
         if i < 3 { i } else { 3 + self.passive }
@@ -54,12 +56,13 @@ impl<const N: usize, F: Friction> Skid<N, F> {
         y: &[T; N],
         dy: &[T; N],
     ) -> (Residual<N, T>, Balance<T>) {
-        let (robot, passive) = (&self.problem.robot, self.passive());
+        let robot = &self.problem.robot;
+        let passive = self.passive();
         let KinematicState { phi_rad, velocity } = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
         let balance =
             force_balance::<T, F>(robot, passive, phi_rad, trig, &velocity, &acceleration);
-        let zero = T::of(0.0);
+        let zero = T::splat(0.0);
         let mut residual = Residual {
             value: [zero; N],
             state_jacobian: [[zero; N]; N],
@@ -85,21 +88,22 @@ impl<const N: usize, F: Friction> Skid<N, F> {
 }
 
 impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
-    const OF_ROBOT: usize = Self::OF_WHEELS + if Self::IS_PASSIVE { 2 } else { 0 };
+    const ROBOT_VARIABLES: usize = Self::WHEEL_PARAMETERS + if Self::IS_PASSIVE { 2 } else { 0 };
     const COMMANDED: usize = if Self::IS_PASSIVE { 1 } else { 2 };
     const SKIDS: bool = true;
-    const IS_LINEAR: bool = F::IS_LINEAR;
     const INTEGRATED: bool = Self::IS_PASSIVE;
     const HAS_ANGLE: bool = Self::IS_PASSIVE;
 
+    type Friction = F;
     type Node<T: Number> = CommandNode<T>;
 
-    fn softened(&self, factor: f64) -> Option<Self> {
-        (!F::IS_LINEAR).then(|| Self::new(self.problem.softened(factor), self.passive))
+    fn with_transition_scaled(&self, factor: f64) -> Option<Self> {
+        (!F::IS_LINEAR)
+            .then(|| Self::new(self.problem.with_transition_scaled(factor), self.passive))
     }
 
-    fn resisted(&self, factor: f64) -> Self {
-        Self::new(self.problem.resisted(factor), self.passive)
+    fn with_friction_scaled(&self, factor: f64) -> Self {
+        Self::new(self.problem.with_friction_scaled(factor), self.passive)
     }
 
     fn problem(&self) -> &Problem {
@@ -135,7 +139,7 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
 
     fn parameter(&self, column: usize) -> Parameter {
         const JOINT: [Parameter; 2] = [Quantity::Stiffness.one(), Quantity::Damping.one()];
-        match column.checked_sub(Self::OF_WHEELS) {
+        match column.checked_sub(Self::WHEEL_PARAMETERS) {
             Some(number) => JOINT[number],
             None => F::SKID.get(column).copied().unwrap_or_else(|| F::ROLL[column - F::SKID.len()]),
         }
@@ -148,16 +152,18 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         y: &[T; N],
         dy: &[T; N],
         parameters: usize,
-        jacobian: &mut [[T; MOST_PARAMETERS]],
+        jacobian: &mut [[T; MAX_PARAMETERS]],
     ) -> Residual<N, T> {
         let robot = &self.problem.robot;
         let trig = self.trig(node, y);
         let (residual, balance) = self.equations(node, &trig, y, dy);
-        let (velocity, acceleration) =
-            (self.kinematics(node, y).velocity, self.acceleration(node, y, dy));
-        let (skid, roll) = (skid_rows(robot, &trig), roll_rows(robot, &trig));
+        let velocity = self.kinematics(node, y).velocity;
+        let acceleration = self.acceleration(node, y, dy);
+        let skid = skid_rows(robot, &trig);
+        let roll = roll_rows(robot, &trig);
         for wheel in 0..3 {
-            let (across, along) = (dot(&skid[wheel], &velocity), dot(&roll[wheel], &velocity));
+            let across = dot(&skid[wheel], &velocity);
+            let along = dot(&roll[wheel], &velocity);
             F::skid_slopes(robot, wheel, across, |column, slope| {
                 for i in 0..Self::ROWS {
                     jacobian[i][column] += skid[wheel][self.row(i)] * slope;
@@ -169,8 +175,8 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
                 }
             });
         }
-        let mut columns = Self::OF_ROBOT..parameters.min(Self::OF_FIRST);
-        let mut of_second = Self::OF_FIRST..parameters;
+        let mut columns = Self::ROBOT_VARIABLES..parameters.min(Self::FIRST_HARMONIC_VARIABLES);
+        let mut of_second = Self::FIRST_HARMONIC_VARIABLES..parameters;
         for joint in (0..2).filter(|joint| self.passive() != Some(*joint)) {
             let turned = dforce_dphi::<T, F>(robot, None, joint, &trig, &velocity, &acceleration);
             let mut set = |[phi, rate, acceleration]: [T; 3], column: usize| {
@@ -183,14 +189,14 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
             };
             let slopes = node.slopes(joint, &self.problem).into_iter();
             slopes.zip(columns.by_ref()).for_each(|(slopes, column)| set(slopes, column));
-            if parameters > Self::OF_FIRST {
+            if parameters > Self::FIRST_HARMONIC_VARIABLES {
                 let slopes = node.second_slopes(&self.problem).into_iter();
                 slopes.zip(of_second.by_ref()).for_each(|(slopes, column)| set(slopes, column));
             }
         }
         if Self::IS_PASSIVE {
-            let [stiffness, damping] = [Self::OF_WHEELS, Self::OF_WHEELS + 1];
-            jacobian[3][stiffness] = y[4] - T::of(robot.rest_angle_rad);
+            let [stiffness, damping] = [Self::WHEEL_PARAMETERS, Self::WHEEL_PARAMETERS + 1];
+            jacobian[3][stiffness] = y[4] - T::splat(robot.rest_angle_rad);
             jacobian[3][damping] = y[3];
         }
         residual
@@ -198,10 +204,12 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
 
     #[inline(always)]
     fn kinematics<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> KinematicState<T> {
-        let (mut phi_rad, [w1, w2]) = (node.shape.phi_rad, node.shape.rate_rad_s);
+        let mut phi_rad = node.shape.phi_rad;
+        let [w1, w2] = node.shape.rate_rad_s;
         let mut velocity = [y[0], y[1], y[2], w1, w2];
         if let Some(p) = self.passive() {
-            (velocity[3 + p], phi_rad[p]) = (y[3], y[4]);
+            velocity[3 + p] = y[3];
+            phi_rad[p] = y[4];
         }
         KinematicState { phi_rad, velocity }
     }
@@ -233,14 +241,14 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         _trig: &Trig<T>,
         gradient: &KinematicState<T>,
     ) -> [T; N] {
-        let mut by_state = [T::of(0.0); N];
+        let mut state_gradient = [T::splat(0.0); N];
         for i in 0..Self::ROWS {
-            by_state[i] = gradient.velocity[self.row(i)];
+            state_gradient[i] = gradient.velocity[self.row(i)];
         }
         if let Some(p) = self.passive() {
-            by_state[4] = gradient.phi_rad[p];
+            state_gradient[4] = gradient.phi_rad[p];
         }
-        by_state
+        state_gradient
     }
 
     #[inline(always)]
@@ -250,7 +258,7 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         _y: &[T; N],
         _trig: &Trig<T>,
         gradient: &KinematicState<T>,
-    ) -> [BySlopes<T>; 2] {
+    ) -> [CommandGradient<T>; 2] {
         node.gait_gradient(gradient, &self.problem)
     }
 
@@ -274,12 +282,15 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         state: &KinematicState<T>,
         trig: &Trig<T>,
         weight: T,
-        columns: &mut [T; MOST_PARAMETERS],
+        columns: &mut [T; MAX_PARAMETERS],
     ) {
-        let (robot, velocity) = (&self.problem.robot, &state.velocity);
-        let (skid, roll) = (skid_rows(robot, trig), roll_rows(robot, trig));
+        let robot = &self.problem.robot;
+        let velocity = &state.velocity;
+        let skid = skid_rows(robot, trig);
+        let roll = roll_rows(robot, trig);
         for wheel in 0..3 {
-            let (across, along) = (dot(&skid[wheel], velocity), dot(&roll[wheel], velocity));
+            let across = dot(&skid[wheel], velocity);
+            let along = dot(&roll[wheel], velocity);
             F::skid_slopes(robot, wheel, across, |column, slope| {
                 columns[column] += weight * across * slope;
             });
@@ -288,13 +299,13 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
             });
         }
         if let Some(p) = self.passive() {
-            columns[Self::OF_WHEELS + 1] += weight * velocity[3 + p] * velocity[3 + p];
+            columns[Self::WHEEL_PARAMETERS + 1] += weight * velocity[3 + p] * velocity[3 + p];
         }
     }
 
     fn half_period_signs(&self) -> Option<[f64; N]> {
-        let signs = || std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
-        self.problem.is_mirrored().then(signs)
+        let signs = std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
+        self.problem.is_mirrored().then_some(signs)
     }
 
     fn at_rest(&self) -> [f64; N] {

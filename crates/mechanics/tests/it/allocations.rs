@@ -1,4 +1,4 @@
-//! A solver that has solved once needs no more memory.
+//! Tests that repeated solutions do not allocate.
 
 use allocation_counter::measure;
 use trilink_mechanics::{FIT_ACCURACY, Laws, Problem, Solver};
@@ -12,27 +12,28 @@ fn problems(omega_rad_s: f64) -> Vec<Problem> {
         (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL),
         (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL),
     ];
-    of(&kinds, omega_rad_s)
+    at_frequency(&kinds, omega_rad_s)
 }
 
-/// Under dry friction.
+/// Returns problems under dry friction, with both joints commanded and with one passive.
 fn dry_problems(omega_rad_s: f64) -> Vec<Problem> {
     let kinds = [
         (Robot::kinematic(), Gait::symmetric(), Laws::COULOMB),
         (Robot::kinematic(), Gait::skewed(), Laws::COULOMB_VISCOUS),
         (Robot::semi_passive(), Gait::passive_symmetric(), Laws::COULOMB),
     ];
-    of(&kinds, omega_rad_s)
+    at_frequency(&kinds, omega_rad_s)
 }
 
-fn of(kinds: &[(Robot, Gait, Laws)], omega_rad_s: f64) -> Vec<Problem> {
+fn at_frequency(kinds: &[(Robot, Gait, Laws)], omega_rad_s: f64) -> Vec<Problem> {
     let kinds = kinds.iter().cloned();
     kinds.map(|(robot, gait, laws)| Problem { robot, gait, laws, omega_rad_s }).collect()
 }
 
 #[test]
 fn a_solution_after_the_first_allocates_nothing() {
-    // The slowest needs the most elements, under dry friction none for sure.
+    // The lowest frequency needs the most elements, so that the buffers are large enough for the others;
+    // under dry friction this is not certain.
     let viscous = problems(0.5).into_iter().zip(problems(3.9));
     let dry = dry_problems(3.9).into_iter().zip(dry_problems(3.9));
     for (first, next) in viscous.chain(dry) {

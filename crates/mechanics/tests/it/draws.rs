@@ -1,5 +1,5 @@
-//! Random robots, gaits and coefficients, far beyond the paper's: every one ends in a status,
-//! and no number contradicts the motion that is followed from rest.
+//! Tests with random robots, gaits and coefficients, far beyond those of the paper: every draw ends in a
+//! status, and no result contradicts the motion integrated from rest.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -27,7 +27,7 @@ impl Draw {
         low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Evenly spread in the logarithm.
+    /// Returns a log-uniform random number between `low` and `high`.
     fn between(&mut self, low: f64, high: f64) -> f64 {
         self.within(low.ln(), high.ln()).exp()
     }
@@ -46,12 +46,13 @@ impl Draw {
     }
 
     fn problem(&mut self) -> Problem {
-        let (h_m, l_m) = (self.within(0.05, 0.3), self.within(0.05, 0.3));
+        let h_m = self.within(0.05, 0.3);
+        let l_m = self.within(0.05, 0.3);
         let mass_kg = [self.within(0.3, 3.0), self.within(0.05, 0.5), self.within(0.05, 0.5)];
         let mut robot = Robot {
-            h_m,
-            l_m,
-            b_m: l_m * self.within(0.0, 1.0),
+            h_m: [h_m; 2],
+            l_m: [l_m; 2],
+            b_m: [l_m * self.within(0.0, 1.0); 2],
             mass_kg,
             inertia_kg_m2: [
                 mass_kg[0] * h_m * h_m * self.within(0.1, 0.6),
@@ -60,7 +61,7 @@ impl Draw {
             ],
             ..Robot::kinematic()
         };
-        // Skid coefficients between the configured bounds of a fit.
+        // Skid coefficients between the bounds configured for fits.
         for (of, [low, high]) in [
             (Quantity::Roll, [0.01, 3.0]),
             (Quantity::Skid, [1.0, 1000.0]),
@@ -89,8 +90,12 @@ impl Draw {
     }
 }
 
-/// Way and turn of each of so many cycles from rest.
-fn ways(problem: &Problem, cycles: usize, tolerance: f64) -> Result<Vec<[f64; 2]>, String> {
+/// Returns the displacement (m) and rotation (rad) in each of the first `cycles` cycles from rest.
+fn displacements(
+    problem: &Problem,
+    cycles: usize,
+    tolerance: f64,
+) -> Result<Vec<[f64; 2]>, String> {
     let period_s = TAU / problem.omega_rad_s;
     let path = problem
         .transient((cycles as f64 + 1.5) * period_s, 1.0 / period_s, tolerance)
@@ -102,19 +107,19 @@ fn ways(problem: &Problem, cycles: usize, tolerance: f64) -> Result<Vec<[f64; 2]
     Ok(path.windows(2).map(way).take(cycles).collect())
 }
 
-/// Whether the robot that is followed from rest goes as far and turns as much in a cycle.
-fn is_what_follows_from_rest(problem: &Problem, settled: &Attractor) -> Result<(), String> {
+/// Checks that the motion integrated from rest has the attractor's displacement and rotation per cycle.
+fn check_attractor(problem: &Problem, settled: &Attractor) -> Result<(), String> {
     let Some(modulus) = settled.motion.floquet.filter(|modulus| *modulus < 1.0) else {
         return Err(format!("settled in an unstable motion: {settled:?}"));
     };
-    // 1 % away after these cycles, shrinking by the modulus with each.
+    // The distance is 1 % after these cycles and shrinks by the modulus with each further cycle.
     let soon = settled.cycles + (1e-6_f64.ln() / modulus.max(0.01).ln()).ceil() as usize + 2;
     let GaitMetrics { d_m, dtheta_rad, .. } = settled.motion.metrics;
-    let scale_m = problem.robot.l_m + problem.robot.h_m;
-    // What wanders before it settles does so for a time of its own with each tolerance.
+    let [scale_m, _] = problem.robot.reach_m();
+    // How long a motion wanders before it settles depends on the tolerance.
     let mut message = String::new();
     for cycles in [soon, soon + 400] {
-        let [from_rest_m, turn_rad] = ways(problem, cycles, 1e-8)?[cycles - 1];
+        let [from_rest_m, turn_rad] = displacements(problem, cycles, 1e-8)?[cycles - 1];
         let is_far = (from_rest_m - d_m).abs() > 1e-4 * scale_m.max(from_rest_m);
         if !is_far && (turn_rad - dtheta_rad).abs() <= 1e-4 {
             return Ok(());
@@ -126,14 +131,14 @@ fn is_what_follows_from_rest(problem: &Problem, settled: &Attractor) -> Result<(
     Err(message)
 }
 
-/// Whether its motion still changes from cycle to cycle. Where it depends on the tolerance whether it
-/// does, either is right.
-fn does_not_settle(problem: &Problem, cycles: usize) -> Result<(), String> {
+/// Checks that the motion from rest still changes from cycle to cycle after `cycles` cycles. A motion that does so at
+/// either of two integration tolerances passes.
+fn check_unsettled(problem: &Problem, cycles: usize) -> Result<(), String> {
     let mut settled = Ok(());
     for tolerance in [1e-7, 1e-9] {
-        let last = ways(problem, cycles, tolerance)?.split_off(cycles - 6);
+        let last = displacements(problem, cycles, tolerance)?.split_off(cycles - 6);
         let [d_m, turn_rad] = last[5];
-        let scales = [d_m.max(1e-3 * problem.robot.l_m), turn_rad.abs().max(1e-3)];
+        let scales = [d_m.max(1e-3 * problem.robot.skid_length_m()), turn_rad.abs().max(1e-3)];
         let change = |way: &[f64; 2]| {
             ((way[0] - d_m).abs() / scales[0]).max((way[1] - turn_rad).abs() / scales[1])
         };
@@ -145,7 +150,9 @@ fn does_not_settle(problem: &Problem, cycles: usize) -> Result<(), String> {
     settled
 }
 
-/// How one draw ends, or what is wrong with it.
+/// Solves one random problem and checks the solutions. Returns the outcome, such as `stable` or `unsettled`, or a
+/// description of what is wrong. If `is_thorough`, a report that the motion does not settle is confirmed by integrating
+/// the motion over time.
 fn end(problem: &Problem, is_thorough: bool) -> Result<&'static str, String> {
     let numbers_are_finite = |metrics: &GaitMetrics| {
         let numbers = metrics.to_array();
@@ -154,11 +161,11 @@ fn end(problem: &Problem, is_thorough: bool) -> Result<&'static str, String> {
     let first = problem.solve(REFERENCE_ACCURACY);
     if let Ok(first) = &first {
         numbers_are_finite(&first.metrics)?;
-        // A fit's solution is another approximation of the same motion.
+        // The solution with the accuracy of fits approximates the same motion.
         let mut solver = Solver::default();
         let fit = solver.solve(problem, FIT_ACCURACY).map_err(|error| error.to_string())?;
         let same = (fit.d_m - first.metrics.d_m).abs() <= 1e-4 * first.metrics.d_m.max(0.01);
-        // Or of another one nearby, which it then is when it is solved for more accurately, too.
+        // It may approximate another motion nearby, to which the more accurate solution then converges, too.
         let finer =
             solver.solve(problem, 0.01 * FIT_ACCURACY).map_err(|error| error.to_string())?;
         let stays = (finer.d_m - fit.d_m).abs() <= 1e-4 * fit.d_m.max(0.01);
@@ -174,17 +181,17 @@ fn end(problem: &Problem, is_thorough: bool) -> Result<&'static str, String> {
     }
     let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
     let status = match (&first, &settled) {
-        (Ok(first), Ok(settled)) if settled.is_found_first => first.status().name(),
+        (Ok(first), Ok(settled)) if settled.is_found_by_solve => first.status().name(),
         (Ok(first), Ok(_)) if first.status() == MotionStatus::Unstable => "unstable",
         (Ok(_), Ok(_)) => "another",
         (Ok(_), Err(MotionError::Unsettled { cycles, .. })) if is_thorough => {
-            does_not_settle(problem, *cycles).map(|()| "unsettled")?
+            check_unsettled(problem, *cycles).map(|()| "unsettled")?
         }
         (Ok(_), Err(MotionError::Unsettled { .. })) => "unsettled",
         (Ok(_), Err(error)) => return Err(error.to_string()),
         (Err(_), Ok(_)) => "found from rest only",
         (Err(_), Err(MotionError::Unsettled { cycles, .. })) if is_thorough => {
-            does_not_settle(problem, *cycles).map(|()| "diverged")?
+            check_unsettled(problem, *cycles).map(|()| "diverged")?
         }
         (Err(error), Err(_)) => return Ok(error.status().name()),
     };
@@ -192,7 +199,7 @@ fn end(problem: &Problem, is_thorough: bool) -> Result<&'static str, String> {
         && settled.motion.floquet.is_some()
     {
         numbers_are_finite(&settled.motion.metrics)?;
-        is_what_follows_from_rest(problem, settled)?;
+        check_attractor(problem, settled)?;
     }
     Ok(status)
 }
@@ -201,7 +208,8 @@ fn draw(seed: u64, count: usize, is_thorough: bool) {
     draws((0..count).map(|i| Draw::new(seed, i).problem()).collect(), is_thorough);
 }
 
-/// Where it is `is_thorough`, motions that are said not to settle are followed for as long, too.
+/// Solves all problems and checks the solutions. If `is_thorough`, a motion reported not to settle within a
+/// number of cycles is also integrated for that number of cycles to confirm the report.
 fn draws(problems: Vec<Problem>, is_thorough: bool) {
     let count = problems.len();
     let ends: Vec<_> = problems
@@ -230,21 +238,22 @@ fn draws(problems: Vec<Problem>, is_thorough: bool) {
 }
 
 #[test]
-fn two_hundred_draws_end_in_a_status_that_the_motion_from_rest_confirms() {
+fn two_hundred_draws_agree_with_the_motion_from_rest() {
     draw(1, 200, false);
 }
 
-/// Coarse elements have solutions near which the motion has none.
+/// On coarse elements, the discretised equations have spurious solutions that do not approximate any motion of the
+/// robot.
 #[test]
-fn a_coarse_solution_that_leads_nowhere_is_left_for_a_finer_one() {
+fn a_spurious_coarse_solution_is_replaced_on_a_finer_mesh() {
     for i in [1073, 4507, 6017, 8284] {
         let settled = Solver::default().settle(&Draw::new(2, i).problem(), REFERENCE_ACCURACY);
-        assert!(settled.is_ok_and(|settled| settled.is_found_first), "draw {i}");
+        assert!(settled.is_ok_and(|settled| settled.is_found_by_solve), "draw {i}");
     }
 }
 
-/// Every law with robots that have both joints commanded, or one on its spring; half of the commands
-/// are their own mirror image.
+/// Returns random robots and gaits, with both joints commanded or one passive, each under every friction law.
+/// Every second robot and its gait have half-period symmetry.
 fn robots_of_every_law(seed: u64, robots: usize) -> Vec<Problem> {
     let robot = |i: usize| {
         let mut draw = Draw::new(seed, i);
@@ -264,18 +273,18 @@ fn robots_of_every_law(seed: u64, robots: usize) -> Vec<Problem> {
 }
 
 #[test]
-fn two_robots_at_any_frequency_end_where_they_go_from_rest() {
+fn two_robots_at_any_frequency_agree_with_the_motion_from_rest() {
     draws(robots_of_every_law(3, 2), false);
 }
 
 #[test]
 #[ignore = "minutes: cargo test --release -p trilink-mechanics --test it forty -- --ignored"]
-fn forty_robots_at_any_frequency_end_where_they_go_from_rest() {
+fn forty_robots_at_any_frequency_agree_with_the_motion_from_rest() {
     draws(robots_of_every_law(3, 40), true);
 }
 
 #[test]
 #[ignore = "minutes: cargo test -p trilink-mechanics --test it ten_thousand -- --ignored --nocapture"]
-fn ten_thousand_draws_end_in_a_status_that_the_motion_from_rest_confirms() {
+fn ten_thousand_draws_agree_with_the_motion_from_rest() {
     draw(2, 10_000, true);
 }

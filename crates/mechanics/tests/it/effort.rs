@@ -1,6 +1,6 @@
-//! What the solutions take is pinned beside what they are: a solver that needs more steps for the
-//! same result fails here. After a wanted change, `INSTA_UPDATE=always cargo test -p trilink-mechanics --test it effort::`
-//! writes the new numbers.
+//! Snapshot of the computational effort of solutions; the test fails if the solver needs more steps for the
+//! same result. After an intended change, `INSTA_UPDATE=always cargo test -p trilink-mechanics --test it
+//! effort::` writes the new numbers.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -9,10 +9,11 @@ use std::time::Instant;
 use trilink_mechanics::{Effort, FIT_ACCURACY, Laws, Model, MotionError, Problem, Solver};
 use trilink_robot::{Gait, Robot};
 
-/// The paper's frequencies, rad/s.
+/// Actuation frequencies of the paper, rad/s.
 const OMEGAS_RAD_S: [f64; 13] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
 
-/// A line for each kind of work, with a number for each frequency.
+/// Solves the problem at every frequency and formats the effort: one line for each kind of work, such as
+/// Newton steps, with one count per frequency. If `is_warm`, each solution starts from the preceding one.
 fn efforts(problem: impl Fn(f64) -> Problem, is_warm: bool) -> Result<String, MotionError> {
     let mut solver = Solver::default();
     let mut efforts = Vec::new();
@@ -23,9 +24,10 @@ fn efforts(problem: impl Fn(f64) -> Problem, is_warm: bool) -> Result<String, Mo
         solver.solve(&problem(omega_rad_s), FIT_ACCURACY)?;
         efforts.push(solver.effort());
     }
-    let line = |name: &str, of: fn(&Effort) -> usize| {
-        let numbers: String = efforts.iter().map(|effort| format!(" {:3}", of(effort))).collect();
-        if efforts.iter().all(|effort| of(effort) == 0) {
+    let line = |name: &str, count: fn(&Effort) -> usize| {
+        let numbers: String =
+            efforts.iter().map(|effort| format!(" {:3}", count(effort))).collect();
+        if efforts.iter().all(|effort| count(effort) == 0) {
             String::new()
         } else {
             format!("\n  {name:15}{numbers}")
@@ -41,7 +43,7 @@ fn efforts(problem: impl Fn(f64) -> Problem, is_warm: bool) -> Result<String, Mo
 }
 
 #[test]
-fn every_model_takes_the_steps_that_it_took() {
+fn the_effort_of_every_model_is_unchanged() {
     let mut text = String::new();
     let robots = [("kinematic", Robot::kinematic()), ("semi-passive", Robot::semi_passive())];
     let gaits = [
@@ -54,10 +56,8 @@ fn every_model_takes_the_steps_that_it_took() {
             for model in Model::PAPER {
                 let laws = crate::laws(model.name());
                 for (start, is_warm) in [("cold", false), ("warm", true)] {
-                    let problem = |omega_rad_s| {
-                        let (robot, gait) = (robot.clone(), gait);
-                        Problem { robot, gait, laws, omega_rad_s }
-                    };
+                    let problem =
+                        |omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s };
                     let efforts =
                         efforts(problem, is_warm).unwrap_or_else(|error| format!(" {error}"));
                     writeln!(text, "{robot_name} {gait_name} {model}, {start}:{efforts}")
@@ -69,8 +69,8 @@ fn every_model_takes_the_steps_that_it_took() {
     insta::assert_snapshot!(text);
 }
 
-/// Mean over the paper's frequencies of a solution from nothing and of one with all derivatives, us:
-/// the smallest of many sweeps.
+/// Returns the time that a cold-started solution takes without derivatives and with all derivatives, in
+/// microseconds: the mean over the paper's frequencies in the fastest of many sweeps.
 fn times_us(robot: &Robot, gait: Gait, laws: Laws) -> [f64; 2] {
     let mut solver = Solver::default();
     let mut sweep = |with_derivatives: bool| {
@@ -109,10 +109,10 @@ fn a_solution_takes_no_longer_than_its_bound_and_derivatives_little_more() {
         let [cold_us, whole_us] = times_us(&robot, gait, laws);
         println!("{laws:?}: {cold_us:.1} us, with derivatives {whole_us:.1} us");
         assert!(cold_us < bound_us, "{laws:?}: {cold_us:.1} us instead of {bound_us}");
-        let most_us = 1.6 * bound_us;
+        let whole_bound_us = 1.6 * bound_us;
         assert!(
-            whole_us < most_us,
-            "{laws:?} with derivatives: {whole_us:.1} us instead of {most_us}"
+            whole_us < whole_bound_us,
+            "{laws:?} with derivatives: {whole_us:.1} us instead of {whole_bound_us}"
         );
     }
 }

@@ -1,16 +1,17 @@
-//! Motions under dry friction: against numbers from an independent derivation, by their scaling and
-//! in their limits.
+//! Tests of motions under dry friction: against an independent derivation, under scaling, and in limiting
+//! cases.
 
 use trilink_mechanics::{Attractor, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::FromRest;
 use trilink_robot::{Gait, Robot, RollLaw, SkidLaw};
 
-/// Table II's robot with the values of the reference.
+/// Returns the semi-passive robot of Table II of the paper, but with the stiffness and damping of the reference motions
+/// in `friction.csv`.
 fn semi_passive() -> Robot {
     Robot { stiffness_nm_rad: 0.137, damping_nm_s_rad: 0.006, ..Robot::semi_passive() }
 }
 
-/// The three campaigns under dry friction.
+/// Returns the problems of the paper's three campaigns under dry friction.
 fn campaigns() -> [Problem; 3] {
     [
         (Robot::kinematic(), Gait::symmetric()),
@@ -25,7 +26,7 @@ fn assert_near(found: f64, known: f64, relative: f64, absolute: f64, what: &str)
 }
 
 #[test]
-fn every_reference_motion_is_met_to_1e_6_and_reached_from_rest() {
+fn reference_motions_agree_to_1e_6_and_are_reached_from_rest() {
     for line in include_str!("../fixtures/friction.csv").lines().skip(1) {
         let fields: Vec<&str> = line.split(',').collect();
         let number = |i: usize| fields[i].parse().unwrap_or(0.0);
@@ -68,7 +69,7 @@ fn every_reference_motion_is_met_to_1e_6_and_reached_from_rest() {
 }
 
 #[test]
-fn every_frequency_of_the_reference_is_met_to_1e_6() {
+fn all_frequencies_of_the_reference_agree_to_1e_6() {
     let mut solver = Solver::default();
     for line in include_str!("../fixtures/friction_sweep.csv").lines().skip(1) {
         let fields: Vec<&str> = line.split(',').collect();
@@ -77,7 +78,8 @@ fn every_frequency_of_the_reference_is_met_to_1e_6() {
             "kinematic-symmetric" => Gait::symmetric(),
             _ => Gait::skewed(),
         };
-        let (robot, laws) = (Robot::kinematic(), Laws::COULOMB);
+        let robot = Robot::kinematic();
+        let laws = Laws::COULOMB;
         let problem = Problem { robot, gait, laws, omega_rad_s: number(1) };
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
         assert_near(metrics.d_m, number(2), 1e-6, 1e-9, line);
@@ -115,7 +117,7 @@ fn under_dry_friction_alone_the_path_does_not_depend_on_the_time_scale() {
 }
 
 #[test]
-fn a_transition_that_is_never_left_is_viscous() {
+fn dry_friction_below_the_transition_speed_is_viscous() {
     const TRANSITION_M_S: f64 = 1e4;
     for problem in campaigns() {
         let viscous = Problem { laws: Laws::SKID_ROLL, ..problem.clone() };
@@ -135,7 +137,7 @@ fn a_transition_that_is_never_left_is_viscous() {
 
 #[test]
 fn wheels_under_large_dry_friction_do_not_skid() {
-    // Away from shapes at which wheels that cannot skid leave the motion open.
+    // The gaits avoid shapes at which no-skid wheels leave the motion undetermined.
     let [_, skewed, passive] = campaigns();
     for (problem, constrained) in [(skewed, Laws::NO_SKID), (passive, Laws::NO_SKID_ROLL)] {
         let known = Problem { laws: constrained, ..problem.clone() };
@@ -145,13 +147,13 @@ fn wheels_under_large_dry_friction_do_not_skid() {
             Problem { robot, ..problem.clone() }.solve(1e-13).unwrap().metrics.d_m
         });
         assert_near(larger, known, 1e-5, 0.0, "d");
-        // What is still missed falls with the force.
+        // The remaining error is inversely proportional to the force.
         assert_near((10.0 * larger - large) / 9.0, known, 1e-8, 0.0, "the limit of d");
     }
 }
 
 #[test]
-fn derivatives_are_those_of_central_differences() {
+fn derivatives_agree_with_central_differences() {
     let [symmetric, skewed, passive] = campaigns();
     let dry = |problem: Problem, skid, roll| {
         let robot = Robot {
@@ -170,8 +172,8 @@ fn derivatives_are_those_of_central_differences() {
         let mut solver = Solver::default();
         let metrics = solver.solve(&problem, 1e-12).unwrap();
         let metrics = solver.steady_motion(metrics).unwrap().to_array();
-        let (derivatives, work) =
-            (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+        let derivatives = solver.derivatives().unwrap();
+        let work = solver.work_derivatives().unwrap();
         let by_parameter = derivatives
             .parameters
             .iter()
@@ -180,10 +182,10 @@ fn derivatives_are_those_of_central_differences() {
             by_parameter.chain([(None, (derivatives.omega, work.omega))])
         {
             let value = match variable {
-                Some(parameter) => parameter.of(&problem.robot),
+                Some(parameter) => parameter.value_in(&problem.robot),
                 None => problem.omega_rad_s,
             };
-            // Richardson's extrapolation of central differences.
+            // Richardson extrapolation of central differences.
             let difference = |step: f64| -> [f64; 8] {
                 let [low, high] = [-step, step].map(|step| {
                     let mut problem = problem.clone();
@@ -196,10 +198,11 @@ fn derivatives_are_those_of_central_differences() {
                 std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
             };
             let step = 4e-4 * if value == 0.0 { 0.1 } else { value };
-            let (coarse, fine) = (difference(step), difference(0.5 * step));
+            let coarse = difference(step);
+            let fine = difference(0.5 * step);
             for (i, found) in found.to_array().into_iter().chain([by_work]).enumerate() {
                 let known = (4.0 * fine[i] - coarse[i]) / 3.0;
-                // Relative to the derivative, or to what a change by the whole value would do.
+                // Error relative to the derivative, or to the change caused by the whole value.
                 let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
                 let what = format!("{:?} {variable:?} metric {i}", problem.laws);
                 assert_near(found, known, 0.0, 1e-6 * size + 1e-11, &what);
@@ -209,23 +212,25 @@ fn derivatives_are_those_of_central_differences() {
 }
 
 #[test]
-fn the_limit_of_a_sharp_transition_holds_a_much_sharper_one() {
+fn the_sharp_limit_agrees_with_a_much_sharper_transition() {
     for problem in campaigns() {
         let limit = problem.sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap();
         let at = |transition_m_s: f64| {
             let robot = Robot { transition_m_s, ..problem.robot.clone() };
             Problem { robot, ..problem.clone() }.solve(1e-8).unwrap().metrics.d_m
         };
-        let (present, sharper, limit_m) = (at(0.005), at(0.001), limit.metrics.d_m);
-        let to_go = (limit_m - present).abs();
-        assert!((sharper - limit_m).abs() < 0.35 * to_go, "{present} {sharper} {limit:?}");
-        assert!(limit.uncertainty.d_m < 0.2 * to_go, "{present} {limit:?}");
+        let present = at(0.005);
+        let sharper = at(0.001);
+        let limit_m = limit.metrics.d_m;
+        let remaining = (limit_m - present).abs();
+        assert!((sharper - limit_m).abs() < 0.35 * remaining, "{present} {sharper} {limit:?}");
+        assert!(limit.uncertainty.d_m < 0.2 * remaining, "{present} {limit:?}");
         assert_eq!(Problem { laws: Laws::SKID, ..problem }.sharp_limit(1e-8), Ok(None));
     }
 }
 
 #[test]
-fn actuators_supply_what_dry_friction_takes() {
+fn the_work_of_the_actuators_is_dissipated_by_dry_friction() {
     for problem in campaigns() {
         let robot = Robot {
             roll_dry_n: [0.1, 0.05, 0.04],
@@ -234,7 +239,8 @@ fn actuators_supply_what_dry_friction_takes() {
         };
         for roll in [RollLaw::Coulomb, RollLaw::CoulombViscous] {
             for skid in [SkidLaw::Coulomb, SkidLaw::CoulombViscous, SkidLaw::Stribeck] {
-                let (robot, laws) = (robot.clone(), Laws { skid, roll });
+                let robot = robot.clone();
+                let laws = Laws { skid, roll };
                 let problem = Problem { robot, gait: problem.gait, laws, ..problem };
                 let mut solver = Solver::default();
                 solver.solve(&problem, 1e-11).unwrap();
@@ -247,7 +253,7 @@ fn actuators_supply_what_dry_friction_takes() {
 }
 
 #[test]
-fn cycles_and_ways_from_rest_are_sampled_where_wheels_change_their_direction() {
+fn cycles_and_transients_are_sampled_where_wheels_reverse() {
     let mut solver = Solver::default();
     for (problem, omega_rad_s) in
         campaigns().iter().flat_map(|problem| [1.0, 2.0, 3.9].map(|omega| (problem, omega)))

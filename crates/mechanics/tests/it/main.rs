@@ -1,4 +1,5 @@
-//! Steady motions, transients and branches against references, conservation laws and other methods.
+//! Tests of steady-state motions, transients and branches against references, conservation laws and other
+//! methods.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -8,11 +9,12 @@ mod effort;
 mod friction;
 mod motion;
 mod motion_properties;
+mod own_friction;
 mod settling;
 
 use trilink_robot::Laws;
 
-/// Those of the program's models.
+/// Returns the friction laws of the model with the given name.
 fn laws(model: &str) -> Laws {
     match model {
         "no-skid" | "no-skid-measured" | "no-skid-damped" => Laws::NO_SKID,

@@ -1,4 +1,4 @@
-//! Steady motions against numbers from an independent derivation.
+//! Tests of steady-state motions against an independent derivation.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,7 +9,7 @@ use trilink_mechanics::{
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, JointCommand, Parameter, Quantity, Robot, SecondHarmonic};
 
-/// A row of `periodic.csv`.
+/// Row of the reference table `periodic.csv`.
 struct Row {
     problem: Problem,
     metrics: GaitMetrics,
@@ -22,7 +22,7 @@ fn rows() -> Vec<Row> {
 }
 
 fn row(line: &str) -> Row {
-    // The third field may be quoted and hold commas.
+    // The third field may be quoted and contain commas.
     let mut fields = Vec::new();
     let mut quoted = false;
     let mut field = String::new();
@@ -69,10 +69,11 @@ fn row(line: &str) -> Row {
 }
 
 #[test]
-fn every_reference_motion_is_met_to_1e_8() {
+fn reference_motions_agree_to_1e_8() {
     for row in rows() {
         let motion = row.problem.solve(REFERENCE_ACCURACY).unwrap();
-        let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
+        let found = motion.metrics.to_array();
+        let known = row.metrics.to_array();
         for (found, known) in found.iter().zip(&known).take(6) {
             assert!((found - known).abs() <= 1e-8 * known.abs(), "{}: {found} {known}", row.name);
         }
@@ -82,10 +83,11 @@ fn every_reference_motion_is_met_to_1e_8() {
 }
 
 #[test]
-fn a_fit_s_accuracy_is_1e_6() {
+fn the_accuracy_of_fits_is_1e_6() {
     for row in rows() {
         let motion = row.problem.solve(FIT_ACCURACY).unwrap();
-        let (found, known) = (motion.metrics.to_array(), row.metrics.to_array());
+        let found = motion.metrics.to_array();
+        let known = row.metrics.to_array();
         for (found, known) in found.iter().zip(&known).take(6) {
             assert!((found - known).abs() <= 1e-6 * known.abs(), "{}: {found} {known}", row.name);
         }
@@ -93,7 +95,7 @@ fn a_fit_s_accuracy_is_1e_6() {
 }
 
 #[test]
-fn a_neighbour_leads_to_the_same_motion_by_fewer_jacobians() {
+fn a_warm_start_finds_the_same_motion_with_fewer_jacobians() {
     for row in rows() {
         let mut solver = Solver::default();
         let cold = solver.solve(&row.problem, REFERENCE_ACCURACY).unwrap();
@@ -108,7 +110,7 @@ fn a_neighbour_leads_to_the_same_motion_by_fewer_jacobians() {
 }
 
 #[test]
-fn where_there_is_no_motion_nearby_the_next_one_starts_from_the_one_before() {
+fn after_a_failed_nearby_search_the_next_starts_from_the_previous_solution() {
     let problem = Problem {
         robot: Robot::semi_passive(),
         gait: Gait::passive_symmetric(),
@@ -122,7 +124,7 @@ fn where_there_is_no_motion_nearby_the_next_one_starts_from_the_one_before() {
     let here = solver.solve_near(&problem, 1e-9).unwrap();
     assert_eq!(here, problem.solve(1e-9).unwrap().metrics);
     assert!(solver.solve_near(&none, 1e-9).is_err());
-    // Nothing is said of a motion that there is not.
+    // A failed solution cannot be queried.
     assert!(solver.floquet().is_err());
     let there = solver.solve_near(&next, 1e-9).unwrap();
     let steps = solver.effort().newton_steps;
@@ -134,13 +136,13 @@ fn where_there_is_no_motion_nearby_the_next_one_starts_from_the_one_before() {
 }
 
 #[test]
-fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
+fn the_path_of_the_kinematic_robot_without_skid_does_not_depend_on_frequency() {
     for (gait, d_m) in [(Gait::symmetric(), 0.663466), (Gait::skewed(), 0.122405)] {
         for omega_rad_s in [0.5, 1.0, 2.0, 3.9, 6.0] {
             let problem =
                 Problem { robot: Robot::kinematic(), gait, laws: Laws::NO_SKID, omega_rad_s };
             let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
-            // The known values have six digits.
+            // The reference values have six digits.
             assert!((found.d_m - d_m).abs() < 0.5e-6 + 1e-6 * d_m, "{}", found.d_m);
             let speed = found.d_m * omega_rad_s / std::f64::consts::TAU;
             assert!((found.v_m_s - speed).abs() < 1e-12);
@@ -149,7 +151,7 @@ fn the_kinematic_robot_that_cannot_skid_goes_the_same_way_at_every_frequency() {
 }
 
 #[test]
-fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
+fn a_gait_through_a_singular_shape_that_violates_condition_5_has_no_motion() {
     let mut gait = Gait::symmetric();
     gait.joints[0].as_mut().unwrap().amplitude_rad *= 1.05;
     let problem =
@@ -159,7 +161,7 @@ fn a_gait_that_meets_a_singular_shape_off_the_limit_has_no_motion() {
 }
 
 #[test]
-fn from_rest_the_robot_settles_into_the_steady_motion() {
+fn the_transient_from_rest_settles_into_the_steady_motion() {
     for row in rows().into_iter().filter(|row| row.problem.laws.skids()) {
         let steady = row.problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let period_s = std::f64::consts::TAU / row.problem.omega_rad_s;
@@ -172,7 +174,7 @@ fn from_rest_the_robot_settles_into_the_steady_motion() {
 }
 
 #[test]
-fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
+fn the_motion_converges_to_that_without_skid() {
     let setups = [
         (Robot::kinematic(), Gait::symmetric(), Laws::SKID, Laws::NO_SKID),
         (Robot::kinematic(), Gait::skewed(), Laws::SKID, Laws::NO_SKID),
@@ -189,7 +191,8 @@ fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
             let found = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             let off = (found.d_m - limit.d_m).abs() / limit.d_m;
             if let Some((last_off, last_sigma)) = last {
-                // Forces approach those of the constraints, so skidding goes with 1 / c.
+                // The forces approach the constraint forces, so the skid velocities are proportional to 1 /
+                // c.
                 assert!(off < 0.3 * last_off, "{skids:?} {skid_kg_s}: {off} after {last_off}");
                 for (sigma, last) in found.sigma.iter().zip(last_sigma) {
                     assert!(*sigma < 0.2 * last, "{skids:?} {skid_kg_s}: {sigma} after {last}");
@@ -207,7 +210,7 @@ fn wheels_that_hardly_skid_go_the_way_of_wheels_that_cannot() {
 
 #[test]
 fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
-    // Exchanging the side links and looking backwards gives the same robot.
+    // Exchanging the side links and reversing the direction of travel gives the same robot.
     let front = Problem {
         robot: Robot::semi_passive(),
         gait: Gait::passive_symmetric(),
@@ -226,14 +229,16 @@ fn a_passive_rear_joint_mirrors_a_passive_front_joint() {
     }
 }
 
-/// Of every kind, with second harmonics, one of them of nothing.
+/// Returns problems of every kind whose commands have second harmonics; in some problems the second harmonics have zero
+/// amplitude.
 fn with_second_harmonics() -> Vec<Problem> {
     let command = |offset_rad: f64, phase_rad: f64, [amplitude2_rad, phase2_rad]: [f64; 2]| {
         let second = Some(SecondHarmonic::new(amplitude2_rad, phase2_rad));
         JointCommand { second, ..JointCommand::new(offset_rad, 0.5, phase_rad) }
     };
-    let (front, rear) = (command(0.3, 0.4, [0.15, 2.0]), command(-0.2, -1.3, [0.2, -1.0]));
-    // Both joints' angles stay apart: that the wheels cannot skid is no contradiction.
+    let front = command(0.3, 0.4, [0.15, 2.0]);
+    let rear = command(-0.2, -1.3, [0.2, -1.0]);
+    // The joint angles never coincide, so the no-skid constraint has a solution.
     let apart = [command(0.9, 0.0, [0.1, 2.0]), command(-0.9, -1.6, [0.15, -1.0])];
     let nothing = command(0.0, 0.2, [0.0, 0.0]);
     let kinds = [
@@ -250,7 +255,7 @@ fn with_second_harmonics() -> Vec<Problem> {
 }
 
 #[test]
-fn a_second_harmonic_of_nothing_changes_no_bit() {
+fn a_zero_second_harmonic_leaves_results_bit_identical() {
     let nothing = |mut problem: Problem| {
         for command in problem.gait.joints.iter_mut().flatten() {
             command.second = Some(SecondHarmonic::default());
@@ -283,10 +288,10 @@ fn a_second_harmonic_of_nothing_changes_no_bit() {
     }
 }
 
-/// The mirror image of a motion is that of the opposite angles; and where time begins changes nothing
-/// but between which poses a robot that turns is displaced.
+/// Mirroring a motion reverses the signs of its angles. A time shift changes only the displacement of a robot that
+/// rotates, because the displacement is then measured between other poses.
 #[test]
-fn mirror_image_and_time_shift_of_second_harmonics_leave_the_metrics() {
+fn metrics_are_invariant_to_mirroring_and_time_shift_of_second_harmonics() {
     for problem in with_second_harmonics() {
         let known = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let moved = |of: &dyn Fn(JointCommand) -> JointCommand| {
@@ -300,11 +305,12 @@ fn mirror_image_and_time_shift_of_second_harmonics_leave_the_metrics() {
                 assert!((one - other).abs() < 1e-8 * (other.abs() + 1e-2), "{problem:?}");
             });
         };
-        let later = moved(&|of| of.later(0.8));
+        let later = moved(&|of| of.advanced(0.8));
         is_one(GaitMetrics { d_m: known.d_m, v_m_s: known.v_m_s, ..later }, known);
         let mirrored = moved(&|of| {
             let second = of.second.map(|of| {
-                let (in_phase_rad, quadrature_rad) = (-of.in_phase_rad, -of.quadrature_rad);
+                let in_phase_rad = -of.in_phase_rad;
+                let quadrature_rad = -of.quadrature_rad;
                 SecondHarmonic { in_phase_rad, quadrature_rad }
             });
             let phase_rad = of.phase_rad + PI;
@@ -315,10 +321,10 @@ fn mirror_image_and_time_shift_of_second_harmonics_leave_the_metrics() {
 }
 
 #[test]
-fn steady_motions_with_second_harmonics_are_what_follows_from_rest() {
+fn steady_motions_with_second_harmonics_are_reached_from_rest() {
     const CYCLES: usize = 20;
     let mut problems = with_second_harmonics();
-    // Without resistance to rolling it takes too long.
+    // Without rolling resistance the transient takes too long.
     problems.retain(|problem| problem.laws != Laws::NO_SKID);
     for problem in problems.into_iter().chain([dry_with_second_harmonics()]) {
         let GaitMetrics { d_m, dtheta_rad, .. } = problem.solve(1e-8).unwrap().metrics;
@@ -332,7 +338,7 @@ fn steady_motions_with_second_harmonics_are_what_follows_from_rest() {
     }
 }
 
-/// Under dry friction that is not too sharp for differences.
+/// Returns a problem under dry friction that is smooth enough for finite differences.
 fn dry_with_second_harmonics() -> Problem {
     let mut problem = with_second_harmonics().remove(0);
     (problem.laws, problem.robot.transition_m_s) = (Laws::COULOMB_VISCOUS, 0.05);
@@ -340,11 +346,12 @@ fn dry_with_second_harmonics() -> Problem {
 }
 
 #[test]
-fn derivatives_by_second_harmonics_under_dry_friction_are_those_of_differences() {
+fn derivatives_with_second_harmonics_under_dry_friction_agree_with_differences() {
     let problem = dry_with_second_harmonics();
     let mut solver = Solver::default();
     solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
-    let (derivatives, work) = (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+    let derivatives = solver.derivatives().unwrap();
+    let work = solver.work_derivatives().unwrap();
     for (joint, part) in [(0, 0), (1, 1)] {
         let difference = |step: f64| -> [f64; 8] {
             let [low, high] = [-step, step].map(|step| {
@@ -355,7 +362,8 @@ fn derivatives_by_second_harmonics_under_dry_friction_are_those_of_differences()
             });
             std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
         };
-        let (coarse, fine) = (difference(4e-4), difference(2e-4));
+        let coarse = difference(4e-4);
+        let fine = difference(2e-4);
         let found = derivatives.second[joint][part].to_array().into_iter();
         for (i, found) in found.chain([work.second[joint][part]]).enumerate() {
             let known = (4.0 * fine[i] - coarse[i]) / 3.0;
@@ -365,11 +373,12 @@ fn derivatives_by_second_harmonics_under_dry_friction_are_those_of_differences()
     }
 }
 
-/// A parameter of the robot, or omega, or a joint and which number of its command.
+/// Parameter of the robot (`Ok`), omega (`Err(None)`), or a joint and the index of a variable of its command
+/// (`Err(Some)`).
 type Variable = Result<Parameter, Option<(usize, usize)>>;
 
 #[test]
-fn derivatives_are_those_of_central_differences() {
+fn derivatives_agree_with_central_differences() {
     let mut problems: Vec<Problem> = rows().into_iter().map(|row| row.problem).collect();
     let offset = |joint: usize| {
         let command = JointCommand::new(0.3, 0.5, 0.4);
@@ -377,11 +386,12 @@ fn derivatives_are_those_of_central_differences() {
     };
     let robot = Robot { rest_angle_rad: -0.1, ..Robot::semi_passive() };
     for laws in [Laws::NO_SKID, Laws::NO_SKID_ROLL, Laws::SKID, Laws::SKID_ROLL] {
-        // Whole periods, with the front and with the rear joint on its spring.
+        // Motions over whole periods, with a passive front or rear joint.
         for gait in [offset(0), offset(1)] {
             problems.push(Problem { robot: robot.clone(), gait, laws, omega_rad_s: 3.0 });
         }
-        let (robot, gait) = (Robot::kinematic(), Gait::skewed());
+        let robot = Robot::kinematic();
+        let gait = Gait::skewed();
         problems.push(Problem { robot, gait, laws, omega_rad_s: 3.0 });
     }
     problems
@@ -390,17 +400,18 @@ fn derivatives_are_those_of_central_differences() {
 }
 
 #[test]
-fn derivatives_by_second_harmonics_are_those_of_central_differences() {
+fn derivatives_with_second_harmonics_agree_with_central_differences() {
     with_second_harmonics().into_iter().for_each(|problem| compare_with_differences(problem, 0));
 }
 
-/// The derivatives with respect to so many parameters, omega and the gait.
+/// Compares the derivatives of the metrics with respect to the robot's parameters, omega and the gait with
+/// finite differences; only the first `parameters` of the robot's parameters are compared.
 fn compare_with_differences(problem: Problem, parameters: usize) {
     let changed = |problem: &Problem, variable: Variable, step: f64| {
         let mut problem = problem.clone();
         match variable {
             Ok(parameter) => {
-                let value = parameter.of(&problem.robot) + step;
+                let value = parameter.value_in(&problem.robot) + step;
                 parameter.set(&mut problem.robot, value);
             }
             Err(None) => problem.omega_rad_s += step,
@@ -418,7 +429,8 @@ fn compare_with_differences(problem: Problem, parameters: usize) {
     let mut solver = Solver::default();
     let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
     let metrics = solver.steady_motion(metrics).unwrap().to_array();
-    let (derivatives, work) = (solver.derivatives().unwrap(), solver.work_derivatives().unwrap());
+    let derivatives = solver.derivatives().unwrap();
+    let work = solver.work_derivatives().unwrap();
     let [distance, _] = solver.distance_and_work_derivatives().unwrap();
     let of_d = |of: &GaitMetrics| of.d_m;
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs()) || b.is_nan();
@@ -447,10 +459,10 @@ fn compare_with_differences(problem: Problem, parameters: usize) {
     let by_omega = [(Err(None), (derivatives.omega, work.omega))];
     for (variable, (derivative, by_work)) in by_parameter.chain(by_omega).chain(by_gait) {
         let value = match variable {
-            Ok(parameter) => parameter.of(&problem.robot),
+            Ok(parameter) => parameter.value_in(&problem.robot),
             Err(None) => problem.omega_rad_s,
             Err(Some((joint, number))) => match problem.gait.joints[joint] {
-                // The motion without skid exists for none of its neighbours.
+                // The motion without skid does not exist for neighbouring gaits.
                 Some(_) if derivative.d_m.is_nan() => continue,
                 Some(of) if number < 3 => of.to_array()[number],
                 Some(JointCommand { second: Some(second), .. }) => {
@@ -459,18 +471,19 @@ fn compare_with_differences(problem: Problem, parameters: usize) {
                 _ => continue,
             },
         };
-        // Richardson's extrapolation of central differences.
+        // Richardson extrapolation of central differences.
         let difference = |step: f64| -> [f64; 8] {
-            let (low, high) =
-                (changed(&problem, variable, -step), changed(&problem, variable, step));
+            let low = changed(&problem, variable, -step);
+            let high = changed(&problem, variable, step);
             std::array::from_fn(|i| (high[i] - low[i]) / (2.0 * step))
         };
         let step = 2e-3 * if value == 0.0 { 0.1 } else { value };
-        let (coarse, fine) = (difference(step), difference(0.5 * step));
+        let coarse = difference(step);
+        let fine = difference(0.5 * step);
         let found = derivative.to_array().into_iter().chain([by_work]);
         for (i, found) in found.enumerate() {
             let known = (4.0 * fine[i] - coarse[i]) / 3.0;
-            // Relative to the derivative, or to what a change by the whole value would do.
+            // Error relative to the derivative, or to the change caused by the whole value.
             let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
             assert!(
                 (found - known).abs() <= 1e-6 * size + 1e-11,
@@ -482,11 +495,12 @@ fn compare_with_differences(problem: Problem, parameters: usize) {
     }
 }
 
-/// The largest of these values in a cycle over the largest in every eleventh sample of it: 1 for
-/// what is bounded and resolved, 11 for what has a pole. No sample meets a crossing of
-/// `phi1 = phi2`: both densities miss those of the symmetric gait by half a step.
+/// Returns the ratio of the largest value among all samples of a cycle to the largest among every eleventh sample: 1
+/// for bounded and resolved values, 11 at a pole. In both sets of samples, the crossings of `phi1 = phi2` by the
+/// symmetric gait are half a sampling interval from the nearest sample.
 fn growth(laws: Laws, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
-    let (robot, gait) = (Robot::kinematic(), Gait::symmetric());
+    let robot = Robot::kinematic();
+    let gait = Gait::symmetric();
     let mut solver = Solver::default();
     solver.solve(&Problem { robot, gait, laws, omega_rad_s: 4.0 }, FORCES_ACCURACY).unwrap();
     let samples = solver.cycle(1100).unwrap();
@@ -497,14 +511,15 @@ fn growth(laws: Laws, values: impl Fn(&Sample) -> [f64; 3]) -> f64 {
     largest(1) / largest(11)
 }
 
-/// Sections II.A and II.B: eq. 6 bounds the velocities of the circular gait. The paper has its
-/// constraint forces unbounded with and without losses; without any, and with side links that are
-/// alike, the motion is its own mirror image about the crossing, and the forces have a limit.
+/// Sections II.A and II.B of the paper: under the circular gait, the velocities remain bounded where the
+/// joint angles are equal, because the gait meets eq. 6 there. According to the paper, the constraint forces
+/// are unbounded there with and without losses; but without losses, and with identical side links, the motion
+/// is symmetric about the time at which the angles are equal, and the forces have a limit.
 #[test]
-fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_losses_alone() {
+fn forces_at_equal_angles_are_unbounded_only_with_losses() {
     let velocities = |sample: &Sample| {
         let [x, y, turning, ..] = sample.rates;
-        [x, y, Robot::kinematic().h_m * turning]
+        [x, y, Robot::kinematic().h_m[0] * turning]
     };
     let forces = |sample: &Sample| sample.forces.lateral_n;
     assert!(growth(Laws::NO_SKID, velocities) < 1.05);
@@ -513,9 +528,8 @@ fn where_the_kinematic_robot_crosses_equal_angles_its_forces_are_unbounded_with_
     assert!((with_roll - 11.0).abs() < 0.1, "{with_roll}");
 }
 
-/// With the passive joint's damping and without its stiffness, which keeps energy.
 #[test]
-fn a_successor_solves_as_the_solver_would_bit_by_bit() {
+fn a_successor_solves_bit_identically_to_its_solver() {
     for (robot, gait, laws) in [
         (Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL),
         (Robot::kinematic(), Gait::skewed(), Laws::COULOMB),
@@ -532,11 +546,13 @@ fn a_successor_solves_as_the_solver_would_bit_by_bit() {
             let metrics = of.solve(&at(4.0), FIT_ACCURACY).unwrap();
             (metrics, of.effort(), of.derivatives().unwrap())
         };
-        let (here, there) = (next(&mut solver), next(&mut successor));
+        let here = next(&mut solver);
+        let there = next(&mut successor);
         assert_eq!(format!("{here:?}"), format!("{there:?}"), "{laws:?}");
     }
 }
 
+/// The damping of the passive joint dissipates energy; its stiffness does not.
 #[test]
 fn six_coefficients_dissipate_in_the_kinematic_robot_and_seven_in_the_semi_passive_one() {
     let count = |robot: Robot, gait: Gait| {

@@ -1,4 +1,4 @@
-//! Symmetries that every model's motion must have, over random robots and gaits.
+//! Property tests of the symmetries and conservation laws of every model, with random robots and gaits.
 
 use std::f64::consts::PI;
 
@@ -8,8 +8,8 @@ use trilink_mechanics::{
 };
 use trilink_robot::{Gait, JointCommand, Robot};
 
-/// Every model that is an equation of motion of its own; the others are these under another
-/// gait or with other damping.
+/// Friction laws with distinct equations of motion; models with the same laws differ only in the gait or the
+/// damping.
 const ALL_LAWS: [Laws; 4] = [Laws::SKID, Laws::SKID_ROLL, Laws::NO_SKID, Laws::NO_SKID_ROLL];
 
 fn robots() -> impl Strategy<Value = Robot> {
@@ -17,9 +17,9 @@ fn robots() -> impl Strategy<Value = Robot> {
     let losses = ([0.1..2.0, 0.1..2.0, 0.1..2.0], [5.0..500.0, 5.0..500.0, 5.0..500.0]);
     let joint = (0.05..0.5, 0.004..0.05);
     (sizes, losses, joint).prop_map(|((h, l, b, m0, m1, m2), (roll, skid), (k, c))| Robot {
-        h_m: h,
-        l_m: l,
-        b_m: b * l,
+        h_m: [h, 1.2 * h],
+        l_m: [l, 0.8 * l],
+        b_m: [b * l, 0.5 * b * l],
         mass_kg: [m0, m1, m2],
         inertia_kg_m2: [m0 * h * h / 3.0, m1 * l * l / 6.0, m2 * l * l / 6.0],
         roll_kg_s: roll,
@@ -44,15 +44,16 @@ fn problems() -> impl Strategy<Value = Problem> {
         .prop_map(|(robot, gait, laws, omega_rad_s)| Problem { robot, gait, laws, omega_rad_s })
 }
 
-/// Whether the motion has states of its own and forgets where it began.
+/// Returns whether perturbations of the motion shrink in each cycle by a factor below `by`; true for a motion
+/// without dynamic states.
 fn forgets(motion: &SteadyMotion, by: f64) -> bool {
     motion.floquet.is_none_or(|modulus| modulus < by)
 }
 
-/// Samples of a cycle: enough for differences of eighth order.
+/// Number of samples per cycle, enough for finite differences of eighth order.
 const SAMPLES: usize = 720;
 
-/// A sample of a motion that was moved and turned as a whole.
+/// Returns a sample of the motion after the motion is translated and rotated as a whole.
 fn in_the_world(sample: &Sample, (x, y, angle): (f64, f64, f64)) -> Sample {
     let (sin, cos) = angle.sin_cos();
     let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
@@ -64,11 +65,10 @@ fn in_the_world(sample: &Sample, (x, y, angle): (f64, f64, f64)) -> Sample {
     moved
 }
 
-/// Largest difference between the rate of the robot's momentum (linear, and angular about the
-/// origin) and what the forces on the wheels supply, relative to the largest of these. By
-/// Newton's laws and eq. 1 in the world's frame alone.
-fn momentum_missed(robot: &Robot, samples: &[Sample]) -> f64 {
-    let (h, l, b) = (robot.h_m, robot.l_m, robot.b_m);
+/// Returns the largest difference between the rate of change of the robot's momentum (linear, and angular about the
+/// origin) and the forces and moments on the wheels, relative to the largest force or moment. The computation uses only
+/// Newton's laws and the kinematics of the links (eq. 1 of the paper) in the world frame.
+fn momentum_residual(robot: &Robot, samples: &[Sample]) -> f64 {
     let mut momenta = Vec::new();
     let mut supplied = Vec::new();
     for sample in samples {
@@ -76,12 +76,13 @@ fn momentum_missed(robot: &Robot, samples: &[Sample]) -> f64 {
         let [dx, dy, turning, w1, w2] = sample.rates;
         let links = [
             (theta, turning, 0.0, 0.0),
-            (theta - sample.phi_rad[0], turning - w1, h, 1.0),
-            (theta + sample.phi_rad[1], turning + w2, -h, -1.0),
+            (theta - sample.phi_rad[0], turning - w1, robot.h_m[0], 1.0),
+            (theta + sample.phi_rad[1], turning + w2, -robot.h_m[1], -1.0),
         ];
-        let (mut momentum, mut force) = ([0.0; 3], [0.0; 3]);
+        let mut momentum = [0.0; 3];
+        let mut force = [0.0; 3];
         for (i, (angle, spin, joint, side)) in links.into_iter().enumerate() {
-            // A point at a distance along the link from its joint: where it is, how it moves.
+            // Position and velocity of a point at a distance along the link from its joint.
             let point = |along: f64| {
                 let along = side * along;
                 [
@@ -91,11 +92,15 @@ fn momentum_missed(robot: &Robot, samples: &[Sample]) -> f64 {
                     dy + joint * turning * theta.cos() + along * spin * angle.cos(),
                 ]
             };
-            let ([x, y, vx, vy], mass) = (point(b), robot.mass_kg[i]);
+            let b = robot.b_m[i.saturating_sub(1)];
+            let l = robot.l_m[i.saturating_sub(1)];
+            let [x, y, vx, vy] = point(b);
+            let mass = robot.mass_kg[i];
             let about = mass * (x * vy - y * vx) + robot.inertia_kg_m2[i] * spin;
             let own = [mass * vx, mass * vy, about];
             let [x, y, ..] = point(l);
-            let (roll, lateral) = (sample.forces.roll_n[i], sample.forces.lateral_n[i]);
+            let roll = sample.forces.roll_n[i];
+            let lateral = sample.forces.lateral_n[i];
             let fx = roll * angle.cos() - lateral * angle.sin();
             let fy = roll * angle.sin() + lateral * angle.cos();
             for k in 0..3 {
@@ -107,10 +112,11 @@ fn momentum_missed(robot: &Robot, samples: &[Sample]) -> f64 {
         supplied.push(force);
     }
     let step_s = samples[1].time_s - samples[0].time_s;
-    // Central differences of eighth and sixth order; where they differ they are not to be trusted.
+    // Central differences of eighth and sixth order; where the two disagree, they are not reliable.
     let eighth = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
     let sixth = [3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0, 0.0];
-    let (mut missed, mut largest) = ([0.0_f64; 3], [0.0_f64; 3]);
+    let mut missed = [0.0_f64; 3];
+    let mut largest = [0.0_f64; 3];
     for i in 4..samples.len() - 4 {
         for k in 0..3 {
             let [rate, rougher] = [eighth, sixth].map(|weights: [f64; 4]| -> f64 {
@@ -146,9 +152,10 @@ proptest! {
         if let (Ok(one), Ok(other)) =
             (problem.solve(REFERENCE_ACCURACY), mirrored.solve(REFERENCE_ACCURACY))
         {
-            // Light damping allows several motions; only stable ones are compared.
+            // With light damping, several motions exist; only strongly stable ones are compared.
             prop_assume!(forgets(&one, 0.9) && forgets(&other, 0.9));
-            let (one, other) = (one.metrics, other.metrics);
+            let one = one.metrics;
+            let other = other.metrics;
             prop_assert!(close(one.d_m, other.d_m, one.d_m), "{one:?} {other:?}");
             prop_assert!(close(one.dtheta_rad, -other.dtheta_rad, 1.0), "{one:?} {other:?}");
             for (a, b) in one.sigma.iter().zip(other.sigma) {
@@ -158,22 +165,22 @@ proptest! {
     }
 
     #[test]
-    fn the_actuators_work_is_what_friction_takes(problem in problems()) {
+    fn the_work_of_the_actuators_is_dissipated_by_friction(problem in problems()) {
         let mut solver = Solver::default();
         if solver.solve(&problem, REFERENCE_ACCURACY).is_ok() {
             let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
-            // Without resistance the actuators take back what they gave.
+            // Without resistance the actuators recover the work that they have done.
             let is_free = problem.laws == Laws::NO_SKID && problem.gait.passive_joint().is_none();
             prop_assert!((loss_j > 0.0) != is_free, "{loss_j}");
             let moved_j = problem.robot.mass_kg[0]
-                * (problem.robot.l_m * problem.omega_rad_s).powi(2);
+                * (problem.robot.skid_length_m() * problem.omega_rad_s).powi(2);
             let scale_j = if is_free { moved_j } else { loss_j };
             prop_assert!((work_j - loss_j).abs() < 1e-8 * scale_j, "{work_j} {loss_j}");
         }
     }
 
     #[test]
-    fn the_ground_alone_changes_momentum_wherever_the_robot_is(
+    fn only_contact_forces_change_the_momentum(
         problem in problems(),
         place in (-5.0..5.0, -5.0..5.0, -PI..PI),
     ) {
@@ -182,13 +189,13 @@ proptest! {
             let samples = solver.cycle(SAMPLES).unwrap();
             prop_assert_eq!(samples.len(), SAMPLES + 1);
             let moved: Vec<_> = samples.iter().map(|sample| in_the_world(sample, place)).collect();
-            let missed = momentum_missed(&problem.robot, &moved);
+            let missed = momentum_residual(&problem.robot, &moved);
             prop_assert!(missed < 1e-5, "{missed}");
         }
     }
 
     #[test]
-    fn where_the_cycle_starts_matters_through_the_rotation_only(
+    fn the_start_of_the_cycle_matters_only_through_the_rotation(
         problem in problems(),
         shift in 0.0..6.0,
     ) {
@@ -198,7 +205,8 @@ proptest! {
             (problem.solve(REFERENCE_ACCURACY), shifted.solve(REFERENCE_ACCURACY))
         {
             prop_assume!(forgets(&one, 0.9) && forgets(&other, 0.9));
-            let (one, other) = (one.metrics, other.metrics);
+            let one = one.metrics;
+            let other = other.metrics;
             prop_assert!(close(one.dtheta_rad, other.dtheta_rad, 1.0), "{one:?} {other:?}");
             prop_assert!(close(one.alpha1_rad, other.alpha1_rad, 1.0), "{one:?} {other:?}");
             for (a, b) in one.sigma.iter().zip(other.sigma) {
@@ -211,7 +219,7 @@ proptest! {
     }
 
     #[test]
-    fn the_robot_from_rest_does_what_settling_says(problem in problems()) {
+    fn the_transient_from_rest_agrees_with_the_attractor(problem in problems()) {
         let settled = Solver::default().settle(&problem, REFERENCE_ACCURACY);
         let Ok(Attractor { motion, cycles, .. }) = settled else { return Ok(()) };
         prop_assume!(motion.floquet.is_some() && forgets(&motion, 0.3));

@@ -1,4 +1,4 @@
-//! Where the robot ends that starts from rest.
+//! Tests of the attractor reached from rest.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
     Solver::default().settle(problem, REFERENCE_ACCURACY)
 }
 
-/// d of the cycle that ends after this many cycles from rest.
+/// Returns the displacement d in the last of the first `cycles` cycles from rest, m.
 fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
     let period_s = TAU / problem.omega_rad_s;
     let path = problem.transient((cycles as f64 + 1.5) * period_s, 1.0 / period_s, 1e-9).unwrap();
@@ -19,7 +19,8 @@ fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
     (to[0] - from[0]).hypot(to[1] - from[1])
 }
 
-/// A front spring with little damping under a gait of large offset and amplitude.
+/// Returns a problem with a lightly damped passive front joint under a gait with a large offset and
+/// amplitude.
 fn on_bent_joints(
     [stiffness_nm_rad, damping_nm_s_rad]: [f64; 2],
     [offset_rad, amplitude_rad]: [f64; 2],
@@ -43,7 +44,7 @@ fn with_an_unstable_motion() -> Problem {
 }
 
 #[test]
-fn the_papers_robots_reach_the_solution_that_is_found_first() {
+fn the_papers_robots_reach_the_solution_of_the_solver() {
     let robots =
         [(Robot::kinematic(), Gait::skewed()), (Robot::semi_passive(), Gait::passive_symmetric())];
     for (robot, gait) in robots {
@@ -51,7 +52,7 @@ fn the_papers_robots_reach_the_solution_that_is_found_first() {
             let problem =
                 Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
             let settled = settle(&problem).unwrap();
-            assert!(settled.is_found_first && (1..=5).contains(&settled.cycles), "{settled:?}");
+            assert!(settled.is_found_by_solve && (1..=5).contains(&settled.cycles), "{settled:?}");
             let d_m = settled.motion.metrics.d_m;
             let first_m = problem.solve(REFERENCE_ACCURACY).unwrap().metrics.d_m;
             assert!((d_m - first_m).abs() < 1e-9 * first_m, "{d_m} {first_m}");
@@ -68,8 +69,8 @@ fn without_roll_resistance_the_semi_passive_robot_takes_many_cycles() {
         omega_rad_s: 4.0,
     };
     let settled = settle(&problem).unwrap();
-    assert!(settled.is_found_first && (10..100).contains(&settled.cycles), "{settled:?}");
-    // After these cycles the distance is what it says it is.
+    assert!(settled.is_found_by_solve && (10..100).contains(&settled.cycles), "{settled:?}");
+    // After the reported number of cycles, the distance from the attractor is as stated.
     let d_m = settled.motion.metrics.d_m;
     let [then, earlier] =
         [settled.cycles + 1, settled.cycles / 2].map(|cycles| followed_d_m(&problem, cycles));
@@ -78,7 +79,7 @@ fn without_roll_resistance_the_semi_passive_robot_takes_many_cycles() {
 }
 
 #[test]
-fn of_two_stable_motions_the_one_is_reported_that_is_reached_from_rest() {
+fn of_two_stable_motions_the_one_reached_from_rest_is_reported() {
     let problem = with_two_stable_motions();
     let first = problem.solve(REFERENCE_ACCURACY).unwrap();
     let settled = settle(&problem).unwrap();
@@ -86,27 +87,28 @@ fn of_two_stable_motions_the_one_is_reported_that_is_reached_from_rest() {
         (first.status(), settled.motion.status()),
         (MotionStatus::Stable, MotionStatus::Stable)
     );
-    let (first_m, settled_m) = (first.metrics.d_m, settled.motion.metrics.d_m);
-    assert!(!settled.is_found_first && settled_m > 2.0 * first_m, "{first_m} {settled_m}");
+    let first_m = first.metrics.d_m;
+    let settled_m = settled.motion.metrics.d_m;
+    assert!(!settled.is_found_by_solve && settled_m > 2.0 * first_m, "{first_m} {settled_m}");
     let followed_m = followed_d_m(&problem, settled.cycles + 30);
     assert!((followed_m - settled_m).abs() < 1e-4 * settled_m, "{followed_m} {settled_m}");
 }
 
 #[test]
-fn an_unstable_motion_is_never_where_the_robot_settles() {
+fn the_robot_never_settles_in_an_unstable_motion() {
     let problem = with_an_unstable_motion();
     let first = problem.solve(REFERENCE_ACCURACY).unwrap();
     assert_eq!(first.status(), MotionStatus::Unstable);
     let settled = settle(&problem).unwrap();
     assert!(
-        !settled.is_found_first && settled.motion.status() == MotionStatus::Stable,
+        !settled.is_found_by_solve && settled.motion.status() == MotionStatus::Stable,
         "{settled:?}"
     );
     assert!(settled.motion.metrics.d_m > 100.0 * first.metrics.d_m);
 }
 
 #[test]
-fn a_motion_that_does_not_settle_is_said_not_to() {
+fn a_motion_that_does_not_settle_is_reported() {
     let problem = Problem {
         robot: Robot { damping_nm_s_rad: 0.001, ..Robot::semi_passive() },
         gait: Gait::passive_symmetric(),
@@ -118,8 +120,8 @@ fn a_motion_that_does_not_settle_is_said_not_to() {
     assert_eq!(error.status(), MotionStatus::Diverged);
 }
 
-/// The paper's simulated semi-passive robot with next to no damping, beyond the frequency at which the
-/// motion that is its own mirror image loses its stability.
+/// Returns the semi-passive robot of the paper's simulations with very little damping, above the frequency at
+/// which the symmetric motion becomes unstable.
 fn with_broken_symmetry() -> Problem {
     Problem {
         robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
@@ -130,23 +132,23 @@ fn with_broken_symmetry() -> Problem {
 }
 
 #[test]
-fn a_motion_that_has_lost_its_symmetry_is_found_over_the_whole_period() {
+fn a_motion_without_half_period_symmetry_is_found() {
     let problem = with_broken_symmetry();
     let mut solver = Solver::default();
     let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
     assert_eq!(solver.status(), Ok(MotionStatus::SymmetryBroken));
-    // From an independent integration from rest.
+    // Reference values from an independent integration from rest.
     assert!((metrics.d_m - 17.32122e-3).abs() < 1e-8, "{metrics:?}");
     assert!((metrics.dtheta_rad.abs() - 0.00206734).abs() < 1e-8, "{metrics:?}");
     let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
     assert!((work_j - loss_j).abs() < 1e-8 * work_j, "{work_j} {loss_j}");
-    // A cycle of it ends as it says.
+    // The sampled cycle ends with the reported metrics.
     let cycle = solver.cycle(48).unwrap();
     let end = cycle.last().unwrap().pose;
     assert!((end.x_m.hypot(end.y_m) - metrics.d_m).abs() < 1e-9, "{end:?}");
     assert!((end.theta_rad - metrics.dtheta_rad).abs() < 1e-9, "{end:?}");
     let settled = settle(&problem).unwrap();
-    assert!(settled.is_found_first && (10..30).contains(&settled.cycles), "{settled:?}");
+    assert!(settled.is_found_by_solve && (10..30).contains(&settled.cycles), "{settled:?}");
     assert_eq!(settled.motion.metrics.d_m, metrics.d_m);
     let followed_m = followed_d_m(&problem, 800);
     assert!((followed_m - metrics.d_m).abs() < 1e-7, "{followed_m} {metrics:?}");
@@ -164,7 +166,7 @@ fn the_opposite_phase_gives_the_mirror_image_of_a_motion_without_symmetry() {
 }
 
 #[test]
-fn the_derivatives_of_a_motion_without_symmetry_are_those_of_its_differences() {
+fn derivatives_of_a_motion_without_symmetry_agree_with_differences() {
     let mut problem = with_broken_symmetry();
     let mut solver = Solver::default();
     solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
@@ -173,12 +175,13 @@ fn the_derivatives_of_a_motion_without_symmetry_are_those_of_its_differences() {
         let mut at = |by: f64| {
             let mut problem = problem.clone();
             set(&mut problem, by);
-            // Warm: on the same one of the two.
+            // A warm start stays on the same motion of the pair.
             let metrics = solver.solve(&problem, 1e-12).unwrap();
             assert_eq!(solver.status(), Ok(MotionStatus::SymmetryBroken));
             metrics.to_array()
         };
-        let (above, below) = (at(step), at(-step));
+        let above = at(step);
+        let below = at(-step);
         std::array::from_fn::<f64, 7, _>(|i| (above[i] - below[i]) / (2.0 * step))
     };
     let same = |name: &str, known: [f64; 7], found: [f64; 7]| {
@@ -192,22 +195,22 @@ fn the_derivatives_of_a_motion_without_symmetry_are_those_of_its_differences() {
     for parameter in [
         Quantity::Damping.one(),
         Quantity::Stiffness.one(),
-        Quantity::Skid.of(1),
-        Quantity::Roll.of(0),
+        Quantity::Skid.parameter(1),
+        Quantity::Roll.parameter(0),
     ] {
-        let value = parameter.of(&problem.robot);
+        let value = parameter.value_in(&problem.robot);
         let set = |problem: &mut Problem, by: f64| parameter.set(&mut problem.robot, value + by);
         let found = differences(&set, 1e-5 * value);
         same(parameter.name(), derivatives.parameters[parameter].to_array(), found);
     }
     problem.omega_rad_s = 9.0;
-    // Where the symmetric motion is stable again, a warm solver comes back to it.
+    // Where the symmetric motion is stable again, a warm-started solver returns to it.
     let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
     assert_eq!((solver.status(), metrics.dtheta_rad), (Ok(MotionStatus::Stable), 0.0));
 }
 
 #[test]
-fn the_solver_goes_on_from_where_the_robot_settled() {
+fn the_solver_continues_from_the_attractor() {
     let problem = with_two_stable_motions();
     let mut solver = Solver::default();
     let settled = solver.settle(&problem, REFERENCE_ACCURACY).unwrap();
@@ -218,13 +221,13 @@ fn the_solver_goes_on_from_where_the_robot_settled() {
 }
 
 #[test]
-fn a_motion_that_comes_back_every_second_cycle_only_is_said_to() {
+fn a_motion_that_repeats_every_second_cycle_is_reported() {
     let offset = JointCommand::new(0.8137, 0.2838, 2.662);
     let problem = Problem {
         robot: Robot {
-            h_m: 0.1695,
-            l_m: 0.1551,
-            b_m: 0.02867,
+            h_m: [0.1695; 2],
+            l_m: [0.1551; 2],
+            b_m: [0.02867; 2],
             mass_kg: [2.93, 0.196, 0.2922],
             inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
             roll_kg_s: [0.0; 3],

@@ -1,7 +1,7 @@
-//! C3D, the cameras' binary format (<https://www.c3d.org>): a header of 512 bytes, a section of
-//! parameters, then frame by frame every point (X, Y, Z, residual) and every analog sample.
+//! Reads C3D, a binary motion-capture format (<https://www.c3d.org>): a header of 512 bytes, a parameter section, then
+//! for each frame every point (X, Y, Z, residual) and every analog sample.
 //!
-//! Everything that the file states about its own size is checked against the bytes that are there.
+//! Everything that a file states about its own size is checked against its actual size.
 
 mod counts;
 mod parameters;
@@ -12,53 +12,55 @@ mod tests;
 use std::path::Path;
 
 use super::cells::{label_text, shown};
-use super::markers::{LARGEST_MM, MISSING};
+use super::markers::{MAX_MM, MISSING};
 use super::{FileProblem, Recording, Section, units};
 use crate::LengthUnit;
 use counts::{Counts, Layout};
 use parameters::{ByteOrder, Parameters};
 
 const BLOCK: usize = 512;
-/// Blocks that a section of parameters can have: they are counted by one byte.
-const MOST_PARAMETER_BLOCKS: usize = 255;
-/// Second byte of every C3D file.
+/// Maximum number of blocks in a parameter section; the format stores their number in one byte.
+const MAX_PARAMETER_BLOCKS: usize = 255;
+/// Second byte of every C3D file, by which the format is recognised.
 const MAGIC: u8 = 0x50;
-/// Lists of points that are not markers but what models made of them.
+/// Parameters that list the points that are model outputs rather than markers.
 const MODEL_OUTPUTS: [&str; 5] = ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"];
 
-/// Whether a file is C3D, by its content or else by its name.
+/// Returns whether a file is C3D, according to its content or its name.
 pub(super) fn is_c3d(path: &Path, content: &[u8]) -> bool {
     let name = path.to_string_lossy().to_ascii_lowercase();
     let is_named = name.strip_suffix(".gz").unwrap_or(&name).ends_with(".c3d");
-    let order = || ByteOrder::of(parameter_section(content)?).ok();
-    is_named || content.get(1) == Some(&MAGIC) && order().is_some()
+    let has_magic = content.get(1) == Some(&MAGIC);
+    let section = parameter_section(content);
+    is_named || has_magic && section.is_some_and(|section| ByteOrder::detect(section).is_ok())
 }
 
-/// The bytes from the parameters' start that can belong to them.
+/// Returns the bytes that may belong to the parameter section: from its start to the maximum length of such a section.
+/// Returns `None` if the start that the file states is not within the file.
 fn parameter_section(content: &[u8]) -> Option<&[u8]> {
     let block = usize::from(*content.first()?).checked_sub(1)?;
     let section = content.get(block * BLOCK..)?;
-    Some(&section[..section.len().min(MOST_PARAMETER_BLOCKS * BLOCK)])
+    Some(&section[..section.len().min(MAX_PARAMETER_BLOCKS * BLOCK)])
 }
 
-/// The markers of a C3D file; `unit` is that of a file which does not say its own.
+/// Parses the markers in a C3D file; `unit` applies if the file does not state a unit.
 pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, FileProblem> {
     let mut contents = Contents::read(content)?;
-    let said = contents.mm_per_unit()?;
-    if said.is_none() {
-        contents.doubts.push(format!("unit: found none (POINT:UNITS), took {unit} (vicon.unit)"));
+    let stated_mm = contents.mm_per_unit()?;
+    if stated_mm.is_none() {
+        contents.doubts.push(format!("unit: found none (POINT:UNITS), used {unit} (vicon.unit)"));
     }
-    let mm_per_unit = said.unwrap_or(unit.mm());
+    let mm_per_unit = stated_mm.unwrap_or(unit.mm());
     let markers = contents.markers()?;
     let mut positions_mm = Vec::with_capacity(markers.len() * contents.layout.frame_count);
     for (i, frame) in contents.frames(content).enumerate() {
         for (point, label) in &markers {
             let seen = contents.position(frame, *point).unwrap_or(MISSING);
             let position = seen.map(|x| x * mm_per_unit);
-            if let Some(x) = position.iter().find(|x| x.abs() > LARGEST_MM) {
+            if let Some(x) = position.iter().find(|x| x.abs() > MAX_MM) {
                 let frame = contents.first_frame + i as i64;
                 let found = format!("{x} mm for {label} in frame {frame}");
-                return Err(FileProblem::new(found, "a number of mm within a kilometre"));
+                return Err(FileProblem::new(found, "coordinates of at most a kilometre"));
             }
             positions_mm.push(position);
         }
@@ -74,53 +76,68 @@ pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, FileP
     })
 }
 
-/// Points and analog samples as if they were sections of an export.
+/// Lists points and analog samples as if they were sections in a CSV export.
 pub(super) fn sections(content: &[u8]) -> Result<Vec<Section>, FileProblem> {
     let contents = Contents::read(content)?;
-    let section =
-        |name: &str, rate_hz, rows| Section { name: name.to_owned(), line: 0, rate_hz, rows };
-    let (frame_count, per_frame) = (contents.layout.frame_count, contents.analog_per_frame);
-    let analog_hz = contents.rate_hz.map(|rate_hz| rate_hz * per_frame as f64);
-    let points = section("Points", contents.rate_hz, frame_count);
-    let analog = section("Analog", analog_hz, frame_count.saturating_mul(per_frame));
-    Ok([points].into_iter().chain((contents.layout.analog_values > 0).then_some(analog)).collect())
+    let frame_count = contents.layout.frame_count;
+    let per_frame = contents.analog_per_frame;
+    let mut sections = vec![Section {
+        name: "Points".to_owned(),
+        line: 0,
+        rate_hz: contents.rate_hz,
+        rows: frame_count,
+    }];
+    if contents.layout.analog_values > 0 {
+        sections.push(Section {
+            name: "Analog".to_owned(),
+            line: 0,
+            rate_hz: contents.rate_hz.map(|rate_hz| rate_hz * per_frame as f64),
+            rows: frame_count.saturating_mul(per_frame),
+        });
+    }
+    Ok(sections)
 }
 
-/// What a file holds.
+/// Parameters, frame layout and metadata of a C3D file.
 struct Contents<'f> {
     parameters: Parameters<'f>,
     layout: Layout,
-    /// Analog samples a frame and channel.
+    /// Number of analog samples per channel and frame.
     analog_per_frame: usize,
     first_frame: i64,
     rate_hz: Option<f64>,
-    /// Units of the file in one step of integer data.
+    /// Length of one step of integer data, in the file's unit; not used for floats.
     scale: f64,
-    /// Numbers that contradict each other, and what was taken.
+    /// Notes on missing or contradictory metadata and on the values used instead.
     doubts: Vec<String>,
 }
 
 impl<'f> Contents<'f> {
     fn read(content: &'f [u8]) -> Result<Self, FileProblem> {
         let header = content.get(..BLOCK).filter(|header| header[1] == MAGIC).ok_or_else(|| {
-            FileProblem::new("no C3D header", "512 bytes of which the second is 0x50")
+            FileProblem::new("no C3D header", "a header of 512 bytes, the second of which is 0x50")
         })?;
-        let section = parameter_section(content)
-            .ok_or_else(|| FileProblem::new("no parameter section", "one inside the file"))?;
-        let order = ByteOrder::of(section).map_err(|found| {
+        let section = parameter_section(content).ok_or_else(|| {
+            FileProblem::new("no parameter section", "a parameter section within the file")
+        })?;
+        let order = ByteOrder::detect(section).map_err(|found| {
             FileProblem::new(format!("processor type {found}"), "84 (Intel), 85 (DEC) or 86 (MIPS)")
         })?;
         let word = |number: usize| {
             let at = 2 * (number - 1);
             usize::from(order.u16([header[at], header[at + 1]]))
         };
-        // The section ends where the data begin, or else after as many blocks as it says.
+        // The section ends where the data begin, or else after the number of blocks that the section states.
         let blocks = match word(9).checked_sub(usize::from(header[0])) {
             Some(blocks) if blocks > 0 => blocks,
             _ => section.get(2).map_or(0, |&blocks| blocks.into()),
         };
-        let parameters = Parameters::read(section, blocks * BLOCK, order)
-            .ok_or_else(|| FileProblem::new("a cut or damaged parameter section", "a whole one"))?;
+        let parameters = Parameters::read(section, blocks * BLOCK, order).ok_or_else(|| {
+            FileProblem::new(
+                "a truncated or damaged parameter section",
+                "a complete parameter section",
+            )
+        })?;
         let counts = Counts::read(header, &parameters, content.len());
         if counts.has_no_points() {
             return Err(no_points(&parameters, word(3)));
@@ -141,28 +158,32 @@ impl<'f> Contents<'f> {
         })
     }
 
-    /// Index and label of every point that is a marker. Unlabelled points have none, or `*12`.
+    /// Returns the index and label of every point that is a marker. Points without a label, or with a placeholder such
+    /// as `*12`, are left out, as are model outputs.
     fn markers(&self) -> Result<Vec<(usize, String)>, FileProblem> {
         let texts = |name: &str| self.parameters.texts("POINT", name);
         let lists: Vec<(&str, Vec<&[u8]>)> =
             MODEL_OUTPUTS.iter().filter_map(|name| Some((*name, texts(name)?))).collect();
         let more = (2..).map_while(|i| texts(&format!("LABELS{i}"))).flatten();
         let labels = texts("LABELS").unwrap_or_default().into_iter().chain(more);
-        let is_labelled = |label: &[u8]| !label.is_empty() && label[0] != b'*';
         let labelled: Vec<(usize, &[u8])> = labels
             .take(self.layout.points)
             .enumerate()
-            .filter(|(_, label)| is_labelled(label))
+            .filter(|(_, label)| !label.is_empty() && label[0] != b'*')
             .collect();
-        let list_of =
-            |label: &[u8]| lists.iter().find(|(_, of)| of.contains(&label)).map(|(name, _)| *name);
-        let markers = labelled.iter().filter(|(_, label)| list_of(label).is_none());
-        let text = |(point, label): &(usize, &[u8])| (*point, label_text(label));
-        let markers: Vec<(usize, String)> = markers.map(text).collect();
+        let list_of = |label: &[u8]| {
+            lists.iter().find(|(_, labels)| labels.contains(&label)).map(|(name, _)| *name)
+        };
+        let markers: Vec<(usize, String)> = labelled
+            .iter()
+            .filter(|(_, label)| list_of(label).is_none())
+            .map(|(point, label)| (*point, label_text(label)))
+            .collect();
         if !markers.is_empty() {
             return Ok(markers);
         }
-        let (all, outputs) = (self.layout.points, labelled.len());
+        let all = self.layout.points;
+        let outputs = labelled.len();
         let mut found = Vec::new();
         if outputs > 0 {
             let mut named: Vec<&str> =
@@ -170,7 +191,7 @@ impl<'f> Contents<'f> {
             named.dedup();
             let named: Vec<String> = named.iter().map(|name| format!("POINT:{name}")).collect();
             found.push(format!(
-                "{outputs} points that are outputs of models ({}) and no markers",
+                "{outputs} points that are model outputs ({}) instead of markers",
                 named.join(", ")
             ));
         }
@@ -181,12 +202,12 @@ impl<'f> Contents<'f> {
         Err(FileProblem::new(found.join(" and "), needed))
     }
 
-    /// Millimetres a unit of the file, if it says its unit.
+    /// Returns the number of millimetres per unit of the file; `None` if the file does not state a unit.
     fn mm_per_unit(&self) -> Result<Option<f64>, FileProblem> {
         let units = self.parameters.texts("POINT", "UNITS").unwrap_or_default();
         match units.first().copied().unwrap_or_default() {
             b"" => Ok(None),
-            unit => match units::of_text(unit) {
+            unit => match units::parse(unit) {
                 Some(unit) => Ok(Some(unit.mm())),
                 None => {
                     let found = format!("POINT:UNITS `{}`", shown(unit));
@@ -196,13 +217,13 @@ impl<'f> Contents<'f> {
         }
     }
 
-    /// The bytes of each frame.
+    /// Iterates over the frames, yielding the bytes of each.
     fn frames<'c>(&self, content: &'c [u8]) -> impl Iterator<Item = &'c [u8]> {
         let data = content.get(self.layout.data_start..).unwrap_or_default();
         data.chunks_exact(self.layout.frame_bytes()).take(self.layout.frame_count)
     }
 
-    /// Where a point was, in the file's unit; `None` if the cameras did not see it.
+    /// Returns the position of a point in the file's unit; `None` if the point is occluded.
     fn position(&self, frame: &[u8], point: usize) -> Option<[f64; 3]> {
         let order = self.parameters.order;
         let (position, residual) = if self.layout.is_float {
@@ -216,17 +237,18 @@ impl<'f> Contents<'f> {
     }
 }
 
-/// The four values of a point in a frame.
+/// Returns the four values of a point in a frame (X, Y, Z, residual), as `N` bytes each; `None` if the frame is too
+/// short.
 fn values<const N: usize>(frame: &[u8], point: usize) -> Option<[[u8; N]; 4]> {
     frame.as_chunks::<N>().0.get(4 * point..)?.first_chunk().copied()
 }
 
-/// What a file without points holds instead.
+/// Returns the error for a file without points.
 fn no_points(parameters: &Parameters, analog_values: usize) -> FileProblem {
-    let used = |group: &str| parameters.number(group, "USED").filter(|used| *used > 0.0);
-    let instead = match (used("ROTATION"), analog_values) {
+    let rotations = parameters.number("ROTATION", "USED").filter(|used| *used > 0.0);
+    let instead = match (rotations, analog_values) {
         (Some(rotations), _) => format!("only rotations of {rotations} segments"),
-        (None, 0) => "as in a file of rotations or events only".to_owned(),
+        (None, 0) => "as in files that contain only rotations or events".to_owned(),
         (None, _) => "only analog channels".to_owned(),
     };
     let found = format!("no points (POINT:USED is 0), {instead}");

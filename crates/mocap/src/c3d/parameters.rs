@@ -1,12 +1,12 @@
-//! The parameter section: named groups of named values.
+//! Reads the parameter section: named groups of named values.
 //!
-//! A group is `length, -id, name, next`, a parameter `length, id, name, next, type, dimensions,
-//! values`; `next` leads from its own place to the following record and is 0 in the last one.
+//! A group consists of `length, -id, name, next`, a parameter of `length, id, name, next, type, dimensions, values`.
+//! `next` is the distance from its own position to the following record, and 0 in the last record.
 
-/// Longest list of values that a dimension can have.
-const LONGEST_LIST: usize = 255;
+/// Maximum length of a list, because each dimension of a parameter is stored in one byte.
+const MAX_LIST: usize = 255;
 
-/// Groups and parameters, still as they are in the file.
+/// Groups and parameters of a C3D file, not yet decoded.
 pub(super) struct Parameters<'f> {
     pub order: ByteOrder,
     groups: Vec<(u8, &'f [u8])>,
@@ -16,16 +16,16 @@ pub(super) struct Parameters<'f> {
 struct Parameter<'f> {
     group: u8,
     name: &'f [u8],
-    /// Bytes a value; text has -1.
+    /// Type of the values: the number of bytes per value, or -1 for text.
     kind: i8,
-    /// First dimension; 1 for a single value.
+    /// First dimension, which for text is the length of each string; 1 for a single value.
     width: usize,
     values: &'f [u8],
 }
 
 impl<'f> Parameters<'f> {
-    /// Reads a section of so many bytes up to its last record, after which zeros stand or the
-    /// section's end. `None` if it leads out of the bytes that are there.
+    /// Reads the groups and parameters in a section of `length` bytes (0 if unknown); zeros may follow the last record.
+    /// Returns `None` if a record extends beyond the bytes of the file.
     pub(super) fn read(section: &'f [u8], length: usize, order: ByteOrder) -> Option<Self> {
         let mut read = Self { order, groups: Vec::new(), parameters: Vec::new() };
         let mut at = 4;
@@ -50,7 +50,7 @@ impl<'f> Parameters<'f> {
             }
             at = name_end + next;
             if at > length && length > 0 {
-                // Some programs leave anything in the last one. Behind a record is its description.
+                // Some programs leave an arbitrary value in the last record. A record ends with its description.
                 at = end + 1 + section.get(end).map_or(0, |&bytes| usize::from(bytes));
             }
         }
@@ -58,40 +58,50 @@ impl<'f> Parameters<'f> {
     }
 
     fn find(&self, group: &str, name: &str) -> Option<&Parameter<'f>> {
-        let is = |found: &[u8], name: &str| found.eq_ignore_ascii_case(name.as_bytes());
-        let (id, _) = self.groups.iter().find(|(_, found)| is(found, group))?;
-        self.parameters.iter().find(|found| found.group == *id && is(found.name, name))
+        let (id, _) =
+            self.groups.iter().find(|(_, found)| found.eq_ignore_ascii_case(group.as_bytes()))?;
+        self.parameters.iter().find(|parameter| {
+            parameter.group == *id && parameter.name.eq_ignore_ascii_case(name.as_bytes())
+        })
     }
 
-    /// The numbers of a parameter; bytes and integers count without sign, as they do in every
-    /// place where they are large.
+    /// Returns the numbers in a parameter; `None` if there is no such numeric parameter. Bytes and integers are read as
+    /// unsigned, because large counts are stored in this way.
     pub(super) fn numbers(&self, group: &str, name: &str) -> Option<Vec<f64>> {
         let found = self.find(group, name)?;
-        let number = |bytes: &[u8]| match *bytes {
-            [byte] => Some(f64::from(byte)),
-            [a, b] => Some(f64::from(self.order.u16([a, b]))),
-            [a, b, c, d] => Some(decimal(self.order.f32([a, b, c, d]))),
-            _ => None,
-        };
         let width = usize::try_from(found.kind).ok().filter(|width| *width > 0)?;
-        found.values.chunks_exact(width).take(LONGEST_LIST).map(number).collect()
+        let values = found.values.chunks_exact(width).take(MAX_LIST);
+        values
+            .map(|bytes| match *bytes {
+                [byte] => Some(f64::from(byte)),
+                [a, b] => Some(f64::from(self.order.u16([a, b]))),
+                [a, b, c, d] => Some(shortest_decimal(self.order.f32([a, b, c, d]))),
+                _ => None,
+            })
+            .collect()
     }
 
-    /// The first number of a parameter.
+    /// Returns the first number in a parameter; `None` if there is none.
     pub(super) fn number(&self, group: &str, name: &str) -> Option<f64> {
         self.numbers(group, name)?.first().copied()
     }
 
-    /// The texts of a parameter without trailing spaces.
+    /// Returns the first number in a parameter as an unsigned 16-bit integer; `None` if there is none.
+    pub(super) fn whole(&self, group: &str, name: &str) -> Option<usize> {
+        Some(usize::from(self.number(group, name)? as u16))
+    }
+
+    /// Returns the strings in a parameter, without surrounding spaces; `None` if there is no such text parameter.
     pub(super) fn texts(&self, group: &str, name: &str) -> Option<Vec<&'f [u8]>> {
         let found = self.find(group, name).filter(|found| found.kind == -1)?;
-        let texts = found.values.chunks_exact(found.width.max(1)).take(LONGEST_LIST);
-        let text = |text: &'f [u8]| text.split(|&byte| byte == 0).next();
-        Some(texts.filter_map(text).map(<[u8]>::trim_ascii).collect())
+        let texts = found.values.chunks_exact(found.width.max(1)).take(MAX_LIST);
+        let texts = texts.filter_map(|text| text.split(|&byte| byte == 0).next());
+        Some(texts.map(<[u8]>::trim_ascii).collect())
     }
 }
 
-/// A parameter, and how many bytes type, dimensions and values have.
+/// Parses a parameter from `content`, which begins with the byte that states the parameter's type. Also returns the
+/// number of bytes that its type, dimensions and values take up. Returns `None` if `content` is too short.
 fn parameter<'f>(group: u8, name: &'f [u8], content: &'f [u8]) -> Option<(Parameter<'f>, usize)> {
     let [kind, dimensions] = bytes_at::<2>(content, 0)?;
     let kind = kind.cast_signed();
@@ -104,25 +114,26 @@ fn parameter<'f>(group: u8, name: &'f [u8], content: &'f [u8]) -> Option<(Parame
     Some((Parameter { group, name, kind, width, values }, bytes))
 }
 
-/// The number that was meant: 119.88 and not 119.87999725341797.
-pub(super) fn decimal(single: f32) -> f64 {
+/// Returns the shortest decimal number that rounds to this single-precision value: 119.88 rather than
+/// 119.87999725341797.
+pub(super) fn shortest_decimal(single: f32) -> f64 {
     single.to_string().parse().unwrap_or(f64::NAN)
 }
 
-/// How a file writes its numbers.
+/// Number format of a C3D file, named after the processor types.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ByteOrder {
-    /// Little-endian; what every camera system writes today.
+    /// Little-endian, as written by all current camera systems.
     Intel,
-    /// Little-endian integers, VAX floats.
+    /// Little-endian integers and VAX floats.
     Dec,
     /// Big-endian.
     Mips,
 }
 
 impl ByteOrder {
-    /// From the fourth byte of the parameter section; the byte if it is none that is known.
-    pub(super) fn of(section: &[u8]) -> Result<Self, u8> {
+    /// Detects the number format from the fourth byte of the parameter section; returns an unknown byte as the error.
+    pub(super) fn detect(section: &[u8]) -> Result<Self, u8> {
         match section.get(3) {
             Some(84) => Ok(Self::Intel),
             Some(85) => Ok(Self::Dec),
@@ -146,14 +157,14 @@ impl ByteOrder {
         let [a, b, c, d] = bytes;
         match self {
             Self::Intel => f32::from_le_bytes(bytes),
-            // The halves are swapped, and the exponent counts from another zero.
+            // The 16-bit halves are swapped, and the exponent has a different bias.
             Self::Dec => f32::from_le_bytes([c, d, a, b]) / 4.0,
             Self::Mips => f32::from_be_bytes(bytes),
         }
     }
 }
 
-/// `N` bytes from a position on, if they are there.
+/// Returns `N` bytes starting at a position; `None` if there are fewer.
 pub(super) fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Option<[u8; N]> {
     bytes.get(at..)?.first_chunk().copied()
 }

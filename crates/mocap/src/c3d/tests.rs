@@ -1,4 +1,4 @@
-//! C3D files of every byte order and number format, and one for each error.
+//! C3D files with every byte order and number format, and one file for each error.
 
 use proptest::prelude::*;
 
@@ -6,17 +6,17 @@ use super::*;
 use crate::LengthUnit;
 use crate::{ReadError, parse_markers, sections};
 
-/// What a file is made of; [`Recipe::default`] is the table of `nexus.csv`.
+/// Content of a synthetic C3D file; [`Recipe::default`] has the same markers and positions as `nexus.csv`.
 struct Recipe {
     order: ByteOrder,
     float: bool,
     unit: &'static str,
-    /// Lists of labels; the second goes to `LABELS2`.
+    /// Lists of point labels; the second list is written to the parameter `LABELS2`.
     labels: Vec<Vec<&'static str>>,
     angles: Vec<&'static str>,
     first_frame: u32,
     analog_values: usize,
-    /// Frame by frame, point by point; `None` is not seen.
+    /// Positions by frame and point; `None` if the point is occluded.
     frames: Vec<Vec<Option<[f64; 3]>>>,
 }
 
@@ -37,7 +37,7 @@ impl Default for Recipe {
     }
 }
 
-/// Millimetres a step of integer data.
+/// Length of one step of integer data, mm.
 const STEP: f64 = 0.25;
 
 impl Recipe {
@@ -171,13 +171,13 @@ fn every_processor_and_number_format_gives_the_same() {
 }
 
 #[test]
-fn content_tells_a_file_that_has_another_name() {
+fn a_file_with_another_name_is_recognised_by_its_content() {
     let file = Recipe::default().file();
     assert_eq!(parse_markers(Path::new("a.csv"), &file, LengthUnit::Mm).unwrap(), plain());
 }
 
 #[test]
-fn analog_samples_are_passed_over() {
+fn analog_samples_are_skipped() {
     let recipe = Recipe { analog_values: 4, ..Recipe::default() };
     assert_eq!(recipe.read().unwrap(), plain());
     let listed = sections(Path::new("a.c3d"), &recipe.file()).unwrap();
@@ -194,7 +194,7 @@ fn metres_become_millimetres() {
 }
 
 #[test]
-fn what_was_not_seen_is_missing_and_zero_is_zero() {
+fn occluded_points_are_missing_and_zero_is_zero() {
     for float in [true, false] {
         let mut recipe = Recipe { float, ..Recipe::default() };
         recipe.frames[0] = vec![None, Some([0.0; 3])];
@@ -215,14 +215,14 @@ fn points_without_a_label_and_model_outputs_are_no_markers() {
         ..Recipe::default()
     };
     for (frame, plain) in recipe.frames.iter_mut().zip(Recipe::default().frames) {
-        // The last point has no place in the lists at all.
+        // The last point is not in the lists of labels.
         *frame = vec![None, plain[0], Some([9.0; 3]), Some([8.0; 3]), plain[1], Some([7.0; 3])];
     }
     assert_eq!(recipe.read().unwrap(), plain());
 }
 
 #[test]
-fn frames_beyond_65535_are_counted_on() {
+fn frame_numbers_beyond_65535_are_read() {
     let recipe = Recipe { first_frame: 70_000, ..Recipe::default() };
     assert_eq!(recipe.read().unwrap().frames, [70_000, 70_001]);
 }
@@ -235,18 +235,25 @@ fn every_error_says_what_was_found_and_needed() {
         file[at] = byte;
         message(&file)
     };
-    let needed_header = "a.c3d: found no C3D header, needed 512 bytes of which the second is 0x50";
+    let needed_header =
+        "a.c3d: found no C3D header, needed a header of 512 bytes, the second of which is 0x50";
     assert_eq!(message(&[]), needed_header);
     assert_eq!(message(&whole[..511]), needed_header);
     assert_eq!(message(b"Trajectories\n120\n"), needed_header);
-    assert_eq!(with(0, 0), "a.c3d: found no parameter section, needed one inside the file");
+    assert_eq!(
+        with(0, 0),
+        "a.c3d: found no parameter section, needed a parameter section within the file"
+    );
     assert_eq!(
         with(BLOCK + 3, 1),
         "a.c3d: found processor type 1, needed 84 (Intel), 85 (DEC) or 86 (MIPS)"
     );
     let cut = &whole[..BLOCK + 100];
-    assert_eq!(message(cut), "a.c3d: found a cut or damaged parameter section, needed a whole one");
-    let needed_all = "needed all of them; is the copy complete?";
+    assert_eq!(
+        message(cut),
+        "a.c3d: found a truncated or damaged parameter section, needed a complete parameter section"
+    );
+    let needed_all = "needed all frames; is the copy of the file complete?";
     let data = 3 * BLOCK;
     assert_eq!(message(&whole[..data + 40]), format!("a.c3d: found 1 of 2 frames, {needed_all}"));
     let labels = vec![vec!["*0", "*1"]];
@@ -260,7 +267,7 @@ fn every_error_says_what_was_found_and_needed() {
     wild.frames[1][0] = Some([0.0, 2e6, 0.0]);
     assert_eq!(
         wild.read().unwrap_err().to_string(),
-        "a.c3d: found 2000000 mm for Snake:M1 in frame 2, needed a number of mm within a kilometre"
+        "a.c3d: found 2000000 mm for Snake:M1 in frame 2, needed coordinates of at most a kilometre"
     );
 }
 

@@ -1,11 +1,11 @@
-//! The `Trajectories` section of a CSV export.
+//! Writes the `Trajectories` section of a CSV export.
 
 use std::io::Write;
 
 use crate::Recording;
 
-/// A recording as Nexus 2 exports its `Trajectories` to CSV: six significant digits, mm, empty
-/// cells where a marker was not seen.
+/// Encodes a recording as Nexus 2 exports its `Trajectories` to CSV: six significant digits, mm, and empty cells where
+/// a marker is occluded.
 pub fn csv_bytes(markers: &Recording) -> Vec<u8> {
     let mut export = Vec::with_capacity(markers.positions_mm.len() * 28);
     header(&mut export, markers);
@@ -26,7 +26,7 @@ pub fn csv_bytes(markers: &Recording) -> Vec<u8> {
     export
 }
 
-/// Title, rate (empty if it is not known), labels, axes and units.
+/// Appends the header rows: title, rate (empty if unknown), labels, axes and units.
 fn header(export: &mut Vec<u8>, markers: &Recording) {
     let mut labels = String::from(",,");
     let mut axes = String::from("Frame,Sub Frame");
@@ -41,13 +41,13 @@ fn header(export: &mut Vec<u8>, markers: &Recording) {
     export.extend_from_slice(lines.as_bytes());
 }
 
-/// A number as C's `%g` writes it: six significant digits, no trailing zeros.
+/// Appends a number as formatted by `%g` in C: six significant digits, no trailing zeros.
 fn push_six_digits(export: &mut Vec<u8>, x: f64) {
     let begin = export.len();
     write!(export, "{x:.5e}").expect("memory");
     let rounded: f64 = fast_float2::parse(&export[begin..]).expect("a number");
     export.truncate(begin);
-    // Below a hundredth of a micrometre the cameras' coordinate is zero.
+    // Camera systems write coordinates below a hundredth of a micrometre as zero.
     let seen = if rounded.abs() < 1e-5 { 0.0 } else { rounded };
     write!(export, "{seen}").expect("memory");
 }

@@ -1,4 +1,4 @@
-//! Marker files as Vicon Nexus 2 writes them.
+//! Writes marker files in the formats of Vicon Nexus 2.
 
 mod c3d;
 mod csv;

@@ -1,4 +1,4 @@
-//! How far the passive joint of a campaign swings.
+//! Figure of the passive joint's amplitude against frequency.
 
 use minijinja::context;
 use trilink_plot::{Figure, Layer};
@@ -12,7 +12,8 @@ use crate::series::{AMPLITUDE, AMPLITUDE2, Series, Source};
 use crate::simulated;
 use crate::tables::Tables;
 
-/// Measurements and models of a campaign of which a joint is passive.
+/// Returns the figure of the measured and modelled amplitude of a campaign's passive joint; `None` if no joint is
+/// passive.
 pub(super) fn figure(
     stem: &str,
     campaign: &str,
@@ -20,23 +21,26 @@ pub(super) fn figure(
     config: &ReportInput,
 ) -> Option<Figure> {
     let joint = config.campaign_setup(campaign)?.1.passive_joint()?;
-    let (quantity, source) = ([AMPLITUDE, AMPLITUDE2][joint], tables.source(config));
+    let quantity = [AMPLITUDE, AMPLITUDE2][joint];
+    let source = tables.source(config);
     let series: Vec<Series> = if joint == 0 {
         let models = source.models(campaign);
         let models = models.iter().filter_map(|of| source.model(campaign, *of, &quantity, 0));
         let measured = source.measured(campaign, &quantity, 0);
         measured.into_iter().chain(models).collect()
     } else {
-        // Of this joint the tables have the first harmonic alone, and nothing of models.
-        let with_its_own = |trial: &TrialRow| {
-            let mut trial = trial.clone();
-            trial.metrics.alpha1_rad = trial.gait[joint].amplitude_rad;
-            trial.metrics_se.alpha1_rad = trial.gait[joint].amplitude_rad_se;
-            trial
-        };
-        let trials: Vec<TrialRow> = source.measured_trials(campaign).map(with_its_own).collect();
+        // For joint 2, the tables contain only the measured first harmonic; they contain no predictions.
+        let trials: Vec<TrialRow> = source
+            .measured_trials(campaign)
+            .map(|trial| {
+                let mut trial = trial.clone();
+                trial.metrics.alpha1_rad = trial.gait[joint].amplitude_rad;
+                trial.metrics_se.alpha1_rad = trial.gait[joint].amplitude_rad_se;
+                trial
+            })
+            .collect();
         let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
-        // Each trial's own gait has no curve.
+        // Models that are driven by the measured gait of each trial have no prediction curve.
         let fits = fits.filter(|fit| !source.is_of_trials(fit.model));
         let models = fits.map(|fit| {
             let curve = simulated::curve(tables, config, fit, |solver, problem| {
@@ -50,7 +54,7 @@ pub(super) fn figure(
     };
     let plots = [(quantity, series)];
     let (input, of_trials) = frequency::drivers(&plots, source);
-    // The curves of joint 2 are solved for under the command, whatever drove the fits.
+    // The curves for joint 2 are solved under the commanded gait, whatever the gait input of the fits.
     let input = if joint == 0 || input.is_empty() { input } else { "commanded gait".to_owned() };
     let values = context! { campaign, bars => BARS, input, of_trials };
     Some(frequency::figure(stem, texts("alpha", values), &[campaign], &plots))

@@ -1,4 +1,4 @@
-//! Figs. 10, 13 and 15 to 20: measurements and models against the frequency.
+//! Figures of measurements and models against frequency (Figs. 10, 13 and 15 to 20 of the paper).
 
 use std::collections::BTreeSet;
 
@@ -14,16 +14,19 @@ use super::common::FREQUENCY;
 use super::texts::texts;
 use crate::series::{DISPLACEMENT, Quantity, SPEED, Series, Source};
 
-pub(crate) const BARS: &str = "Markers: means over the cycles of each trial, of flagged ones in orange, of many \
-                    those that do not cover each other; bars: 95 % (1.96 standard errors), where \
-                    longer than the marker.";
-/// A model further above the measurements than this would flatten them.
-const FARTHEST_MODEL: f64 = 1.5;
+/// Explanation of the markers and error bars, for captions.
+pub(crate) const BARS: &str = "Markers: means over the used cycles of each trial, orange for \
+                               flagged trials (if there are many trials, overlapping markers are \
+                               omitted); bars: 95 % intervals (1.96 standard errors), if longer \
+                               than the marker.";
+/// Upper limit of a panel's vertical axis, as a multiple of the highest measurement; model curves that rise higher are
+/// cut off, because they would flatten the measurements.
+const MAX_HEIGHT: f64 = 1.5;
 
-/// One quantity against the frequency.
+/// Quantity with its measured and predicted series against frequency.
 pub(crate) type Plot = (Quantity, Vec<Series>);
 
-/// Figs. 10, 13 and 15: what was measured of displacement and speed.
+/// Returns the figure of a campaign's measured displacement and speed (Figs. 10, 13 and 15 of the paper).
 pub(crate) fn measured(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let texts = texts("measured", context! { campaign, bars => BARS });
     let plots = [DISPLACEMENT, SPEED]
@@ -31,7 +34,8 @@ pub(crate) fn measured(stem: &str, campaign: &str, source: Source<'_>) -> Figure
     figure(stem, texts, &[campaign], &plots)
 }
 
-/// Displacement alone, measured and by one model, for the first screen.
+/// Returns the figure that compares a campaign's measured displacement with the prediction by `model` (if given), for
+/// the top of the report page.
 pub(crate) fn overview(campaign: &str, model: Option<Model>, source: Source<'_>) -> Figure {
     let model = model.and_then(|model| source.model(campaign, model, &DISPLACEMENT, 0));
     let series = source.measured(campaign, &DISPLACEMENT, 0).into_iter().chain(model).collect();
@@ -39,21 +43,30 @@ pub(crate) fn overview(campaign: &str, model: Option<Model>, source: Source<'_>)
     figure("overview", [title, String::new()], &[campaign], &[(DISPLACEMENT, series)])
 }
 
-/// Figs. 16, 17 and 18: displacement and speed, measured and by all models of the campaign.
+/// Returns the figure that compares a campaign's measured displacement and speed with the predictions by all models
+/// (Figs. 16 to 18 of the paper).
 pub(crate) fn models(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let models = source.models(campaign);
     let plots = [DISPLACEMENT, SPEED].map(|quantity| -> Plot {
-        let model = |model: &Model| source.model(campaign, *model, &quantity, 0);
         let measured = source.measured(campaign, &quantity, 0);
-        (quantity, measured.into_iter().chain(models.iter().filter_map(model)).collect())
+        (
+            quantity,
+            measured
+                .into_iter()
+                .chain(
+                    models.iter().filter_map(|model| source.model(campaign, *model, &quantity, 0)),
+                )
+                .collect(),
+        )
     });
     let (input, of_trials) = drivers(&plots, source);
     let values = context! { campaign, bars => BARS, input, of_trials };
     figure(stem, texts("models", values), &[campaign], &plots)
 }
 
-/// What drives the models of plots: the gait in words, empty without a line, and the names of those
-/// that each trial's own gait drives, whatever `[fit]` says.
+/// Returns the gait input of the plotted models in words (such as `measured gait`), and the names of the models that
+/// always use the measured gait of each trial, whatever gait input is configured. The words are empty if no other model
+/// has a prediction curve.
 pub(crate) fn drivers(plots: &[Plot], source: Source<'_>) -> (String, Vec<&'static str>) {
     let series = plots.iter().flat_map(|(_, series)| series);
     let drawn = series.filter_map(|of| Some((of.campaign.as_str(), of.model?)));
@@ -63,24 +76,33 @@ pub(crate) fn drivers(plots: &[Plot], source: Source<'_>) -> (String, Vec<&'stat
     (source.gait_input(drawn), of_trials.into_iter().collect())
 }
 
-/// Figs. 19 and 20: the wheels' skid ratios of campaigns, measured and by the preferred model of
-/// each, or of a single campaign by all its models that skid.
+/// Returns the figure of the wheels' skid ratios (Figs. 19 and 20 of the paper). For a single campaign, all its models
+/// with skid are shown; for several campaigns, each is shown with its preferred model with skid.
 pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure {
     let has_several = campaigns.len() > 1;
     let models = |campaign: &str| -> Vec<Model> {
-        match has_several {
-            true => source.preferred_with_skid(campaign).into_iter().collect(),
-            false => source.models(campaign).into_iter().filter(|of| source.skids(*of)).collect(),
+        if has_several {
+            source.preferred_with_skid(campaign).into_iter().collect()
+        } else {
+            source.models(campaign).into_iter().filter(|of| source.skids(*of)).collect()
         }
     };
     let models: Vec<Vec<Model>> = campaigns.iter().map(|campaign| models(campaign)).collect();
     let plots = Metric::SIGMA.map(Quantity::new).map(|quantity| -> Plot {
-        let of_campaign = |(nth, campaign): (usize, &&str)| {
-            let measured = source.measured(campaign, &quantity, nth).into_iter();
-            let model = |model: &Model| source.model(campaign, *model, &quantity, nth);
-            measured.chain(models[nth].iter().filter_map(model)).collect::<Vec<_>>()
-        };
-        let mut series: Vec<Series> = campaigns.iter().enumerate().flat_map(of_campaign).collect();
+        let mut series: Vec<Series> = campaigns
+            .iter()
+            .enumerate()
+            .flat_map(|(nth, campaign)| {
+                let measured = source.measured(campaign, &quantity, nth).into_iter();
+                measured
+                    .chain(
+                        models[nth]
+                            .iter()
+                            .filter_map(|model| source.model(campaign, *model, &quantity, nth)),
+                    )
+                    .collect::<Vec<_>>()
+            })
+            .collect();
         for Series { campaign, layer, .. } in series.iter_mut().filter(|_| has_several) {
             layer.name = format!("{campaign}, {}", layer.name);
         }
@@ -97,7 +119,7 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
     figure(stem, texts("skid", values), campaigns, &plots)
 }
 
-/// A panel for each quantity.
+/// Returns a figure with one panel per quantity. `texts` are the title and the caption.
 pub(crate) fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: &[Plot]) -> Figure {
     let columns = plots.iter().map(|(of, _)| {
         ["", "_error_95", "_lo", "_hi"].map(|end| format!(",{}{end}", of.csv_name)).concat()
@@ -120,21 +142,26 @@ pub(crate) fn figure(stem: &str, texts: [String; 2], campaigns: &[&str], plots: 
     Figure { csv: Some(csv), alternative: Some(alternative), ..figure }
 }
 
-/// All measurements, and the models as far as they leave these readable.
+/// Returns the panel for a quantity. The range of the vertical axis is limited so that the measurements remain
+/// readable.
 fn panel((quantity, series): &Plot) -> Panel {
-    // Measurements lie on top.
+    // Measurements are drawn on top of models.
     let (measured, modelled): (Vec<&Series>, Vec<_>) =
         series.iter().partition(|series| series.model.is_none());
     let tops = measured.iter().flat_map(|series| series.points());
-    let most = Range::of(tops.map(|point| point.y + point.error.max(0.0)));
-    let ceiling = most.map(|most| FARTHEST_MODEL * most.high).filter(|ceiling| *ceiling > 0.0);
-    // How far a series goes above the panel, if it does.
+    let range = Range::enclosing(tops.map(|point| point.y + point.error.max(0.0)));
+    let ceiling = range.map(|range| MAX_HEIGHT * range.high).filter(|ceiling| *ceiling > 0.0);
+    // Note that a series extends above the panel.
     let beyond = |series: &&Series| {
         let above = series.points().map(|point| point.y).filter(|value| Some(*value) > ceiling);
         let highest = ceiling.and(above.reduce(f64::max))?;
         let digits = usize::from(highest < 100.0) + 2 * usize::from(highest < 1.0);
-        let (name, unit) = (&series.layer.name, quantity.after_number());
-        Some(format!("{name} above, up to {}{unit}", trilink_base::numbers::fixed(highest, digits)))
+        let name = &series.layer.name;
+        let unit = quantity.after_number();
+        Some(format!(
+            "{name} off the scale, up to {}{unit}",
+            trilink_base::numbers::fixed(highest, digits)
+        ))
     };
     let beyond: Vec<String> = modelled.iter().filter_map(beyond).collect();
     let layers = modelled.into_iter().chain(measured).map(|series| series.layer.clone());
@@ -147,29 +174,32 @@ fn panel((quantity, series): &Plot) -> Panel {
         beyond: match beyond.as_slice() {
             [] => String::new(),
             [one] => one.clone(),
-            several => format!("{} models lie above", several.len()),
+            several => format!("{} models off the scale", several.len()),
         },
         ..Panel::new(quantity.title, FREQUENCY, quantity.axis_label(), layers.collect())
     }
 }
 
-/// What a series shows for those who cannot see it.
+/// Describes the range of a series for the text alternative (`alt` text) of the figure.
 fn extent(quantity: &Quantity, series: &Series) -> String {
-    let Range { low, high } = Range::of(series.points().map(|point| point.y))
+    let Range { low, high } = Range::enclosing(series.points().map(|point| point.y))
         .unwrap_or(Range { low: f64::NAN, high: f64::NAN });
     let digits = if quantity.is_skid() { 4 } else { 1 };
     let trials = match series.model {
         None => format!(" ({} trials)", series.points().count()),
         Some(_) => String::new(),
     };
-    let (name, unit) = (&series.layer.name, quantity.after_number());
-    format!("{name}{trials} from {low:.digits$} to {high:.digits$}{unit}")
+    let name = &series.layer.name;
+    let unit = quantity.after_number();
+    format!("{name}{trials} ranges from {low:.digits$} to {high:.digits$}{unit}")
 }
 
-/// Rows of a series; other quantities have their columns before and after its own.
+/// Writes the CSV rows of a series; `before` and `after` are the empty columns of the quantities that precede and
+/// follow that of the series.
 fn write_csv(csv: &mut String, letter: char, series: &Series, [before, after]: [&str; 2]) {
     let kind = if series.model.is_some() { "model" } else { "measured" };
-    let (campaign, name) = (csv_field(&series.campaign), series.name());
+    let campaign = csv_field(&series.campaign);
+    let name = series.name();
     for (point, trial, [low, high]) in series.points_with_limits() {
         let (Point { x, y, error }, trial) = (*point, csv_field(trial));
         let [x, y, error, low, high] = [x, y, error, low, high].map(trilink_plot::number);

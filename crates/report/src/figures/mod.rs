@@ -1,4 +1,4 @@
-//! The figures: which there are, and which of them the tables at hand allow.
+//! Figures of the report: their kinds and names, and the choice of those for which the tables have data.
 
 mod amplitude;
 mod common;
@@ -35,16 +35,17 @@ use crate::{ReportInput, optimum};
 pub(crate) const SKEWED: &str = "kinematic-skewed";
 pub(crate) const SYMMETRIC: &str = "kinematic-symmetric";
 pub(crate) const SEMI_PASSIVE: &str = "semi-passive-symmetric";
-/// The campaigns of the paper, in its order.
+/// Names of the campaigns in the paper, in the paper's order.
 pub(crate) const PAPER_CAMPAIGNS: [&str; 3] = [SKEWED, SYMMETRIC, SEMI_PASSIVE];
 
-/// Whether any of the campaigns is the paper's.
+/// Returns whether any of the given campaigns is a campaign of the paper.
 pub(crate) fn are_of_the_paper(campaigns: &BTreeSet<&str>) -> bool {
     PAPER_CAMPAIGNS.iter().any(|campaign| campaigns.contains(campaign))
 }
 
-/// What a figure shows: the end of its files' name, and its names where the paper printed it, each with the
-/// campaigns that it is of (of a robot, all of that robot's).
+/// Kind of figure: the suffix of its file names, and the figures of this kind in the paper. Each of the latter is given
+/// by its file name without extension and the campaigns that it shows (all campaigns of the robot, if the figure
+/// describes a robot).
 #[derive(Clone, Copy)]
 struct Kind(&'static str, &'static [(&'static str, &'static [&'static str])]);
 
@@ -69,18 +70,20 @@ const BY_GAIT: Kind = Kind("by-gait", &[("fig19", &[SYMMETRIC, SKEWED])]);
 const BY_ROBOT: Kind = Kind("by-robot", &[("fig20", &[SYMMETRIC, SEMI_PASSIVE])]);
 const RELEASE: Kind = Kind("release", &[("fig08", &[SEMI_PASSIVE])]);
 
-/// All of them, in the order of the page. Beside them is what is of all campaigns.
+/// All kinds of figures in the order of the report page, except the figures that show all campaigns.
 const KINDS: [Kind; 17] = [
     SIMULATED, FROM_REST, SWEEP, GAIT, WHEELS, MEASURED, MODELS, SKID, AMPLITUDE, RESIDUALS,
     STARTS, PROFILES, REPLICATES, OPTIMA, BY_GAIT, BY_ROBOT, RELEASE,
 ];
 
-/// The figure of planted truth, and that of the actuators' work.
+/// Name of the figure that compares fitted values with the true values of synthetic trials.
 pub(crate) const TRUTH: &str = "truth";
+/// Name of the figure that shows the actuators' work.
 const WORK: &str = "work";
 
 impl Kind {
-    /// Name of the figure's files: the paper's if it printed the figure, else by what it is of.
+    /// Returns the stem of the figure's file names: that of the corresponding figure in the paper or, if there is none,
+    /// `name` with the suffix of the kind.
     fn stem(&self, name: &str, campaigns: &[&str]) -> String {
         let Self(end, printed) = self;
         let printed = printed.iter().find(|(_, of)| *of == campaigns);
@@ -88,15 +91,15 @@ impl Kind {
     }
 }
 
-/// A figure of more panels would not fit into a picture.
-const MOST_PANELS: usize = 100;
-/// Most campaigns that are told apart in one figure.
-const MOST_TOGETHER: usize = 4;
+/// Maximum number of panels in a figure.
+const MAX_PANELS: usize = 100;
+/// Maximum number of campaigns that can be distinguished in one figure.
+const MAX_CAMPAIGNS: usize = 4;
 
-/// Frequency of the trials that the paper shows moment by moment, rad/s.
+/// Frequency (rad/s) of the trials whose motion the paper shows against time.
 const SHOWN_RAD_S: f64 = 3.9;
 
-/// `Fig. 16` for `fig16`, nothing for figures that the paper does not have.
+/// Returns the number of a figure in the paper, such as `Fig. 16` for `fig16`; empty for other figures.
 pub(crate) fn number(stem: &str) -> String {
     let digits = stem.strip_prefix("fig");
     let digits = digits.filter(|_| {
@@ -105,12 +108,12 @@ pub(crate) fn number(stem: &str) -> String {
     digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
 }
 
-/// A figure in a sentence.
+/// Returns the name by which sentences refer to a figure, such as `Fig. 16` or `Figure work`.
 fn called(stem: &str) -> String {
     Some(number(stem)).filter(|number| !number.is_empty()).unwrap_or(format!("Figure {stem}"))
 }
 
-/// Figures to draw, and sentences on what is missing.
+/// Figures to draw, and sentences that explain which figures are missing.
 #[derive(Default)]
 pub(crate) struct Figures {
     pub figures: Vec<Figure>,
@@ -126,7 +129,7 @@ impl Figures {
     }
 }
 
-/// What figures are made from.
+/// Inputs from which the figures are built.
 #[derive(Clone, Copy)]
 struct Inputs<'r> {
     tables: &'r Tables,
@@ -135,12 +138,14 @@ struct Inputs<'r> {
     config: &'r ReportInput,
 }
 
-/// The same figures of every campaign: its motion simulated and tracked, its measurements and models
-/// against the frequency, what its models miss and how its fits came about. Then the campaigns of
-/// one robot and those of one gait beside each other, and what is of a robot or of all.
+/// Returns all figures for which the tables have data.
+///
+/// Every campaign has the same figures: simulated and measured motions, measurements and models against frequency,
+/// residuals, and details of the fits. They are followed by comparisons between the campaigns of one robot and between
+/// the campaigns with one gait, and by figures of individual robots and of all campaigns together.
 ///
 /// # Errors
-/// A table of a trial that is drawn cannot be read.
+/// Returns an error if the table of a trial that a figure shows cannot be read.
 pub(crate) fn figures(
     (tables, reader): (&Tables, &Reader),
     config: &ReportInput,
@@ -170,29 +175,35 @@ pub(crate) fn figures(
     }
     figures.retain(|figure| !figure.is_empty());
     figures.retain(|Figure { stem, panels, .. }| {
-        let is_drawn = panels.len() <= MOST_PANELS;
-        let why = format!("found {} panels, needed at most {MOST_PANELS}", panels.len());
-        missing.extend((!is_drawn).then(|| format!("Figure {stem} is not drawn: {why}.")));
+        let is_drawn = panels.len() <= MAX_PANELS;
+        missing.extend((!is_drawn).then(|| {
+            let count = panels.len();
+            format!(
+                "Figure {stem} is not drawn: it would have {count} panels, more than {MAX_PANELS}."
+            )
+        }));
         is_drawn
     });
     Ok(found)
 }
 
 impl Inputs<'_> {
+    /// Returns the figures of a campaign; `name` is the campaign's name as used in file names.
     fn of_campaign(self, campaign: &str, name: &str) -> Result<Figures, StoreError> {
         let Self { tables, source, config, .. } = self;
         let stem = |kind: Kind| kind.stem(name, &[campaign]);
         let mut found = Figures::default();
         let has_measurements = source.has_measurements(campaign);
-        let without = match (has_measurements, source.models(campaign).is_empty()) {
+        let lack = match (has_measurements, source.models(campaign).is_empty()) {
             (true, false) => None,
-            (true, true) => Some("no model is drawn, because nothing was fitted"),
+            (true, true) => Some("no model is drawn, because no model was fitted"),
             (false, false) => Some("no measurement is drawn, because no trial has results"),
             (false, true) => Some(
-                "nothing is drawn of it, because it has no trial with results and no prediction",
+                "nothing is drawn, because the campaign has neither a trial with results nor a \
+                 prediction",
             ),
         };
-        found.missing.extend(without.map(|without| format!("Campaign {campaign}: {without}.")));
+        found.missing.extend(lack.map(|lack| format!("Campaign {campaign}: {lack}.")));
         if let Some((_, gait)) = config.campaign_setup(campaign) {
             found.add(match gait.passive_joint() {
                 Some(_) => {
@@ -217,8 +228,8 @@ impl Inputs<'_> {
         Ok(found)
     }
 
-    /// The figures of the campaign's trial nearest to [`SHOWN_RAD_S`] as it was tracked, and of its
-    /// wheels. Without a trial there are none.
+    /// Adds the figures of the measured motion and of the wheel velocities for the campaign's trial whose frequency is
+    /// closest to [`SHOWN_RAD_S`], if there is one.
     fn tracked(
         self,
         [gait, wheels]: [String; 2],
@@ -236,27 +247,32 @@ impl Inputs<'_> {
             let setup = self.config.campaign_setup(campaign);
             setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
             let recording = recording?;
-            let no_cycle = || format!("trial {} has no used cycle", trial.trial);
             let inputs = (self.tables, self.config);
             let motion = tracking::figure(&gait, trial, &recording, inputs, missing);
             let wheels = tracking::wheels(&wheels, trial, &recording);
-            Ok::<_, String>([motion.ok_or_else(no_cycle)?].into_iter().chain(wheels))
+            Ok::<_, String>(
+                [motion.ok_or_else(|| format!("no cycle of trial {} is used", trial.trial))?]
+                    .into_iter()
+                    .chain(wheels),
+            )
         };
         let figures = draw(&mut found.missing);
         found.add(figures.map_err(|why| not_drawn(&gait, &why)));
         Ok(())
     }
 
+    /// Reads the measured motion of a trial. The inner error is a sentence that says which table is missing.
     fn recording(self, trial: &str) -> Result<Result<Recording, String>, StoreError> {
         let row = self.tables.trials.iter().find(|row| row.trial == trial);
         let window = row.map_or(0, |row| row.smoothing_window);
         let recording = Recording::read(&self.config.paths.derived, trial, window, self.reader)?;
-        Ok(recording
-            .ok_or_else(|| format!("poses/{trial}.parquet or wheels/{trial}.parquet is not there")))
+        Ok(recording.ok_or_else(|| {
+            format!("poses/{trial}.parquet or wheels/{trial}.parquet does not exist")
+        }))
     }
 
-    /// The skid ratios of the campaigns of one robot, and of those of one gait, whether all joints
-    /// have its commands or one is passive.
+    /// Returns the figures that compare the skid ratios of campaigns with the same robot, and those that compare the
+    /// skid ratios of campaigns with the same gait (see [`is_alike`]).
     fn together(self, campaigns: &[&str]) -> Vec<Figure> {
         let setup = |campaign: &str| self.config.campaigns().get(campaign);
         let is_drawn = |campaign: &&str| {
@@ -267,7 +283,7 @@ impl Inputs<'_> {
             .filter(|campaign| is_drawn(campaign))
             .filter_map(|campaign| Some((self.config.campaign_setup(campaign)?.1, *campaign)))
             .collect();
-        // Whatever their names: first what is least offset and wholly commanded.
+        // Campaigns are sorted by gait, not by name: smaller offsets first, then gaits without a passive joint first.
         let offsets = |gait: &Gait| -> f64 {
             gait.joints.iter().flatten().map(|joint| joint.offset_rad.abs()).sum()
         };
@@ -297,8 +313,9 @@ impl Inputs<'_> {
         let mut taken = [BTreeSet::new(), BTreeSet::new()];
         let mut figures = Vec::new();
         for (of, kind, campaigns) in groups {
-            let most = campaigns.len().div_ceil(campaigns.len().div_ceil(MOST_TOGETHER));
-            for campaigns in campaigns.chunks(most).filter(|campaigns| campaigns.len() > 1) {
+            let max_campaigns = campaigns.len().div_ceil(campaigns.len().div_ceil(MAX_CAMPAIGNS));
+            for campaigns in campaigns.chunks(max_campaigns).filter(|campaigns| campaigns.len() > 1)
+            {
                 let name = file_name(of, &mut taken[usize::from(kind.0 == BY_ROBOT.0)]);
                 let stem = kind.stem(&name, campaigns);
                 figures.push(frequency::skid(&stem, campaigns, self.source));
@@ -307,24 +324,32 @@ impl Inputs<'_> {
         figures
     }
 
-    /// Fig. 8: of every robot the first release that follows its law.
+    /// Adds the figure of the first successful joint release of each robot (Fig. 8 of the paper).
     fn releases(self, campaigns: &[&str], found: &mut Figures) -> Result<(), StoreError> {
         let releases = self.tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
         let robots: BTreeSet<&str> = releases.clone().map(|row| row.robot.as_str()).collect();
         let mut taken = BTreeSet::new();
         for robot in robots {
             let setup = self.config.campaigns();
-            let is_of = |of: &&&str| setup.get(**of).is_some_and(|of| of.robot == robot);
-            let campaigns: Vec<&str> = campaigns.iter().filter(is_of).copied().collect();
+            let campaigns: Vec<&str> = campaigns
+                .iter()
+                .filter(|of| setup.get(**of).is_some_and(|of| of.robot == robot))
+                .copied()
+                .collect();
             let stem = RELEASE.stem(&file_name(robot, &mut taken), &campaigns);
             let rows = releases.clone().filter(|row| row.robot == robot);
             let Some(row) = rows.min_by_key(|row| !row.status.is_ok()) else { continue };
-            let figure = match row.status.is_ok() {
-                false => Err(format!("of trial {}, {}", row.trial, row.status)),
-                true => self.recording(&row.trial)?.and_then(|recording| {
-                    let no_swing = || format!("the tables of trial {} show no swing", row.trial);
-                    release::figure(&stem, row, &recording).ok_or_else(no_swing)
-                }),
+            let figure = if row.status.is_ok() {
+                self.recording(&row.trial)?.and_then(|recording| {
+                    release::figure(&stem, row, &recording).ok_or_else(|| {
+                        format!(
+                            "the tables of trial {} contain no decay of the joint angle",
+                            row.trial
+                        )
+                    })
+                })
+            } else {
+                Err(format!("the fit to trial {} failed: {}", row.trial, row.status))
             };
             found.add(figure.map(Some).map_err(|why| not_drawn(&stem, &why)));
         }
@@ -332,8 +357,8 @@ impl Inputs<'_> {
     }
 }
 
-/// Whether two gaits are one. Where a joint is passive that is decided by the other joint, of which
-/// the phase is only where time begins.
+/// Returns whether two gaits are equal. If either gait has a passive joint, only the joint that both command is
+/// compared, and its phase is ignored because it merely defines the origin of time.
 fn is_alike(one: &Gait, other: &Gait) -> bool {
     let is_whole = [one, other].iter().all(|gait| gait.passive_joint().is_none());
     let mut joints = one.joints.iter().zip(&other.joints);
@@ -346,17 +371,19 @@ fn is_alike(one: &Gait, other: &Gait) -> bool {
     })
 }
 
+/// Returns the sentence that says why a figure is not drawn.
 fn not_drawn(stem: &str, why: &str) -> String {
     format!("{} is not drawn, because {why}.", called(stem))
 }
 
-/// Place of a campaign: those of the paper in its order, then the others by name.
+/// Returns the sort key of a campaign, which puts the paper's campaigns first, in the paper's order, followed by the
+/// other campaigns by name.
 pub(crate) fn rank(campaign: &str) -> (usize, &str) {
     let paper = PAPER_CAMPAIGNS.iter().position(|known| *known == campaign);
     (paper.unwrap_or(PAPER_CAMPAIGNS.len()), campaign)
 }
 
-/// Campaigns that have measurements, in the paper's order and then by name.
+/// Returns the campaigns with measurements: the paper's campaigns in the paper's order, then the others by name.
 fn campaigns_of(source: Source<'_>) -> Vec<&str> {
     let campaigns = source.trials.iter().map(|trial| rank(&trial.campaign));
     let ranked: BTreeSet<(usize, &str)> = campaigns.collect();
@@ -364,10 +391,13 @@ fn campaigns_of(source: Source<'_>) -> Vec<&str> {
     names.filter(|campaign| source.has_measurements(campaign)).collect()
 }
 
-/// The name of a campaign or trial as a file name; a number keeps two that look alike apart.
+/// Returns a file name made from the name of a campaign or trial, with a number appended if the file name is already in
+/// `taken`.
 pub(crate) fn file_name(name: &str, taken: &mut BTreeSet<String>) -> String {
-    let safe = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
-    let base: String = name.chars().map(safe).collect();
+    let base: String = name
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' })
+        .collect();
     let base = if base.starts_with('.') { format!("_{base}") } else { base };
     let numbered = (2..).map(|number| format!("{base}-{number}"));
     let mut names = [base.clone()].into_iter().chain(numbered);

@@ -1,11 +1,10 @@
-//! Planted truth against what the program made of the trials that were computed from it.
+//! Figure of fitted and measured values against the true values of synthetic trials.
 
 use minijinja::context;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use trilink_robot::metrics::Metric;
 use trilink_statistics::Estimate;
 use trilink_statistics::HALF_WIDTH_95;
-use trilink_tables::TrialRow;
 
 use super::common::{OMEGA, scaled};
 use super::texts::texts;
@@ -14,16 +13,18 @@ use crate::series::{AMPLITUDE, DISPLACEMENT, Quantity, Source};
 use crate::tables::Tables;
 use crate::truth::{self, Known, Truth};
 
-/// The figure; empty without trials and coefficients of which the truth is known.
+/// Returns the figure of fitted and measured values against the true values of synthetic trials; empty if no true
+/// values are known.
 pub(super) fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) -> Figure {
     let quantities = [DISPLACEMENT, AMPLITUDE].into_iter().chain(Metric::SIGMA.map(Quantity::new));
-    let missed = quantities.map(|quantity| missed(truth, source, &quantity));
-    let all = std::iter::once(coefficients(truth, tables)).chain(missed);
+    let deviations = quantities.map(|quantity| deviations(truth, source, &quantity));
+    let all = std::iter::once(coefficients(truth, tables)).chain(deviations);
     let panels = all.filter(|panel| !panel.is_empty()).collect();
     let texts = texts("truth", context! {});
     Figure::new(stem, texts, &super::campaigns_of(source), Layout::Grid, panels)
 }
 
+/// Returns the panel in which fitted coefficients are plotted against their true values.
 fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
     let known: Vec<_> = truth::planted(truth, tables)
         .into_iter()
@@ -32,7 +33,7 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
     let mut campaigns: Vec<&str> = known.iter().map(|known| known.campaign).collect();
     campaigns.dedup();
     let Some(Range { low, high }) =
-        Range::of(known.iter().flat_map(|known| [known.planted, known.parameter.value]))
+        Range::enclosing(known.iter().flat_map(|known| [known.planted, known.parameter.value]))
     else {
         return Panel::default();
     };
@@ -59,21 +60,20 @@ fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
     )
 }
 
-fn missed(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {
-    let layer = |(nth, campaign): (usize, &str)| {
-        let point = |trial: &TrialRow| {
+/// Returns the panel of the relative deviations of a measured quantity from its true values.
+fn deviations(truth: &Truth, source: Source<'_>, quantity: &Quantity) -> Panel {
+    let mut layers = vec![Layer::new("planted", [(f64::NAN, 0.0)], Look::Guides)];
+    layers.extend(super::campaigns_of(source).into_iter().enumerate().map(|(nth, campaign)| {
+        let points = source.measured_trials(campaign).filter_map(|trial| {
             let planted = quantity.of(&truth.trials.get(&trial.trial)?.metrics());
             let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
             let half = 100.0 * HALF_WIDTH_95 * se / planted;
             let difference = 100.0 * (value / planted - 1.0);
             let is_known = planted > 0.0 && value.is_finite();
             is_known.then(|| ((trial.omega_rad_s, difference, half), trial.trial.clone()))
-        };
-        let points = source.measured_trials(campaign).filter_map(point);
+        });
         let (points, trials): (Vec<_>, _) = points.unzip();
         Layer { trials, ..Layer::with_errors(campaign, points, looks::campaign(nth)) }
-    };
-    let mut layers = vec![Layer::new("planted", [(f64::NAN, 0.0)], Look::Guides)];
-    layers.extend(super::campaigns_of(source).into_iter().enumerate().map(layer));
+    }));
     Panel::new(quantity.symbol, OMEGA, "Difference (%)", layers)
 }

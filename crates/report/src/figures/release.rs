@@ -1,4 +1,4 @@
-//! Fig. 8: the passive joint let go, and the decay that was fitted to it.
+//! Figure of the passive joint's motion after release, with the fitted decay (Fig. 8 of the paper).
 
 use minijinja::context;
 use trilink_base::numbers::{significant, with_error};
@@ -11,19 +11,19 @@ use super::texts::texts;
 use crate::looks;
 use crate::recording::Recording;
 
-/// What is left of the swing at the end of what is drawn.
-const REST: f64 = 0.005;
-/// Time before the release that is drawn, s.
+/// Fraction of the initial amplitude that remains at the end of the time span shown.
+const REMAINDER: f64 = 0.005;
+/// Time shown before the release, s.
 const BEFORE_S: f64 = 0.2;
 const POINTS: usize = 400;
 
-/// The figure of one release; `None` where the tables show no swing.
+/// Returns the figure of a joint release; `None` if the tables contain no fitted decay.
 pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
     let joint = usize::try_from(row.joint - 1).ok().filter(|joint| *joint < 2)?;
     let phi = &recording.phi_rad[joint];
     let released_s = row.released_s;
     let swing = row.swing();
-    let decays_s = (-REST.ln() / swing.viscous_1_s).min(swing.stops_s() + BEFORE_S);
+    let decays_s = (-REMAINDER.ln() / swing.viscous_1_s).min(swing.stops_s() + BEFORE_S);
     let end_s = released_s + decays_s;
     if !(row.decay_rad(0.0) + end_s).is_finite() || end_s <= released_s {
         return None;
@@ -34,16 +34,14 @@ pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording)
         let after_s = (end_s - released_s) * i as f64 / POINTS as f64;
         (after_s, DEG * row.decay_rad(after_s))
     });
-    let of = |estimate: Estimate| with_error(estimate.value, estimate.se);
-    let known = |estimate: Estimate| estimate.value.is_finite().then(|| of(estimate));
     let damping = [
-        known(row.damping_ratio).map(|of| format!("damping ratio {of}")),
-        known(row.damping_ratio_decrement).map(|of| format!("by logarithmic decrement {of}")),
+        known(row.damping_ratio).map(|text| format!("damping ratio {text}")),
+        known(row.damping_ratio_decrement).map(|text| format!("by logarithmic decrement {text}")),
     ];
     let damping = damping.into_iter().flatten();
-    let dry = known(row.joint_dry_nm).map(|of| format!("dry friction {of} N m"));
+    let dry = known(row.joint_dry_nm).map(|text| format!("dry friction {text} N m"));
     let panel = Panel {
-        notes: vec![format!("natural frequency {} rad/s", of(row.natural_rad_s))]
+        notes: vec![format!("natural frequency {} rad/s", text(row.natural_rad_s))]
             .into_iter()
             .chain(damping)
             .chain(dry)
@@ -63,11 +61,21 @@ pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording)
         robot => &row.robot,
         trial => &row.trial,
         inertia => significant(row.inertia_kg_m2, 4),
-        stiffness => of(row.stiffness_nm_rad),
+        stiffness => text(row.stiffness_nm_rad),
         damping => known(row.damping_nm_s_rad),
         dry => known(row.joint_dry_nm),
     };
     Some(Figure::new(stem, texts("release", values), &[], Layout::Stack, vec![panel]))
+}
+
+/// Formats an estimate with its standard error.
+fn text(estimate: Estimate) -> String {
+    with_error(estimate.value, estimate.se)
+}
+
+/// Formats an estimate with its standard error; `None` if the estimate has no value.
+fn known(estimate: Estimate) -> Option<String> {
+    estimate.value.is_finite().then(|| text(estimate))
 }
 
 #[cfg(test)]
@@ -77,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_decay_drawn_is_the_one_fitted() {
+    fn the_plotted_decay_is_the_fitted_one() {
         let row = RobotParameterRow {
             joint: 1,
             natural_rad_s: Estimate::new(10.0, f64::NAN),
@@ -104,7 +112,7 @@ mod tests {
         for point in fitted.points.iter().chain(free) {
             assert!((point.y - DEG * swing(point.x)).abs() < 1e-9, "{point:?}");
         }
-        // By dry friction alone, until that holds it.
+        // The oscillation decays by dry friction alone, until the joint sticks.
         let dry = RobotParameterRow {
             damping_ratio: Estimate::MISSING,
             stiffness_nm_rad: Estimate::new(0.1, f64::NAN),

@@ -1,9 +1,9 @@
-//! What every model misses of every trial.
+//! Figure of the residuals of every model for every trial.
 
 use minijinja::context;
 use trilink_base::numbers::fixed;
 use trilink_mechanics::Model;
-use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range};
+use trilink_plot::{Figure, Layer, Layout, Panel, Range};
 use trilink_statistics::Estimate;
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
@@ -13,12 +13,12 @@ use super::texts::texts;
 use crate::looks;
 use crate::series::{Quantity, SAME_FREQUENCY, Source, fitted};
 
-/// A model that misses more than this many times what the nearest one does is not shown whole.
-const FARTHEST: f64 = 6.0;
-/// What a panel has room for if models miss so much, %.
-const LEAST: f64 = 60.0;
+/// Largest residual shown in a panel, as a multiple of the largest residual of the best-fitting model.
+const MAX_HEIGHT: f64 = 6.0;
+/// Residual up to which values are never cut off, %.
+const MIN_HEIGHT: f64 = 60.0;
 
-/// Residuals of a campaign's models in per cent of what was measured.
+/// Returns the figure of the residuals of a campaign's models, in per cent of the measured values.
 pub(super) fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let quantities = fitted();
     let panels = quantities.iter().filter_map(|quantity| panel(quantity, campaign, source));
@@ -26,6 +26,7 @@ pub(super) fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     Figure::new(stem, texts, &[campaign], Layout::Grid, panels.collect())
 }
 
+/// Returns the panel with the residuals of a quantity; `None` if there are no predictions.
 fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Panel> {
     let trials: Vec<&TrialRow> = source
         .measured_trials(campaign)
@@ -34,51 +35,56 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
     let mut by_omega = trials.clone();
     by_omega.retain(|trial| trial.omega_rad_s.is_finite());
     by_omega.sort_by(|a, b| a.omega_rad_s.total_cmp(&b.omega_rad_s));
-    let missed = |model: Model| {
+    let residuals_of = |model: Model| {
         let rows = source.predicted(campaign, model, PredictionSource::Trial);
-        let point = |row: &PredictionRow| {
-            let measured = quantity.of_trial(nearest(&by_omega, row)?, source.sigma).value;
-            let residual = quantity.of(&row.metrics) / measured - 1.0;
-            Some((row.omega_rad_s, 100.0 * residual))
-        };
         let stable = rows.filter(|row| row.status.is_stable());
-        let mut points: Vec<(f64, f64)> = stable.filter_map(point).collect();
+        let mut points: Vec<(f64, f64)> = stable
+            .filter_map(|row| {
+                let measured = quantity.of_trial(nearest(&by_omega, row)?, source.sigma).value;
+                let residual = quantity.of(&row.metrics) / measured - 1.0;
+                Some((row.omega_rad_s, 100.0 * residual))
+            })
+            .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let residuals = points.iter().map(|(_, residual)| *residual);
         let farthest = residuals.max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
         Some((model, points, farthest))
     };
-    // Models without skid say nothing of it.
-    let says = |model: &Model| !quantity.is_skid() || source.skids(*model);
-    let models = source.models(campaign).into_iter().filter(says);
-    let residuals: Vec<_> = models.filter_map(missed).collect();
-    let nearest_model = Range::of(residuals.iter().map(|(_, _, farthest)| farthest.abs()))?.low;
-    let limit = (FARTHEST * nearest_model).max(LEAST);
+    // Models without skid predict no skid ratios.
+    let models = source
+        .models(campaign)
+        .into_iter()
+        .filter(|model| !quantity.is_skid() || source.skids(*model));
+    let residuals: Vec<_> = models.filter_map(residuals_of).collect();
+    let nearest_model =
+        Range::enclosing(residuals.iter().map(|(_, _, farthest)| farthest.abs()))?.low;
+    let limit = (MAX_HEIGHT * nearest_model).max(MIN_HEIGHT);
     let mut beyond = residuals.clone();
     beyond.retain(|(_, _, farthest)| farthest.abs() > limit);
     beyond.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
-    let most = beyond.first().map_or(String::new(), |(_, _, farthest)| fixed(*farthest, 0));
+    let largest = beyond.first().map_or(String::new(), |(_, _, farthest)| fixed(*farthest, 0));
     let beyond = match beyond.as_slice() {
         [] => String::new(),
-        [(model, ..)] => format!("{model} to {most} %"),
-        several => format!("{} models to {most} %", several.len()),
+        [(model, ..)] => format!("{model} off the scale, up to {largest} %"),
+        several => format!("{} models off the scale, up to {largest} %", several.len()),
     };
     let error = |trial: &TrialRow| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
         100.0 * HALF_WIDTH_95 * se / value
     };
-    let bars = |(name, look, flagged): (&str, Look, bool)| {
-        let is_one = |trial: &&&TrialRow| {
-            error(trial).is_finite() && flagged == (trial.status == TrialStatus::Flagged)
-        };
-        let known: Vec<&&TrialRow> = trials.iter().filter(is_one).collect();
-        let errors = known.iter().map(|trial| (trial.omega_rad_s, 0.0, error(trial)));
-        let mut layer = Layer::with_errors(name, errors, look);
-        layer.trials = known.iter().map(|trial| trial.trial.clone()).collect();
-        (!flagged || !layer.points.is_empty()).then_some(layer)
-    };
-    let bars_of =
-        [("measured", looks::measured(0), false), ("flagged", looks::flagged(0), true)].map(bars);
+    let bars_of = [("measured", looks::measured(0), false), ("flagged", looks::flagged(0), true)]
+        .map(|(name, look, flagged)| {
+            let known: Vec<&&TrialRow> = trials
+                .iter()
+                .filter(|trial| {
+                    error(trial).is_finite() && flagged == (trial.status == TrialStatus::Flagged)
+                })
+                .collect();
+            let errors = known.iter().map(|trial| (trial.omega_rad_s, 0.0, error(trial)));
+            let mut layer = Layer::with_errors(name, errors, look);
+            layer.trials = known.iter().map(|trial| trial.trial.clone()).collect();
+            (!flagged || !layer.points.is_empty()).then_some(layer)
+        });
     let mut layers: Vec<Layer> = bars_of.into_iter().flatten().collect();
     layers.extend(
         residuals
@@ -92,8 +98,8 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
     })
 }
 
-/// The trial that a prediction is of: of those by rising frequency the first of the nearest to its
-/// frequency, which is that of a trial.
+/// Returns the trial whose frequency is closest to that of a prediction (the first trial if several have this
+/// frequency); `None` if no trial has nearly the same frequency. `trials` must be sorted by frequency.
 fn nearest<'t>(trials: &[&'t TrialRow], row: &PredictionRow) -> Option<&'t TrialRow> {
     let distance = |trial: &TrialRow| (trial.omega_rad_s - row.omega_rad_s).abs();
     let above = trials.partition_point(|trial| trial.omega_rad_s < row.omega_rad_s);

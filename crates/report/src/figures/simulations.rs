@@ -1,4 +1,5 @@
-//! Figs. 3 to 6: a robot with a passive joint without skid and one without that skids, simulated.
+//! Figures of simulated motions (Figs. 3 to 6 of the paper): a robot with a passive joint and no skid, and a fully
+//! actuated robot with skid.
 
 use minijinja::context;
 use rayon::prelude::*;
@@ -15,42 +16,49 @@ use super::texts::texts;
 use super::{SEMI_PASSIVE, not_drawn};
 use crate::ReportInput;
 use crate::looks::{self, ModelLook};
-use crate::series::{DISPLACEMENT, Quantity, SPEED};
+use crate::series::{DISPLACEMENT, SPEED};
 use crate::simulated::{self, SAMPLES, Steady};
 
+/// Frequency at which time courses are simulated, rad/s.
 const OMEGA_RAD_S: f64 = 4.0;
-/// The model of the robot that skids.
+/// Model with which the robot with skid is simulated.
 const SKIDDING: Model = Model::SKID_ROLL;
-/// Cycles that are shown of the steady motion.
+/// Number of steady-state cycles in the time courses.
 const CYCLES: usize = 2;
+/// Number of steady-state cycles in the plotted path.
 const PATH_CYCLES: usize = 3;
-/// Most cycles that are shown from rest.
-const MOST_FROM_REST: usize = 40;
-/// Frequencies of the sweep, rad/s.
+/// Maximum number of cycles shown for a motion from rest.
+const MAX_FROM_REST: usize = 40;
+/// First and last frequency of the frequency sweep (rad/s), and the number of frequencies.
 const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
 
 fn no_skid() -> Look {
     ModelLook::new(Model::NO_SKID, &Models::new()).line()
 }
 
-/// Figs. 3, 4 and 5: a robot with a passive joint, or a sentence on why there are none.
+/// Returns the figures of the simulated motion of a robot with a passive joint (Figs. 3, 4 and 5 of the paper).
+///
+/// # Errors
+/// Returns a sentence that explains why the figures are not drawn.
 pub(super) fn passive(
     [courses, from_rest, sweep]: [String; 3],
     campaign: &str,
     config: &ReportInput,
 ) -> Result<Vec<Figure>, String> {
-    // The paper's own robot with the joint of its simulations, any other as it is.
-    let joint_of = |setup: Config| Some(setup.campaign_setup(SEMI_PASSIVE)?.0);
-    let [default, simulated] = [Config::default(), Config::of_simulations()].map(joint_of);
+    // For the paper's robot, the joint parameters are those of the paper's simulations; other robots are simulated as
+    // configured.
+    let [default, simulated] = [Config::default(), Config::of_simulations()]
+        .map(|setup| Some(setup.campaign_setup(SEMI_PASSIVE)?.0));
     let is_papers = config.campaign_setup(campaign).map(|(robot, _)| robot) == default;
-    let of = |omega_rad_s| {
+    let problem_at = |omega_rad_s| {
         let mut problem = simulated::configured(config, campaign, Model::NO_SKID, omega_rad_s)?;
         if is_papers {
             problem.robot = simulated.clone()?;
         }
         Some(problem)
     };
-    let problem = of(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"));
+    let problem =
+        problem_at(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"));
     let with_motion = || -> Result<[Figure; 3], String> {
         let problem = problem?;
         let no_motion = |error: MotionError| no_motion(&error);
@@ -59,27 +67,32 @@ pub(super) fn passive(
         let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
         let from_rest = from_rest.map_err(no_motion)?;
         let courses = time_courses(&courses, (campaign, &joint), &problem, &steady.cycle);
-        let sweep = self::sweep(&sweep, (campaign, &joint), of);
+        let sweep = self::sweep(&sweep, (campaign, &joint), problem_at);
         Ok([courses, from_rest, sweep])
     };
     with_motion().map(Vec::from).map_err(|why| not_drawn(&courses, &why))
 }
 
-/// The values of the passive joint, and whose they are.
+/// Describes the parameters of the passive joint and where their values come from: from the paper's simulations if
+/// `is_papers`, otherwise from the configuration.
 fn joint(robot: &Robot, is_papers: bool) -> String {
     let Robot { stiffness_nm_rad, damping_nm_s_rad, .. } = robot;
-    let whose = match is_papers {
-        true => "the values of the paper's simulations (Table II), all else as configured",
-        false => "as configured",
+    let origin = if is_papers {
+        "the values of the paper's simulations (Table II); all other parameters are as configured"
+    } else {
+        "as configured"
     };
-    format!("with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {whose}")
+    format!(
+        "with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {origin}"
+    )
 }
 
 fn no_motion(error: &MotionError) -> String {
-    format!("there is no motion at {OMEGA_RAD_S} rad/s: {error}")
+    format!("no steady motion was found at {OMEGA_RAD_S} rad/s: {error}")
 }
 
-/// A panel of one quantity of several joints, wheels or directions over a cycle that is repeated.
+/// Returns the panel with the time courses of a quantity's components over a cycle that is repeated `cycles` times.
+/// `names` are the names of the components; `of` returns the component with a given index.
 fn course(
     (title, y_label): (&str, &str),
     names: &[&str],
@@ -90,6 +103,7 @@ fn course(
     time_course(title, y_label, lines)
 }
 
+/// Panel title and axis label for joint angles.
 const JOINTS: (&str, &str) = ("Joint angles", "Angle (deg)");
 
 fn time_courses(
@@ -102,10 +116,11 @@ fn time_courses(
     let joints = course(JOINTS, &["φ₁", "φ₂"], shown, |s, i| DEG * s.phi_rad[i]);
     let rates = ["dx/dt", "dy/dt", "h dθ/dt"];
     let velocities = course(("Middle link", "Velocity (mm/s)"), &rates, shown, |sample, i| {
-        let factor = if i == 2 { problem.robot.h_m } else { 1.0 };
+        let factor = if i == 2 { problem.robot.h_m[0] } else { 1.0 };
         1e3 * factor * sample.rates[i]
     });
-    let (forces, lambdas) = (("Constraint forces", "Force (N)"), ["λ₀", "λ₁", "λ₂"]);
+    let forces = ("Constraint forces", "Force (N)");
+    let lambdas = ["λ₀", "λ₁", "λ₂"];
     let mut forces = course(forces, &lambdas, shown, |s, i| s.forces.lateral_n[i]);
     let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
@@ -115,32 +130,37 @@ fn time_courses(
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
 
-/// Fig. 6: a robot without passive joint that skids, or a sentence on why there is none.
+/// Returns the figure of the simulated motion of a robot with skid and without a passive joint (Fig. 6 of the paper).
+///
+/// # Errors
+/// Returns a sentence that explains why the figure is not drawn.
 pub(super) fn skidding(stem: &str, campaign: &str, config: &ReportInput) -> Result<Figure, String> {
     let problem = simulated::configured(config, campaign, SKIDDING, OMEGA_RAD_S);
     let problem = problem.ok_or_else(|| format!("campaign {campaign} is not configured"));
     let steady = problem.and_then(|of| simulated::steady(&of).map_err(|error| no_motion(&error)));
     let Steady { metrics, cycle, .. } = steady.map_err(|why| not_drawn(stem, &why))?;
-    let (shown, wheels) = ((cycle.as_slice(), 1), ["wheel 0", "wheel 1", "wheel 2"]);
-    let (forces, skid) = (("Ground forces", "Force (N)"), ("Skid speeds", "Skid speed (mm/s)"));
+    let shown = (cycle.as_slice(), 1);
+    let wheels = ["wheel 0", "wheel 1", "wheel 2"];
+    let forces = ("Ground forces", "Force (N)");
+    let skid = ("Skid speeds", "Skid speed (mm/s)");
     let roll_n = cycle.iter().flat_map(|sample| sample.forces.roll_n);
     let panels = vec![
         course(JOINTS, &["φ₁", "φ₂"], shown, |sample, i| DEG * sample.phi_rad[i]),
         course(forces, &wheels, shown, |sample, i| sample.forces.lateral_n[i]),
         course(skid, &wheels, shown, |sample, i| 1e3 * sample.skid_m_s[i]),
     ];
-    let most_n = roll_n.fold(0.0, |most: f64, force| most.max(force.abs()));
+    let max_n = roll_n.fold(0.0, |max: f64, force| max.max(force.abs()));
     let values = context! {
         campaign,
         model => SKIDDING.name(),
         omega => OMEGA_RAD_S.to_string(),
         v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
-        roll_n => format!("{most_n:.2}"),
+        roll_n => format!("{max_n:.2}"),
     };
     Ok(Figure::new(stem, texts("skidding", values), &[campaign], Layout::Stack, panels))
 }
 
-/// Where a line crosses zero.
+/// Returns the x coordinates at which a line crosses zero.
 fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
     let pairs = line.windows(2).filter(|pair| (pair[0].1 < 0.0) != (pair[1].1 < 0.0));
     pairs
@@ -157,9 +177,10 @@ fn gait_and_path(
     problem: &Problem,
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
-    let (cycle, d_m) = (steady.cycle.as_slice(), steady.metrics.d_m);
+    let cycle = steady.cycle.as_slice();
+    let d_m = steady.metrics.d_m;
     let settled = steady.cycles_to_settle.map(|cycles| cycles.max(1));
-    let drawn = settled.unwrap_or(MOST_FROM_REST).min(MOST_FROM_REST);
+    let drawn = settled.unwrap_or(MAX_FROM_REST).min(MAX_FROM_REST);
     let from_rest = problem.cycles_from_rest(drawn, SAMPLES)?;
     let steady = |points| Layer::new("no-skid, steady", points, no_skid());
     let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
@@ -184,42 +205,47 @@ fn gait_and_path(
 fn sweep(
     stem: &str,
     (campaign, joint): (&str, &str),
-    of: impl Fn(f64) -> Option<Problem> + Sync,
+    problem_at: impl Fn(f64) -> Option<Problem> + Sync,
 ) -> Figure {
     let (low, high, count) = SWEEP;
     let solve = |i: i32| {
-        // Nearer to each other where the motion changes fastest.
+        // The frequencies are spaced by equal ratios, because the motion changes fastest at low frequencies.
         let omega_rad_s = low * (high / low).powf(f64::from(i) / f64::from(count - 1));
-        let settled = of(omega_rad_s)
+        let settled = problem_at(omega_rad_s)
             .and_then(|problem| Solver::default().settle(&problem, FIT_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
     let points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
-    let panel = |quantity: Quantity| {
-        let points: Vec<(f64, f64)> = points
-            .iter()
-            .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
-            .collect();
-        let peak = peak(&points);
-        let unit = quantity.after_number();
-        let said = peak.map(|(x, y)| format!(", peak {y:.1}{unit} at {x:.2} rad/s"));
-        let layers =
-            vec![Layer::new("no-skid", points, no_skid()), Layer::new("peak", peak, Look::Rings)];
-        let title = quantity.title.to_owned() + &said.unwrap_or_default();
-        Panel::new(title, FREQUENCY, quantity.axis_label(), layers)
-    };
     let texts = texts("sweep", context! { campaign, joint });
-    let panels = [DISPLACEMENT, SPEED].map(panel).into();
+    let panels = [DISPLACEMENT, SPEED]
+        .map(|quantity| {
+            let points: Vec<(f64, f64)> = points
+                .iter()
+                .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
+                .collect();
+            let peak = peak(&points);
+            let unit = quantity.after_number();
+            let said = peak.map(|(x, y)| format!(", peak {y:.1}{unit} at {x:.2} rad/s"));
+            let layers = vec![
+                Layer::new("no-skid", points, no_skid()),
+                Layer::new("peak", peak, Look::Rings),
+            ];
+            let title = quantity.title.to_owned() + &said.unwrap_or_default();
+            Panel::new(title, FREQUENCY, quantity.axis_label(), layers)
+        })
+        .into();
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
 
-/// The highest peak of a line, by a parabola through the three points there; an end may be higher.
+/// Returns the position and value of the highest local maximum of a line, interpolated by a parabola through three
+/// points; `None` if there is no maximum between the end points.
 fn peak(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let inside =
         points.windows(3).filter(|three| three[1].1 >= three[0].1 && three[1].1 >= three[2].1);
     let three = inside.max_by(|a, b| a[1].1.total_cmp(&b[1].1))?;
     let [(x0, y0), (x1, y1), (x2, y2)] = [three[0], three[1], three[2]];
-    let (slope, bend) = ((y2 - y0) / 2.0, y2 - 2.0 * y1 + y0);
+    let slope = (y2 - y0) / 2.0;
+    let bend = y2 - 2.0 * y1 + y0;
     let shift = if bend < 0.0 { -slope / bend } else { 0.0 };
     Some((x1 + shift * (x2 - x0) / 2.0, y1 + 0.5 * slope * shift))
 }
@@ -229,7 +255,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn captions_have_the_joint_s_values_and_say_whose_they_are() {
+    fn captions_give_the_joint_parameters_and_their_origin() {
         let mut config = Config::default();
         config
             .robot
@@ -239,8 +265,8 @@ mod tests {
         for (config, joint) in [
             (
                 Config::default(),
-                "with k_τ = 0.188 N m/rad and c_τ = 0.007 N m s/rad, the values of the paper's \
-                 simulations (Table II), all else as configured",
+                "with k_τ = 0.188 N m/rad and c_τ = 0.007 N m s/rad, the values of the paper's simulations \
+                 (Table II); all other parameters are as configured",
             ),
             (config, "with k_τ = 0.2 N m/rad and c_τ = 0.006 N m s/rad, as configured"),
         ] {
@@ -255,15 +281,15 @@ mod tests {
     }
 
     #[test]
-    fn the_highest_peak_is_found_between_the_points_and_not_at_an_end() {
-        let parabola = |x: f64| (x, 3.0 - (x - 1.3).powi(2));
-        let (x, y) = peak(&[0.0, 1.0, 2.0, 3.0].map(parabola)).expect("there is one");
+    fn the_highest_peak_is_interpolated_and_ignores_the_ends() {
+        let (x, y) = peak(&[0.0, 1.0, 2.0, 3.0].map(|x: f64| (x, 3.0 - (x - 1.3).powi(2))))
+            .expect("there is one");
         assert!((x - 1.3).abs() < 1e-12 && (y - 3.0).abs() < 1e-12);
         assert_eq!(peak(&[(0.0, 3.0), (1.0, 2.0), (2.0, 1.0)]), None);
     }
 
     #[test]
-    fn crossings_of_zero_lie_between_the_points_around_them() {
+    fn zero_crossings_lie_between_the_neighbouring_points() {
         assert_eq!(crossings(&[(0.0, 1.0), (1.0, -1.0), (2.0, -3.0), (3.0, 1.0)]), [0.5, 2.75]);
     }
 }

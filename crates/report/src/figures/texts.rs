@@ -1,4 +1,4 @@
-//! Titles and captions: `texts.toml`.
+//! Titles and captions of the figures, from the templates in `texts.toml`.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -8,16 +8,18 @@ use minijinja::{Environment, UndefinedBehavior};
 
 type Texts = BTreeMap<String, [String; 2]>;
 
-/// Title and caption of a figure with these values.
+/// Renders the title and the caption of a figure: the templates called `name` in `texts.toml`, filled in with `values`.
 pub(crate) fn texts(name: &str, values: Value) -> [String; 2] {
     static TEXTS: LazyLock<Texts> =
         LazyLock::new(|| toml::from_str(include_str!("texts.toml")).unwrap_or_default());
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    let fill = |text: &String| {
-        environment.render_str(text, &values).unwrap_or_else(|error| error.to_string())
+    let Some(templates) = TEXTS.get(name) else {
+        return Default::default();
     };
-    TEXTS.get(name).map(|texts| texts.each_ref().map(fill)).unwrap_or_default()
+    templates.each_ref().map(|template| {
+        environment.render_str(template, &values).unwrap_or_else(|error| error.to_string())
+    })
 }
 
 #[cfg(test)]
@@ -25,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_figure_says_is_filled_in() {
+    fn caption_templates_are_filled_in() {
         let all: Texts = toml::from_str(include_str!("texts.toml")).expect("well formed");
         let values = minijinja::context! {
             campaigns => vec!["a", "b"],
@@ -38,9 +40,9 @@ mod tests {
         assert_eq!(title, "Skid ratios of campaigns a and b");
         assert_eq!(
             caption,
-            "Skid ratio σ (eq. 20): RMS skid speed of a wheel over lω, the markers' noise \
-             included. Bars. Lines: of each campaign's fitted models that skid the preferred one, \
-             under the commanded gait, shaded the 95 % interval where there is one."
+            "Skid ratio σ (eq. 20): RMS skid speed of a wheel divided by lω, not corrected for \
+             marker noise. Bars. Lines: the preferred fitted model with skid of each campaign, \
+             under the commanded gait; shaded: 95 % intervals, where known."
         );
         let from_rest = |settled: Option<usize>, drawn: usize| {
             let joint = "as configured";
@@ -56,8 +58,8 @@ mod tests {
             from_rest(Some(55), 40),
             format!("{settled} 55 cycles, of which the first 40 are drawn")
         );
-        let not_found = "From rest the motion was not found to come within 1 % of the steady one; its \
-                         first 40 cycles are drawn";
+        let not_found = "From rest the motion did not come within 1 % of the steady one during the \
+                         simulation; its first 40 cycles are drawn";
         assert_eq!(from_rest(None, 40), not_found);
         assert!(all.values().flatten().all(|text| !text.contains("  ") && !text.contains('\n')));
     }

@@ -1,4 +1,4 @@
-//! Figs. 9, 11, 12 and 14: one trial as it was tracked, and what models make of its gait.
+//! Figures of a trial's measured motion compared with simulated motions (Figs. 9, 11, 12 and 14 of the paper).
 
 use minijinja::context;
 use trilink_base::numbers::with_error;
@@ -15,14 +15,17 @@ use crate::recording::{Recording, Shown};
 use crate::simulated;
 use crate::tables::Tables;
 
-/// Cycles that are shown.
+/// Maximum number of gait cycles shown in a figure.
 const CYCLES: usize = 4;
-/// How much harder skidding is where the measured ellipse meets a singularity: without skid
-/// there would be no motion.
+/// Factor by which the skid coefficients are multiplied to simulate a robot that hardly skids. This robot replaces one
+/// without skid if the latter cannot follow the measured gait, because the gait passes through a singular shape.
 const STIFF: f64 = 100.0;
 
-/// The gait, heading and path of a trial; `None` without a used cycle. Adds
-/// sentences on models that have no motion.
+/// Returns the figure of a trial's measured gait, heading and path, with simulated motions drawn over them.
+///
+/// The result is `None` if the trial has no cycle in use (cycle that enters the trial means), if the pose at the start
+/// of the cycles shown is unknown, or if the campaign is not configured. For each model that has no motion, a sentence
+/// is added to `missing`.
 pub(super) fn figure(
     stem: &str,
     trial: &TrialRow,
@@ -41,7 +44,7 @@ pub(super) fn figure(
     let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
     let mut heading =
         vec![measured(&|i| (recording.time_s[i] - start_s, DEG * recording.theta_rad[i]))];
-    // In a frame that starts where the motion does, with x along its travel.
+    // Positions are relative to the start, with the x axis along the direction of travel.
     let end = recording.pose_at(end_s).unwrap_or(start);
     let travel_rad = (end.y_m - start.y_m).atan2(end.x_m - start.x_m);
     let position = |(x, y): (f64, f64)| {
@@ -57,7 +60,7 @@ pub(super) fn figure(
         travel(&positions.collect::<Vec<_>>()),
         measured(&seen),
     ];
-    // What is wholly commanded is shown as such.
+    // The commanded gait is shown only if both joints are commanded.
     let is_whole = commanded_gait.passive_joint().is_none();
     gait.extend(is_whole.then(|| commanded(&commanded_gait)));
     let overlays = overlays(stem, trial, (tables, config), missing);
@@ -77,19 +80,21 @@ pub(super) fn figure(
     let omega = format!("{omega_rad_s:.1}");
     let panels = vec![
         common::gait("Gait", gait),
-        Panel::new("Heading θ", "Time in these cycles (s)", "θ (deg)", heading),
+        Panel::new("Heading θ", "Time from the start of the first cycle (s)", "θ (deg)", heading),
         map(format!("Path of the middle link, d = {d} mm"), path),
     ];
     let texts = texts("tracking", context! { campaign, omega, cycles, trial });
     Some(Figure::new(stem, texts, &[campaign], Layout::Pairs, panels))
 }
 
-/// Fig. 12: how the wheels rolled and skidded; `None` without a used cycle.
+/// Returns the figure of the roll and skid velocities of the wheels (Fig. 12 of the paper); `None` if the trial has no
+/// cycle in use (cycle that enters the trial means).
 pub(super) fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Figure> {
     let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
     let panel = |kind: &str, wheel: &str, values: &[f64]| {
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
-        let (title, y_label) = (format!("{kind} velocity of {wheel}"), format!("{kind} (mm/s)"));
+        let title = format!("{kind} velocity of {wheel}");
+        let y_label = format!("{kind} (mm/s)");
         time_course(&title, &y_label, vec![Layer::new("measured", points, looks::RECORDED)])
     };
     let wheels = ["wheel 0 (middle)", "wheel 1 (front)", "wheel 2 (rear)"].into_iter();
@@ -104,7 +109,7 @@ pub(super) fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Opt
     Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Pairs, panels.collect()))
 }
 
-/// The loop that both joints were commanded.
+/// Returns the layer with the commanded gait as a closed curve in the plane of the two joint angles (deg).
 fn commanded(gait: &Gait) -> Layer {
     let points = (0..=simulated::SAMPLES).map(|i| {
         let phase = std::f64::consts::TAU * i as f64 / simulated::SAMPLES as f64;
@@ -114,7 +119,7 @@ fn commanded(gait: &Gait) -> Layer {
     Layer::new("commanded", points, looks::COMMANDED)
 }
 
-/// A simulated motion that is drawn over a measured one.
+/// Simulated motion drawn over the measured motion of a trial.
 struct Overlay {
     name: String,
     problem: Problem,
@@ -122,9 +127,11 @@ struct Overlay {
     cycle: Vec<Sample>,
 }
 
-/// What the paper draws over its trials, as configured: the motion without skid, and where a joint
-/// is passive that with roll resistance, else the one under the measured ellipse; then that of the
-/// fitted model which the measurements prefer. Adds sentences on those that there are not.
+/// Returns the simulated motions to be drawn over the measured motion of a trial.
+///
+/// The first two are motions of the configured robot without skid; the second has roll resistance if a joint is
+/// passive, and otherwise follows the ellipse fitted to the measured gait (with little skid if no motion without skid
+/// exists). The last is that of the preferred fitted model. For each missing motion, a sentence is added to `missing`.
 fn overlays(
     stem: &str,
     trial: &TrialRow,
@@ -140,8 +147,12 @@ fn overlays(
     let mut add = |name: &str, solved: Result<Overlay, MotionError>| match solved {
         Ok(overlay) => found.push(overlay),
         Err(error) => {
-            let (figure, trial) = (super::called(stem), &trial.trial);
-            missing.push(format!("{figure}: {name} is not drawn over trial {trial}: {error}."));
+            let figure = super::called(stem);
+            let trial = &trial.trial;
+            missing.push(format!(
+                "{figure}: model {name} is not drawn over the measurements of trial {trial}: \
+                 {error}."
+            ));
         }
     };
     let configured =
@@ -152,18 +163,21 @@ fn overlays(
     let of_ellipse = ellipse(no_skid.clone());
     add("no-skid", solve("no-skid", line(Model::NO_SKID), no_skid));
     let (name, solved) = if is_passive {
-        let (model, name) = (Model::NO_SKID_ROLL, Model::NO_SKID_ROLL.name());
+        let model = Model::NO_SKID_ROLL;
+        let name = Model::NO_SKID_ROLL.name();
         (name, configured(model).map(|of| solve(name, line(model), of)))
     } else {
-        let name = "no-skid, measured ellipse";
+        let name = "no-skid, measured elliptic gait";
         match solve(name, line(Model::NO_SKID_MEASURED), of_ellipse) {
             Err(MotionError::Singular { .. }) => {
-                let name = "skid-roll, measured ellipse, 100 times the skid coefficients";
-                let stiff = |mut problem: Problem| {
-                    problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
-                    solve(name, looks::STIFF, ellipse(problem))
-                };
-                (name, configured(Model::SKID_ROLL).map(stiff))
+                let name = "skid-roll, measured elliptic gait, skid coefficients multiplied by 100";
+                (
+                    name,
+                    configured(Model::SKID_ROLL).map(|mut problem| {
+                        problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
+                        solve(name, looks::STIFF, ellipse(problem))
+                    }),
+                )
             }
             solved => (name, Some(solved)),
         }

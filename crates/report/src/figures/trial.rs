@@ -1,4 +1,4 @@
-//! What the page of a trial shows: its path, and what its links and wheels did all the time.
+//! Figures on a trial page: path, joint angles, wheel velocities, cycles, residuals and gaps.
 
 use minijinja::context;
 use minijinja::value::Value;
@@ -14,15 +14,15 @@ use super::tracking;
 use crate::ReportInput;
 use crate::looks;
 use crate::recording::Recording;
-use crate::series::{Quantity, fitted};
+use crate::series::fitted;
 use crate::tables::Tables;
 
-/// Parts of a trial of which the greatest residuals are shown.
+/// Number of time intervals into which a trial is divided to show the largest residual in each.
 const PARTS: usize = 100;
-/// Parts of a curve of which the least and the greatest value are shown.
+/// Number of intervals into which a long curve is divided to show the minimum and maximum in each.
 const DENSE_PARTS: usize = 400;
 
-/// The figures of a trial; those without anything to show are left out.
+/// Returns the figures for a trial page, without those for which the recording has no data.
 pub(crate) fn figures(
     trial: &TrialRow,
     recording: &Recording,
@@ -36,15 +36,19 @@ pub(crate) fn figures(
         let values = values.iter().map(|value| factor * value);
         recording.time_s.iter().copied().zip(values).collect()
     };
-    // A panel for each: lines over each other hide one another.
+    // Each component has its own panel, because overlapping lines would hide each other.
     let course = |title: String, y_label: &str, values: &[f64], factor: f64| {
         let points = envelope(&over_time(values, factor), DENSE_PARTS).concat();
         panel(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
     };
-    let angle = |(phi_rad, joint): (&Vec<f64>, &str)| {
-        course(format!("Joint angle {joint}"), &format!("{joint} (deg)"), phi_rad, DEG)
-    };
-    let angles = recording.phi_rad.iter().zip(["φ₁", "φ₂"]).map(angle).collect();
+    let angles = recording
+        .phi_rad
+        .iter()
+        .zip(["φ₁", "φ₂"])
+        .map(|(phi_rad, joint)| {
+            course(format!("Joint angle {joint}"), &format!("{joint} (deg)"), phi_rad, DEG)
+        })
+        .collect();
     let wheels = [("Roll", &recording.roll_m_s), ("Skid", &recording.skid_m_s)].into_iter();
     let wheels = wheels.flat_map(|(kind, all_m_s)| {
         let titles = (0..).map(move |wheel| format!("{kind} velocity of wheel {wheel}"));
@@ -70,7 +74,7 @@ pub(crate) fn figures(
     let gaps = Panel { y_scale: Scale::Whole, ..gaps };
     let reconstruction =
         figure("reconstruction", context! { parts => PARTS }, Layout::Stack, vec![residuals, gaps]);
-    // That of a trial of which the models have no motion says so by its legend.
+    // Models without a motion are simply absent from the legend, so sentences about them are discarded.
     let motion = tracking::figure("gait", trial, recording, (tables, config), &mut Vec::new());
     let own = [path(trial, recording, config), angles, velocities, cycles(trial, recording)];
     let all = motion.into_iter().chain(own).chain([reconstruction]);
@@ -86,10 +90,9 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         let pose = Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
         (pose, recording.phi_rad.each_ref().map(|phi_rad| phi_rad[i]))
     };
-    let is_known = |(pose, phi_rad): &(Pose, [f64; 2])| {
+    let start = (0..all.len()).map(at).find(|(pose, phi_rad)| {
         (pose.x_m + pose.y_m + pose.theta_rad + phi_rad[0] + phi_rad[1]).is_finite()
-    };
-    let start = (0..all.len()).map(at).find(is_known);
+    });
     if let (Some((pose, phi_rad)), Some((robot, _))) =
         (start, config.campaign_setup(&trial.campaign))
     {
@@ -101,35 +104,42 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
     Figure::new("path", texts, &[], Layout::Stack, panels)
 }
 
-/// What was measured of each cycle, and of those in use the mean.
+/// Returns the figure of the metrics of each cycle, with their means over the used cycles.
 fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
-    let panel = |quantity: &Quantity| {
-        let layer = |(name, look, used): (&str, Look, bool)| {
-            let cycles = recording.cycles.iter().filter(|cycle| cycle.used == used);
-            let points = cycles.map(|cycle| (cycle.cycle as f64, quantity.of(&cycle.metrics)));
-            Layer::new(name, points, look)
-        };
-        let kinds = [("not in use", looks::UNUSED, false), ("in use", looks::measured(0), true)];
-        let mean = Layer::new("mean", [(f64::NAN, quantity.of(&trial.metrics))], Look::Guides);
-        let layers = [mean].into_iter().chain(kinds.map(layer)).collect();
-        Panel {
-            x_scale: Scale::Whole,
-            ..Panel::new(quantity.title, "Cycle", quantity.axis_label(), layers)
-        }
-    };
-    let panels = fitted().iter().map(panel).collect();
+    let panels = fitted()
+        .iter()
+        .map(|quantity| {
+            let kinds = [("not used", looks::UNUSED, false), ("used", looks::measured(0), true)];
+            let mean = Layer::new("mean", [(f64::NAN, quantity.of(&trial.metrics))], Look::Guides);
+            let layers = [mean]
+                .into_iter()
+                .chain(kinds.map(|(name, look, used)| {
+                    let cycles = recording.cycles.iter().filter(|cycle| cycle.used == used);
+                    let points =
+                        cycles.map(|cycle| (cycle.cycle as f64, quantity.of(&cycle.metrics)));
+                    Layer::new(name, points, look)
+                }))
+                .collect();
+            Panel {
+                x_scale: Scale::Whole,
+                ..Panel::new(quantity.title, "Cycle", quantity.axis_label(), layers)
+            }
+        })
+        .collect();
     Figure::new("cycles", texts("cycles", context! {}), &[], Layout::Grid, panels)
 }
 
-/// Time outside of the cycles in use; nothing for trials without cycles.
+/// Returns the layers that shade the times outside the cycles in use (cycles that enter the trial means); empty if no
+/// cycle is in use.
 fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     let period_s = std::f64::consts::TAU / trial.omega_rad_s;
     let band = |from_s, to_s| {
-        Layer::new("not in use", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band(looks::BAND))
+        Layer::new("not used", [(from_s, f64::NAN), (to_s, f64::NAN)], Look::Band(looks::BAND))
     };
-    let (mut bands, mut end_s) = (Vec::new(), f64::NAN);
+    let mut bands = Vec::new();
+    let mut end_s = f64::NAN;
     for CycleRow { start_s, .. } in recording.cycles.iter().filter(|cycle| cycle.used) {
-        // Cycles that follow one another meet but for rounding.
+        // The end and start times of consecutive cycles agree within rounding errors.
         let follows = *start_s <= end_s + 1e-3 * period_s;
         bands.extend((!follows).then(|| band(end_s, *start_s)));
         end_s = start_s + period_s;
@@ -139,7 +149,8 @@ fn unused_cycles(trial: &TrialRow, recording: &Recording) -> Vec<Layer> {
     bands
 }
 
-/// Where the frames of each link were not measured.
+/// Returns the layers with the time spans in which the pose of each link was not measured, but found from other
+/// markers, interpolated or missing.
 fn gaps(recording: &Recording) -> Vec<Layer> {
     const KINDS: [(Fill, &str); 3] = [
         (Fill::Rigid, "other markers"),
@@ -149,7 +160,7 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
     let (Some(first_s), Some(last_s)) = (recording.time_s.first(), recording.time_s.last()) else {
         return Vec::new();
     };
-    // With room for a unit of height.
+    // Each bar extends 0.5 above and below its centre, so that the bars of neighbouring links touch.
     let bar = |from_s, to_s, link| [(from_s, link, 0.5), (to_s, link, 0.5)];
     let recorded = [0.0, 1.0, 2.0].into_iter().flat_map(|link| bar(*first_s, *last_s, link));
     let mut layers = vec![Layer::with_errors("", recorded, Look::Spans(looks::BAND))];
@@ -158,7 +169,8 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
         for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
             let mut i = 0;
             for run in fills.chunk_by(|a, b| a == b) {
-                let (from_s, to_s) = (recording.time_s[i], recording.time_s[i + run.len() - 1]);
+                let from_s = recording.time_s[i];
+                let to_s = recording.time_s[i + run.len() - 1];
                 i += run.len();
                 bars.extend(bar(from_s, to_s, link).into_iter().filter(|_| run[0] == fill));
             }
@@ -175,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn time_outside_of_the_used_cycles_is_shaded() {
+    fn times_outside_the_used_cycles_are_shaded() {
         let cycle = |start_s: f64, used| CycleRow { start_s, used, ..CycleRow::blank() };
         let recording = Recording {
             time_s: (0..100).map(f64::from).collect(),

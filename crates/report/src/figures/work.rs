@@ -1,4 +1,4 @@
-//! What a metre costs: the actuators' work by the fitted models.
+//! Figure of the actuators' work per metre of travel, as predicted by the fitted models.
 
 use std::collections::BTreeSet;
 
@@ -11,13 +11,13 @@ use crate::ReportInput;
 use crate::simulated;
 use crate::tables::Tables;
 
-/// One panel for each campaign that has a fitted model.
+/// Returns the figure of the work per metre of travel that the fitted models predict, with one panel per campaign.
 pub(super) fn figure(stem: &str, tables: &Tables, config: &ReportInput) -> Figure {
     let source = tables.source(config);
     let campaigns: BTreeSet<&str> = tables.fits.iter().map(|fit| fit.campaign.as_str()).collect();
     let panel = |campaign: &&str| {
         let fits = tables.fits.iter().filter(|fit| fit.campaign == *campaign);
-        // Each trial's own gait has no curve.
+        // Models that are driven by the measured gait of each trial have no prediction curve.
         let fits = fits.filter(|fit| !source.is_of_trials(fit.model));
         let layers = fits.map(|fit| {
             let look = source.look(fit.model).line();

@@ -1,14 +1,14 @@
-//! What the page says of every campaign: its figures, its fits and which of them the data prefer.
+//! Report-page sections on individual campaigns: figures, fits, model comparison and remarks.
 
 use std::collections::BTreeMap;
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 use trilink_mechanics::{FromRest, MotionStatus};
-use trilink_plot::Figure;
+use trilink_robot::metrics::Metric;
 use trilink_robot::{Parameter, Quantity};
 use trilink_tables::config::RobotConfig;
-use trilink_tables::{FitRow, PredictionSource};
+use trilink_tables::{FitRow, PredictionSource, Reason};
 
 use super::{Drawn, image, images, optima};
 use crate::figures::frequency;
@@ -18,7 +18,8 @@ use crate::tables::Tables;
 use crate::truth::Truth;
 use crate::{ReportError, ReportInput, figures};
 
-/// Sections in the paper's order, then by name; without those that have nothing to say.
+/// Returns the template values of the sections on campaigns: first the campaigns of the paper, in the paper's order,
+/// then the others, sorted by name. Campaigns without trials, fits and figures are left out.
 pub(super) fn sections(
     input: &ReportInput,
     (tables, truth): (&Tables, Option<&Truth>),
@@ -26,144 +27,183 @@ pub(super) fn sections(
 ) -> Result<Vec<Value>, ReportError> {
     let mut names: Vec<&str> = tables.campaigns(input).into_iter().collect();
     names.sort_by_key(|name| figures::rank(name));
-    let section = |name: &str| {
-        let both = || tables.fits.iter().chain(&tables.alternative_fits);
-        let in_a_model = |parameter: &Parameter| {
-            both().any(|fit| fit.campaign == name && fit.parameters[*parameter].is_finite())
-        };
-        // A sum says nothing that its parts do not.
-        let shown = Parameter::ALL.into_iter().filter(|of| !of.is_sum() && in_a_model(of));
-        let shown: Vec<Parameter> = shown.collect();
-        let fits = |fits: &[FitRow]| -> Vec<Value> {
-            let fits = fits.iter().filter(|fit| fit.campaign == name);
-            fits.map(|fit| {
-                let parameters = shown.iter().map(|of| FittedParameter::of(fit, *of));
-                let parameters: Vec<FittedParameter> = parameters.collect();
-                context! { fit => Serde(fit), parameters => Serde(parameters) }
-            })
-            .collect()
-        };
-        let heads = shown.iter().map(|of| context! { label => of.label(), unit => of.unit() });
-        let setup = input.campaigns().get(name);
-        let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
-        let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
-        let own = |figure: &Figure| figure.campaigns == [name] && figure.stem != figures::TRUTH;
-        let (own_figures, own_fits) = (images(drawn, own), fits(&tables.fits));
-        let of_campaign = tables.fits.iter().filter(|fit| fit.campaign == name);
-        let fitted = of_campaign.map(|fit| (name, fit.model));
-        if trials == 0 && own_fits.is_empty() && own_figures.is_empty() {
-            return Ok(None);
-        }
-        Ok(Some(context! {
-                name => name,
-                robot => setup.map(|campaign| &campaign.robot),
-                gait => setup.map(|campaign| &campaign.gait),
-                trials => trials,
-                driven_by => tables.source(input).gait_input(fitted),
-                figures => own_figures,
-                parameters => heads.collect::<Vec<_>>(),
-                fits => own_fits,
-                exact => taken_as_exact(input, tables, name),
-                // With the other gait than the configured one.
-                alternatives => fits(&tables.alternative_fits),
-                comparison => Serde(comparison.collect::<Vec<_>>()),
-                compared => tables.compared(name).map(|compared| compared.to_string()),
-                optima => optima::section(tables, name),
-                notes => remarks(tables, name),
-                answer => answer(name, (tables, truth), tables.source(input))?,
-        }))
-    };
-    names.into_iter().filter_map(|name| section(name).transpose()).collect()
+    let sections = names.into_iter().map(|name| section(name, input, (tables, truth), drawn));
+    sections.filter_map(Result::transpose).collect()
 }
 
-/// Keys of the robot's numbers that intervals take as exact: those of all robots, and those that a model with
-/// intervals knows and does not fit.
-fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
-    let has_intervals =
-        |fit: &&FitRow| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_none();
-    let fits: Vec<&FitRow> = tables.fits.iter().filter(has_intervals).collect();
-    let is_held = |quantity: &Quantity| {
-        let mut held = fits.iter().flat_map(|fit| {
-            let numbers = quantity.parameters().filter(|of| !of.is_sum());
-            numbers.map(|of| FittedParameter::of(fit, of).marks[0] == Some(HELD))
-        });
-        !quantity.definition().is_fitted || held.any(|is_held| is_held)
+/// Returns the template values of the section on a campaign; `None` if the campaign has neither trials nor fits nor
+/// figures.
+fn section(
+    name: &str,
+    input: &ReportInput,
+    (tables, truth): (&Tables, Option<&Truth>),
+    drawn: &[Drawn<'_>],
+) -> Result<Option<Value>, ReportError> {
+    let figures =
+        images(drawn, |figure| figure.campaigns == [name] && figure.stem != figures::TRUTH);
+    let own = |fits: &'_ [FitRow]| -> Vec<FitRow> {
+        fits.iter().filter(|fit| fit.campaign == name).cloned().collect()
     };
+    let fits = own(&tables.fits);
+    let alternatives = own(&tables.alternative_fits);
+    let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
+    if trials == 0 && fits.is_empty() && figures.is_empty() {
+        return Ok(None);
+    }
+    // The sum is omitted where the coefficients of the individual wheels already give it.
+    let shown: Vec<Parameter> = Parameter::ALL
+        .into_iter()
+        .filter(|parameter| !parameter.is_sum())
+        .filter(|parameter| {
+            fits.iter().chain(&alternatives).any(|fit| fit.parameters[*parameter].is_finite())
+        })
+        .collect();
+    let heads = shown.iter().map(|of| context! { label => of.label(), unit => of.unit() });
+    let setup = input.campaigns().get(name);
+    let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
+    let fitted = fits.iter().map(|fit| (name, fit.model));
+    let exact = taken_as_exact(input, tables, name);
+    Ok(Some(context! {
+        name => name,
+        robot => setup.map(|campaign| &campaign.robot),
+        gait => setup.map(|campaign| &campaign.gait),
+        trials => trials,
+        driven_by => tables.source(input).gait_input(fitted),
+        figures => figures,
+        parameters => heads.collect::<Vec<_>>(),
+        fits => fit_values(&fits, &shown),
+        is_exact => !exact.is_empty()
+            && input.configured_robot(name).is_some_and(RobotConfig::is_exact),
+        exact => exact,
+        alternatives => fit_values(&alternatives, &shown),
+        comparison => Serde(comparison.collect::<Vec<_>>()),
+        compared => tables.compared(name).map(|compared| compared.to_string()),
+        precision => precision(tables, name),
+        optima => optima::section(tables, name),
+        notes => remarks(tables, name),
+        answer => answer(name, (tables, truth), tables.source(input))?,
+    }))
+}
+
+/// Returns the template values of the precision of the metrics that a campaign's trials have.
+fn precision(tables: &Tables, name: &str) -> Vec<Value> {
+    let rows = tables.precision.iter().filter(|row| row.campaign == name && row.trials > 0);
+    let values = rows.filter_map(|row| {
+        let metric = Metric::ALL.into_iter().find(|metric| metric.column() == row.metric)?;
+        let why = [row.no_repeatability, row.no_reproducibility];
+        let why = why.map(|reason| reason.map_or("", Reason::sentence));
+        Some(context! { label => metric.definition().symbol, row => Serde(row), why })
+    });
+    values.collect()
+}
+
+/// Returns the template values of the fits, each with the parameters to be shown.
+fn fit_values(fits: &[FitRow], shown: &[Parameter]) -> Vec<Value> {
+    let values = fits.iter().map(|fit| {
+        let parameters = shown.iter().map(|parameter| FittedParameter::new(fit, *parameter));
+        let parameters: Vec<FittedParameter> = parameters.collect();
+        context! { fit => Serde(fit), parameters => Serde(parameters) }
+    });
+    values.collect()
+}
+
+/// Returns the configuration keys of those quantities of a campaign's robot that have no stated uncertainty, so that
+/// the confidence intervals treat them as exact.
+///
+/// A quantity that can be fitted is listed only if a fit with confidence intervals holds it fixed.
+fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
+    let fits: Vec<&FitRow> = tables
+        .fits
+        .iter()
+        .filter(|fit| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_none())
+        .collect();
     let robot = input.configured_robot(name).filter(|_| !fits.is_empty());
     let exact = robot.into_iter().flat_map(RobotConfig::exact);
-    exact.filter(is_held).map(Quantity::name).collect()
+    exact
+        .filter(|quantity| {
+            let mut held = fits.iter().flat_map(|fit| {
+                let numbers = quantity.parameters().filter(|of| !of.is_sum());
+                numbers.map(|of| FittedParameter::new(fit, of).marks[0] == Some(HELD))
+            });
+            !quantity.definition().is_fitted || held.any(|is_held| is_held)
+        })
+        .map(Quantity::name)
+        .collect()
 }
 
-/// What the first screen says of a campaign: what the measurements say, and of the model that they
-/// prefer the coefficients and the curve.
+/// Returns the summary of a campaign for the top of the report page: the result of the model comparison, and the
+/// coefficients and prediction curve of the preferred model.
 fn answer(
     name: &str,
     (tables, truth): (&Tables, Option<&Truth>),
     source: Source<'_>,
 ) -> Result<Value, ReportError> {
     let fit = tables.preferred(name);
-    let coefficient = |parameter: &Parameter| {
-        let of_fit = fit.map(|fit| FittedParameter::of(fit, *parameter));
-        context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
-    };
     let free = fit.map_or(&[][..], |fit| &fit.free);
+    let coefficients = free.iter().map(|parameter| {
+        let of_fit = fit.map(|fit| FittedParameter::new(fit, *parameter));
+        context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
+    });
     let mut curve = frequency::overview(name, fit.map(|fit| fit.model), source);
     curve.is_synthetic =
         truth.is_some_and(|truth| truth.is_synthetic_in(&[name.to_owned()], tables));
     let curve = (!curve.is_empty()).then(|| image(&curve)).transpose()?;
     Ok(context! {
         fit => Serde(fit),
-        // Whether it fits stands beside it; the whole sentence is with the campaign.
+        // The campaign's own section contains the full sentence.
         sentence => tables.compared(name).map(|compared| compared.answer()),
-        coefficients => free.iter().map(coefficient).collect::<Vec<_>>(),
+        coefficients => coefficients.collect::<Vec<_>>(),
         curve,
     })
 }
 
-/// How often each key stands there.
+/// Counts the occurrences of each key.
 fn counted<K: Ord>(keys: impl Iterator<Item = K>) -> BTreeMap<K, usize> {
     let mut counts = BTreeMap::new();
     keys.for_each(|key| *counts.entry(key).or_default() += 1);
     counts
 }
 
-/// What is to be said of a campaign's predictions: those that the figures leave out, those that have
-/// lost their symmetry, those that the robot does not get into from rest, and laws that are not told
-/// from others.
+/// Returns remarks on the predictions and friction laws of a campaign: points that figures omit, motions with broken
+/// symmetry, motions that are not reached from rest, and friction laws that cannot be distinguished from others.
 fn remarks(tables: &Tables, campaign: &str) -> Vec<String> {
-    let rows = || tables.predictions.iter().filter(|row| row.campaign == campaign);
-    let of_source = counted(rows().map(|row| (row.model, row.source)));
-    let of_status = counted(rows().map(|row| (row.model, row.source, row.status)));
-    let from_rest = counted(rows().filter_map(|row| Some((row.model, row.from_rest?))));
-    let worth_telling =
-        of_status.iter().filter(|((.., status), _)| *status != MotionStatus::Stable);
-    let of_status = worth_telling.map(|((model, source, status), count)| {
+    let rows = tables.predictions.iter().filter(|row| row.campaign == campaign);
+    let of_source = counted(rows.clone().map(|row| (row.model, row.source)));
+    let of_status = counted(rows.clone().map(|row| (row.model, row.source, row.status)));
+    let from_rest = counted(rows.filter_map(|row| Some((row.model, row.from_rest?))));
+    let not_stable = of_status.iter().filter(|((.., status), _)| *status != MotionStatus::Stable);
+    let of_status = not_stable.map(|((model, source, status), count)| {
         let total = of_source[&(*model, *source)];
         let at = match source {
-            PredictionSource::Trial => "the trials' frequencies",
-            PredictionSource::Curve => "the curve",
+            PredictionSource::Trial => "at the trials' frequencies",
+            PredictionSource::Curve => "on the curve",
         };
         let are = match status {
             MotionStatus::SymmetryBroken => {
-                "of one of two motions that are each other's mirror image"
+                "show one of two motions that are mirror images of each other"
             }
-            _ => "not drawn",
+            _ => "are not drawn",
         };
-        format!("{model}: {count} of {total} points of {at} are {are}, status {status}.")
+        format!("{model}: {count} of {total} points {at} {are} (status {status}).")
     });
     let from_rest = from_rest.iter().filter_map(|((model, from_rest), count)| {
         let goes = match from_rest {
             FromRest::Reached => return None,
-            FromRest::Another => "gets into another motion than the one that is shown",
-            FromRest::Unsettled => "does not settle",
+            FromRest::Another => "reaches a motion other than the one shown",
+            FromRest::Unsettled => "does not reach a steady motion",
         };
         let at = if *count == 1 { "frequency" } else { "frequencies" };
         Some(format!(
-            "{model}: at {count} {at} of the trials the robot that starts from rest {goes}."
+            "{model}: at {count} {at} of the trials, the robot {goes} when it starts from rest."
         ))
     });
     let fits = tables.fits.iter().filter(|fit| fit.campaign == campaign);
     let alike = fits.filter_map(|fit| Some((fit.model, fit.law_is_like.as_ref()?)));
-    let alike = alike.map(|(model, law)| format!("{model} is like {law}."));
-    of_status.chain(from_rest).chain(alike).collect()
+    let alike = alike.map(|(model, law)| format!("{model} is effectively {law}."));
+    let is_of_one_day = tables.fits.iter().any(|fit| fit.campaign == campaign && fit.single_day);
+    let single_day = is_of_one_day.then(|| {
+        "The confidence intervals hold for the floor of a single day: all trials are of one day, and fit.day_sd is 0."
+            .to_owned()
+    });
+    of_status.chain(from_rest).chain(alike).chain(single_day).collect()
 }

@@ -1,4 +1,4 @@
-//! How templates are filled in, and what they share.
+//! Rendering of the HTML templates, and the templates shared between them.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -9,11 +9,11 @@ use serde::Serialize;
 use trilink_base::numbers::{
     as_configured, fixed, interval, percent, share, short, significant, with_error,
 };
-use trilink_base::text::harmless;
+use trilink_base::text::escape_controls;
 use trilink_plot::ROBOTO;
 use trilink_tables::Explanation;
 
-/// Templates that others include or extend.
+/// Names and sources of the templates that other templates include or extend.
 const SHARED: [(&str, &str); 12] = [
     ("base.html", include_str!("base.html")),
     ("check.html", include_str!("check.html")),
@@ -29,11 +29,13 @@ const SHARED: [(&str, &str); 12] = [
     ("style.css", include_str!("style.css")),
 ];
 
-/// Fills in a template; a name that ends with `.html` or `.xml` makes the engine escape what it
-/// fills in. Names and messages cannot act on who reads them. Numbers are written by the functions of [`trilink_base::numbers`], as filters.
+/// Renders a template with `values`.
+///
+/// Values are HTML-escaped if `name` ends with `.html` or `.xml`; control characters in text are always escaped. The
+/// functions in [`trilink_base::numbers`] are available as filters.
 ///
 /// # Errors
-/// A template is wrong, or a value that it asks for is not there.
+/// Returns an error if the template is invalid or uses an undefined value.
 pub fn fill(
     name: &str,
     template: &str,
@@ -45,7 +47,7 @@ pub fn fill(
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.set_formatter(|out, state, value| match value.as_str() {
         Some(text) if !value.is_safe() => {
-            escape_formatter(out, state, &Value::from(harmless(text).as_ref()))
+            escape_formatter(out, state, &Value::from(escape_controls(text).as_ref()))
         }
         _ => escape_formatter(out, state, value),
     });
@@ -59,7 +61,7 @@ pub fn fill(
     environment.add_filter("interval", |limits: Vec<f64>, digits| {
         limits.try_into().map_or_else(|_| String::new(), |limits| interval(limits, digits))
     });
-    environment.add_filter("explained", |check: String| Serde(Explanation::of(&check)));
+    environment.add_filter("explained", |check: String| Serde(Explanation::find(&check)));
     environment.add_filter("degrees", f64::to_degrees);
     environment.add_test("finite", f64::is_finite);
     environment.add_global("font_base64", STANDARD.encode(ROBOTO));

@@ -1,4 +1,4 @@
-//! Drawings inside of pages.
+//! Figures embedded in HTML pages.
 
 use minijinja::context;
 use minijinja::value::Value;
@@ -6,15 +6,15 @@ use trilink_plot::{DrawError, Drawing, Figure, WIDTH};
 
 use crate::figures;
 
-/// Draws a figure for a page.
+/// Draws a figure and returns the template values with which a page embeds it.
 ///
 /// # Errors
-/// It cannot be drawn.
+/// Returns an error if the figure cannot be drawn.
 pub fn image(figure: &Figure) -> Result<Value, DrawError> {
-    Ok(image_of_drawing(figure, &Drawing::of(figure)?))
+    Ok(image_of_drawing(figure, &Drawing::new(figure)?))
 }
 
-/// A figure that was drawn, for a page.
+/// Returns the template values with which a page embeds a figure that has been drawn.
 pub(crate) fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
     let [legend, panels] = drawing.parts();
     let Drawing { columns, width, .. } = *drawing;

@@ -1,4 +1,4 @@
-//! `index.html`, one file with everything in it, and a page for each trial.
+//! HTML pages: `index.html`, which is a single self-contained file, and a page for each trial.
 
 mod campaigns;
 mod engine;
@@ -29,25 +29,25 @@ use super::tables::Tables;
 use super::truth::{self, Truth};
 use super::{ReportError, ReportInput, figures};
 
-/// Trials' names, and the files of their pages in `trials/`.
+/// File names of the trial pages in `trials/`, keyed by trial name.
 pub(crate) type TrialPages = BTreeMap<String, String>;
 
-/// A figure, and what the page shows of it.
+/// Figure with the template values that embed it in the page.
 pub(crate) type Drawn<'f> = (&'f Figure, Value);
 
-/// What the page says that is not in the tables.
+/// Content of the report page that does not come from the tables.
 pub(crate) struct Remarks<'r> {
-    /// Sentences on what is not in the report.
+    /// Sentences that explain what is missing from the report.
     pub missing: &'r [String],
     pub truth: Option<&'r Truth>,
-    /// What changed since the baseline.
+    /// Changes in the results since the baseline; `None` if there is no baseline.
     pub changes: Option<&'r Changes>,
 }
 
-/// The page as HTML.
+/// Renders the main report page, `index.html`.
 ///
 /// # Errors
-/// The template cannot be filled in.
+/// Returns an error if the template cannot be rendered.
 pub(crate) fn html(
     input: &ReportInput,
     tables: &Tables,
@@ -57,22 +57,23 @@ pub(crate) fn html(
     Remarks { missing, truth, changes }: Remarks<'_>,
 ) -> Result<String, ReportError> {
     let robots = tables.robots.iter();
-    let robots = robots.flat_map(|row| row.quantities().map(move |quantity| (row, quantity)));
-    // What checks of each trial say that a person has to look at.
+    let robots =
+        robots.flat_map(|row| row.quantities().map(move |quantity| (row, quantity, row.basis())));
+    // For each trial, the messages of the checks that need attention.
     let mut messages: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for check in tables.checks.iter().filter(|check| check.severity > Severity::Info) {
         let message = Some(check.message.as_str()).filter(|message| !message.is_empty());
         messages.entry(&check.trial).or_default().extend(message);
     }
-    // Checks of campaigns and folders.
+    // Checks that concern campaigns or folders instead of single trials.
     let trials: BTreeSet<&str> = tables.trials.iter().map(|row| row.trial.as_str()).collect();
     let is_common = |check: &CheckRow| !trials.contains(check.trial.as_str());
     let troubling = tables.checks.iter().filter(|check| check.severity >= Severity::Warning);
-    // How many trials each of them says something of.
+    // Number of trials with a finding, for each check.
     let own = troubling.clone().filter(|check| !is_common(check));
     let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
     own.for_each(|row| *reasons.entry(&row.check).or_default() += 1);
-    // What was fitted instead of what is missing, by campaign.
+    // Notes on fits that replace missing data, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
     let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
     let page = context! {
@@ -98,7 +99,7 @@ pub(crate) fn html(
         robots => Serde(robots.collect::<Vec<_>>()),
         decays => Serde(tables.robots.iter().map(|row| (row, row.laws())).collect::<Vec<_>>()),
         trials => Serde(&tables.trials),
-        // As the fits use them.
+        // Skid ratios of the kind (raw or debiased) that the fits use.
         sigmas => Serde(tables.trials.iter().map(|row| row.sigma(input.sigma)).collect::<Vec<_>>()),
         debiased => input.sigma == SigmaKind::Debiased,
         truth => truth.map(|truth| truth::compare(truth, tables)),
@@ -113,10 +114,10 @@ pub(crate) fn html(
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
 }
 
-/// The page of the scorecard as HTML, with a notice if trials are `synthetic`, else an empty one.
+/// Renders the scorecard page. `synthetic` is the notice that trials are synthetic; it is empty if none are.
 ///
 /// # Errors
-/// The template cannot be filled in.
+/// Returns an error if the template cannot be rendered.
 pub(crate) fn scorecard_html(
     scores: &[JudgedClaim],
     synthetic: &str,
@@ -130,6 +131,7 @@ pub(crate) fn scorecard_html(
     page.map_err(ReportError::Page)
 }
 
+/// Returns the template values of the figures for which `is_wanted` returns true.
 fn images(drawn: &[Drawn<'_>], is_wanted: impl Fn(&Figure) -> bool) -> Vec<Value> {
     let wanted = drawn.iter().filter(|(figure, _)| is_wanted(figure));
     wanted.map(|(_, image)| image.clone()).collect()

@@ -1,7 +1,7 @@
 "use strict";
-// The replay: moves a robot over the drawing, which is complete without it, and a cursor through
-// the page's charts of time. Whole numbers are differences to the last one that is known.
-// The charts stand below.
+// Replay: moves the robot over the drawing, which is complete without this script, and a cursor through the
+// page's charts over time. All integers in the data are differences from the last known number. The script
+// waits for the whole page, because the charts come after it.
 addEventListener("DOMContentLoaded", () => {
   const replay = document.querySelector(".replay");
   const data = JSON.parse(replay.querySelector("script").textContent);
@@ -28,7 +28,7 @@ addEventListener("DOMContentLoaded", () => {
     parent.append(element);
     return element;
   };
-  // The measured robot over what is predicted.
+  // The measured robot is drawn over the predicted one.
   const robots = motions.map((motion, nth) => ({ motion, nth })).reverse().map(({ motion, nth }) => {
     const group = make("g", { class: nth ? "ghost live" : "robot live" }, floor);
     const links = [0, 1, 2].map(number => {
@@ -45,7 +45,7 @@ addEventListener("DOMContentLoaded", () => {
   const markers = data.markers.map(([link, [x, y], label]) =>
     ({ label, use: make("use", { x, y, display: "none" }, measured[link]) }));
 
-  // Coordinates of a motion in a frame and a part of the way to the next one.
+  // Returns the coordinates of a motion, interpolated by the fraction `part` between a frame and the next one.
   const at = ({ columns }, frame, part) => {
     const [here, next] = [frame, Math.min(frame + 1, last)].map(i => columns.map(of => of[i]));
     if (here.includes(null)) return null;
@@ -58,8 +58,8 @@ addEventListener("DOMContentLoaded", () => {
     const turned = ([x, y, angle], by) => [x, y, angle + by];
     const [angle, one, two] = [theta, phi1, phi2].map(number => number / data.per_unit);
     const middle = [x, y, angle];
-    return [middle, ahead(turned(ahead(middle, data.half), -one), data.side),
-      ahead(turned(ahead(middle, -data.half), two), -data.side)];
+    return [middle, ahead(turned(ahead(middle, data.half[0]), -one), data.side[0]),
+      ahead(turned(ahead(middle, -data.half[1]), two), -data.side[1])];
   };
   const pointer = (length, across) => {
     const back = length - Math.sign(length) * Math.min(120, 0.5 * Math.abs(length));
@@ -85,7 +85,7 @@ addEventListener("DOMContentLoaded", () => {
   const nearest = time => seconds.reduce((best, second, i) =>
     (Math.abs(second - time) < Math.abs(seconds[best] - time) ? i : best), 0);
 
-  // What is written beside the drawing.
+  // Numbers below the drawing.
   const fixed = (value, decimals) => (value === null ? "–" : value.toFixed(decimals).replace("-", "\u2212"));
   const rows = new Map();
   const write = (name, text) => {
@@ -115,9 +115,9 @@ addEventListener("DOMContentLoaded", () => {
     }
     const [first, second] = motions.map(motion => at(motion, frame, 0));
     if (motions.length > 1) {
-      const off = first && second && [Math.hypot(second[0] - first[0], second[1] - first[1]) / 10,
+      const deviation = first && second && [Math.hypot(second[0] - first[0], second[1] - first[1]) / 10,
         (second[2] - first[2]) / data.per_unit * 180 / Math.PI];
-      write(`${motions[1].name} is off by`, off ? `${fixed(off[0], 1)} mm, ${fixed(off[1], 1)}°` : "–");
+      write(`Deviation of ${motions[1].name}`, deviation ? `${fixed(deviation[0], 1)} mm, ${fixed(deviation[1], 1)}°` : "–");
     }
     if (data.marks.length) {
       const said = wanted => data.marks
@@ -164,7 +164,7 @@ addEventListener("DOMContentLoaded", () => {
     describe();
   };
 
-  // Playing: by the clock, between frames, too; not at all where less motion is wanted.
+  // Plays in real time, interpolating between frames; disabled if the user prefers reduced motion.
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   let [time, before] = [0, null];
   const play = wanted => {
@@ -195,29 +195,29 @@ addEventListener("DOMContentLoaded", () => {
   const reduce = () => {
     if (still.matches && playing) play(false);
     buttons.play.disabled = still.matches;
-    buttons.play.title = still.matches ? "Not where reduced motion is asked for: step, or move the slider" : "";
+    buttons.play.title = still.matches ? "Playing is disabled, because your system asks for reduced motion; use the step buttons or the slider" : "";
   };
   const step = by => {
     if (playing) play(false);
     go(frame + by);
   };
 
-  // Zoom and pan, by the drawing's view box.
+  // Zooms and pans by changing the drawing's view box.
   const whole = svg.getAttribute("viewBox").split(" ").map(Number);
   let view = [...whole];
   const turn = DOMMatrix.fromMatrix(floor.transform.baseVal.consolidate().matrix);
-  // Some lengths of the robot.
-  const near = 9 * (data.half + data.side);
+  // Width of the view that follows the robot: some lengths of the robot.
+  const near = 4.5 * [...data.half, ...data.side].reduce((sum, length) => sum + length);
   const following = wanted => buttons.follow.setAttribute("aria-pressed", wanted);
   const look = wanted => {
     const [wide, high] = [2, 3].map(i => Math.max(whole[i] / 40, Math.min(whole[i], wanted[i])));
-    // The middle of what is seen stays on the floor that there is.
+    // The centre of the view stays on the floor of the whole drawing.
     const [x, y] = [[0, wide], [1, high]].map(([i, span]) =>
       Math.max(whole[i] - 0.5 * span, Math.min(whole[i] + whole[i + 2] - 0.5 * span, wanted[i])));
     view = wide === whole[2] ? [...whole] : [x, y, wide, high];
     svg.setAttribute("viewBox", view.map(number => number.toFixed(1)).join(" "));
     svg.classList.toggle("near", wide < whole[2]);
-    // A bar that has room, and what it stands for.
+    // Length of the scale bar, rounded to 1, 2 or 5 times a power of ten.
     const span = view[2] / 10;
     const decade = 10 ** Math.floor(Math.log10(span / 10));
     const bar = decade * [1, 2, 5, 10].find(step => step * decade >= span / 10);

@@ -1,8 +1,8 @@
 "use strict";
-// Figures: legends switch series on and off; pointer, and in a panel that has the focus the arrow
-// keys, find values (left and right along a series, up and down between them); a click or Enter on
-// a measured point goes to its trial or run. A finger finds a value with a tap and goes with another.
-// Nothing here is needed to read a page.
+// Interactive figures: legend entries show and hide series. The pointer, or the arrow keys in a focused panel, show
+// values (left and right along a series, up and down between series). A click or Enter on a measured point opens
+// the page of its trial or run; on a touch screen, the first tap shows the value and the second opens the page.
+// Pages are complete without this script.
 (() => {
   const tip = document.createElement("div");
   tip.className = "tip";
@@ -40,7 +40,7 @@
     sheet.querySelectorAll(".panel[data-x]").forEach(explore);
   }
 
-  // An axis: between values and the drawing's units.
+  // Converts between the values of an axis and the coordinates of the drawing.
   function axis(text) {
     const [from, to, low, high, logarithmic, ...label] = text.split(" ");
     const scale = (to - from) / (high - low);
@@ -73,7 +73,7 @@
         }
         continue;
       }
-      // A curve of which the interval is known.
+      // A curve with an interval.
       if (group.dataset.band !== undefined) {
         for (const [across, up, low, high] of lines(group.dataset.band)) {
           const limits = +low <= +high ? ` (95 %: ${short(low)} to ${short(high)})` : "";
@@ -91,7 +91,7 @@
         }
       }
     }
-    // A name with an end of line breaks its point in two.
+    // The name of a trial may contain a line break, which leaves fragments without coordinates.
     points.splice(0, points.length, ...points.filter(point => Number.isFinite(point.x + point.y)));
     if (!points.length) return;
     const shown = point => point.group.style.display !== "none";
@@ -111,7 +111,7 @@
       tip.style.top = `${Math.max(4, at.y - tip.offsetHeight - 8)}px`;
     };
     const open = () => { if (near && pages.has(near.trial)) location.href = pages.get(near.trial); };
-    // Measured points first, and only what is near.
+    // Returns the closest point within reach; measured points take precedence over curves.
     const find = (event, reach) => {
       const at = new DOMPoint(event.clientX, event.clientY)
         .matrixTransform(panel.getScreenCTM().inverse());
@@ -119,7 +119,7 @@
       const best = points.filter(shown).reduce((a, b) => (far(b) < far(a) ? b : a), points[0]);
       return shown(best) && far(best) < reach ? best : null;
     };
-    // A finger is no pointer that hovers, and covers more than one.
+    // Touch does not hover, and a finger covers several points.
     let finger = false;
     const is_finger = event => event.pointerType === "touch";
     panel.addEventListener("pointerdown", event => { finger = is_finger(event); });
@@ -132,7 +132,7 @@
       const [before, point] = [near, find(event, 300)];
       if (point && point === before) return open();
       show(point);
-      if (point && pages.has(point.trial)) tip.textContent += "; tap again for its page";
+      if (point && pages.has(point.trial)) tip.textContent += "; tap again to open the page of this trial";
       place();
     });
     document.addEventListener("pointerdown", event => {
@@ -141,7 +141,7 @@
     addEventListener("scroll", () => { if (finger && near) place(); }, { passive: true });
     panel.setAttribute("tabindex", "0");
     panel.setAttribute("role", "group");
-    panel.setAttribute("aria-label", `${y.label} against ${x.label}; arrow keys go from point to point and from series to series`);
+    panel.setAttribute("aria-label", `${y.label} against ${x.label}; the arrow keys move from point to point and from series to series`);
     panel.addEventListener("blur", () => show(null));
     panel.addEventListener("keydown", event => {
       const along = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
@@ -149,7 +149,7 @@
       if (event.key === "Enter") open();
       if (!along && !across) return;
       event.preventDefault();
-      // Trials first, then what models say of them; of a curve some forty points.
+      // Trials come first, then single predictions, then curves, of which about forty points are visited.
       const rank = point => (point.curve ? 2 : point.trial ? 0 : 1);
       const all = points.filter(shown).sort((a, b) => rank(a) - rank(b));
       const groups = [...new Set(all.map(point => point.group))];
@@ -163,7 +163,7 @@
       show(next(own, from, along && near ? along * Math.ceil(own.length / 40) : near ? 0 : 1));
     });
   }
-  // So far down do the parts of the page begin.
+  // Height of the navigation bar, by which sections are offset when scrolled to.
   const bar = document.querySelector("nav.bar");
   if (bar) {
     const measure = () =>

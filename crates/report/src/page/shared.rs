@@ -1,4 +1,4 @@
-//! What the page says of the campaigns of a robot that are fitted together.
+//! Report-page sections on joint fits to all campaigns of a robot.
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
@@ -9,27 +9,31 @@ use trilink_tables::{FitRow, SharedFitRow, Sharing};
 use crate::parameters::FittedParameter;
 use crate::tables::Tables;
 
-/// A section for each robot, in order.
+/// Returns the template values of one section per robot on the fits to all of its campaigns together, in the order of
+/// the table `shared_fits`.
 pub(super) fn sections(tables: &Tables) -> Vec<Value> {
     let robots = tables.shared_fits.chunk_by(|a, b| a.robot == b.robot);
     robots.map(|rows| section(rows, tables)).collect()
 }
 
+/// Returns the template values of the section on a robot; `rows` are the fits of each model to all its campaigns
+/// together.
 fn section(rows: &[SharedFitRow], tables: &Tables) -> Value {
     let models = rows.iter().map(|row| {
-        let values = |fit: &FitRow| -> Vec<FittedParameter> {
-            row.fit.free.iter().map(|of| FittedParameter::of(fit, *of)).collect()
-        };
-        let is_own =
-            |fit: &&FitRow| fit.model == row.fit.model && row.campaigns.contains(&fit.campaign);
-        let own = tables.fits.iter().filter(is_own);
-        let own = own.map(|fit| context! { fit => Serde(fit), parameters => Serde(values(fit)) });
+        let own = tables
+            .fits
+            .iter()
+            .filter(|fit| fit.model == row.fit.model && row.campaigns.contains(&fit.campaign));
+        let own = own.map(|fit| {
+            let parameters = free_parameters(fit, &row.fit.free);
+            context! { fit => Serde(fit), parameters => Serde(parameters) }
+        });
         let heads = row.fit.free.iter();
         let heads = heads.map(|of: &Parameter| context! { label => of.label(), unit => of.unit() });
         context! {
             row => Serde(row),
             heads => heads.collect::<Vec<_>>(),
-            parameters => Serde(values(&row.fit)),
+            parameters => Serde(free_parameters(&row.fit, &row.fit.free)),
             own => own.collect::<Vec<_>>(),
             sentence => shared_fit_sentence(row),
         }
@@ -42,43 +46,58 @@ fn section(rows: &[SharedFitRow], tables: &Tables) -> Value {
     }
 }
 
-/// What came out of fitting the campaigns of a robot together, in a sentence.
+/// Returns the values and uncertainties that a fit gives for the parameters `free`.
+fn free_parameters(fit: &FitRow, free: &[Parameter]) -> Vec<FittedParameter> {
+    free.iter().map(|parameter| FittedParameter::new(fit, *parameter)).collect()
+}
+
+/// Returns a sentence on the result of fitting a model to all campaigns of a robot together.
 pub fn shared_fit_sentence(row: &SharedFitRow) -> String {
     let SharedFitRow { fit, j_separate, rise, rise_limit, p_value, not_tested, .. } = row;
     if !fit.status.is_ok() {
-        return format!("one set of coefficients for all campaigns has no fit ({}).", fit.status);
+        return format!(
+            "no single set of coefficients could be fitted to all campaigns ({}).",
+            fit.failure
+        );
     }
     let verdict = match fit.sharing {
-        Some(Sharing::Kept) => "one set of coefficients describes all campaigns as well",
-        Some(Sharing::Refused) => "one set of coefficients for all campaigns is refused",
-        None => "whether all campaigns have the same coefficients is not known",
+        Some(Sharing::Kept) => {
+            "one set of coefficients for all campaigns fits them as well as a separate set for each does"
+        }
+        Some(Sharing::Refused) => "one set of coefficients for all campaigns is rejected",
+        None => "it is not known whether all campaigns have the same coefficients",
     };
     let reason = not_tested.as_ref().filter(|_| fit.sharing.is_none());
-    let reason = reason.map_or(String::new(), |why| format!(", since {why}"));
+    let reason = reason.map_or(String::new(), |why| format!(", because {why}"));
     let j = known([fit.j, *j_separate], |[j, separate]| {
-        format!(": J = {j:.4} against {separate:.4} of separate fits")
+        format!(": J = {j:.4}, compared with {separate:.4} in separate fits")
     });
     let tested = known([*rise, *rise_limit, *p_value], |[rise, limit, p]| {
-        format!(", {rise:.4} more, of which up to {limit:.4} would be chance (p = {p:.3})")
+        format!(
+            "; chance alone can increase J by up to {limit:.4}, and J increases by {rise:.4} (p = {p:.3})"
+        )
     });
     let tested = if fit.sharing.is_some() && !j.is_empty() { tested } else { String::new() };
     format!("{verdict}{reason}{j}{tested}.")
 }
 
-/// The answer of all models of a robot.
+/// Returns sentences that summarise, for all models, the fits to all campaigns of a robot together.
 fn sentence(rows: &[SharedFitRow]) -> String {
-    let of = |sharing| -> Vec<&str> {
-        let models = rows.iter().filter(|row| row.fit.sharing == sharing);
-        models.map(|row| row.fit.model.name()).collect()
-    };
-    let [kept, refused, unknown] =
-        [Some(Sharing::Kept), Some(Sharing::Refused), None].map(|sharing| of(sharing).join(", "));
-    let parts = [
-        ("one set of coefficients describes all campaigns as well as one for each", kept),
-        ("each campaign needs coefficients of its own", refused),
-        ("it is not known", unknown),
+    let verdicts = [
+        (
+            Some(Sharing::Kept),
+            "one set of coefficients for all campaigns fits them as well as a separate set for each does",
+        ),
+        (Some(Sharing::Refused), "each campaign needs separate coefficients"),
+        (None, "it is not known whether one set of coefficients suffices"),
     ];
-    let said = parts.into_iter().filter(|(_, models)| !models.is_empty());
-    let said: Vec<String> = said.map(|(what, models)| format!("By {models} {what}")).collect();
-    format!("{}.", said.join(". "))
+    let mut sentences = Vec::new();
+    for (sharing, verdict) in verdicts {
+        let of_verdict = rows.iter().filter(|row| row.fit.sharing == sharing);
+        let models: Vec<&str> = of_verdict.map(|row| row.fit.model.name()).collect();
+        if !models.is_empty() {
+            sentences.push(format!("With {}, {verdict}.", models.join(", ")));
+        }
+    }
+    sentences.join(" ")
 }

@@ -1,4 +1,4 @@
-//! The page of one trial: `trials/<trial>.html`.
+//! Page on one trial: `trials/<trial>.html`.
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
@@ -15,10 +15,10 @@ use crate::series::fitted;
 use crate::tables::Tables;
 use crate::{ReportError, ReportInput};
 
-/// The page as HTML; without a recording it shows the trial's row and checks.
+/// Renders the page on a trial. Without a recording, the page shows only the trial's results and checks.
 ///
 /// # Errors
-/// The template cannot be filled in.
+/// Returns an error if the template cannot be rendered.
 pub(crate) fn html(
     trial: &TrialRow,
     (tables, input): (&Tables, &ReportInput),
@@ -29,6 +29,7 @@ pub(crate) fn html(
     figures: &[Value],
 ) -> Result<String, ReportError> {
     let robots = tables.robots.iter().filter(|row| row.trial == trial.trial);
+    let basis: Vec<String> = robots.clone().map(RobotParameterRow::basis).collect();
     let quantities: Vec<RobotQuantity> = robots.flat_map(RobotParameterRow::quantities).collect();
     let checks = tables.checks.iter().filter(|check| check.trial == trial.trial);
     let (models, predicted) = predicted(trial, tables, input);
@@ -37,8 +38,9 @@ pub(crate) fn html(
         synthetic => if is_synthetic { "This trial is synthetic." } else { "" },
         trial => Serde(trial),
         rate_hz => recording.and_then(Recording::rate_hz),
-        beside => Serde(neighbours(trial, tables, pages)),
+        neighbours => Serde(neighbours(trial, tables, pages)),
         quantities => Serde(quantities),
+        basis => basis,
         models => models.iter().map(|model| model.name()).collect::<Vec<_>>(),
         predicted => Serde(predicted),
         figures => figures,
@@ -50,7 +52,8 @@ pub(crate) fn html(
     fill("trial.html", include_str!("trial.html"), &page).map_err(ReportError::Page)
 }
 
-/// The trials before and after one among those of its campaign by frequency, and their pages.
+/// Returns the names and page files of the trials before and after `trial` in the order of frequency, among the trials
+/// of the same campaign and kind that have a page; `None` where there is no such trial.
 pub(crate) fn neighbours<'t>(
     trial: &TrialRow,
     tables: &'t Tables,
@@ -66,26 +69,29 @@ pub(crate) fn neighbours<'t>(
     [own.checked_sub(1), Some(own + 1)].map(|nth| all.get(nth?).copied())
 }
 
-/// A quantity of a trial beside what every model says of it.
+/// Quantity measured in a trial, with the predictions of all models.
 #[derive(Debug, Serialize)]
 struct Predicted {
     symbol: &'static str,
     unit: &'static str,
     measured: Estimate,
-    of_models: Vec<Option<OfModel>>,
+    of_models: Vec<Option<Prediction>>,
 }
 
+/// Prediction of a quantity by a model.
 #[derive(Debug, Serialize)]
-struct OfModel {
+struct Prediction {
     value: f64,
-    /// Less what was measured, in standard errors.
+    /// Predicted minus measured value, divided by the standard error of the measured value.
     in_errors: f64,
-    /// Why there is no value.
+    /// Status of the predicted motion if the prediction has no value; otherwise `None`.
     status: Option<&'static str>,
 }
 
-/// The models that predict something of a trial, and what they say of each quantity. Models without
-/// skid say nothing of skid ratios, and the amplitude is a result only where the joint is passive.
+/// Returns the models that have predictions for a trial, and the predicted quantities.
+///
+/// Models without skid do not predict skid ratios, and the amplitude of joint 1 is included only if this joint is
+/// passive.
 fn predicted(
     trial: &TrialRow,
     tables: &Tables,
@@ -103,27 +109,29 @@ fn predicted(
             let value = if is_stable { quantity.of(&row.metrics) } else { f64::NAN };
             let in_errors = (value - measured.value) / measured.se;
             let status = (!is_stable).then(|| row.status.name());
-            let says = !quantity.is_skid() || source.skids(row.model);
-            says.then_some(OfModel { value, in_errors, status })
+            let has_value = !quantity.is_skid() || source.skids(row.model);
+            has_value.then_some(Prediction { value, in_errors, status })
         });
-        let (symbol, unit) = (quantity.symbol, quantity.unit());
+        let symbol = quantity.symbol;
+        let unit = quantity.unit();
         Predicted { symbol, unit, measured, of_models: of_model.collect() }
     });
     (rows.iter().map(|row| row.model).collect(), of_quantity.collect())
 }
 
-/// Of every link, the parts of its frames that are measured, from other markers, interpolated and
-/// missing, and how long it is missing at most, s.
+/// Returns, for each link, the fractions of frames in which the pose is measured, found from other markers,
+/// interpolated and missing, and the duration (s) of the longest span without a pose (`None` if there is none).
 fn gaps(recording: &Recording) -> [([f64; 4], Option<f64>); 3] {
     let step_s = match recording.time_s.as_slice() {
         [first, second, ..] => second - first,
         _ => f64::NAN,
     };
     recording.fill.each_ref().map(|fill| {
-        let frames = |of: Fill| fill.iter().filter(|fill| **fill == of).count();
-        let part = |of: Fill| frames(of) as f64 / fill.len().max(1) as f64;
         let missing = fill.chunk_by(|a, b| a == b).filter(|run| run[0] == Fill::Missing);
         let longest_s = missing.map(|run| run.len() as f64 * step_s).max_by(f64::total_cmp);
-        (Fill::ALL.map(part), longest_s)
+        let shares = Fill::ALL.map(|kind| {
+            fill.iter().filter(|fill| **fill == kind).count() as f64 / fill.len().max(1) as f64
+        });
+        (shares, longest_s)
     })
 }

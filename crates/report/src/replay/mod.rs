@@ -1,7 +1,7 @@
-//! Motions to look at: the robot from above, frame by frame, with what is known of each frame.
+//! Replays: animations of the robot seen from above, with the values of the quantities in each frame.
 //!
-//! A page has a motion in whole numbers: lengths in 0.1 mm, angles in 0.1 mrad, times in 0.1 ms,
-//! velocities in 0.1 mm/s, each number as its difference to the last one that is known.
+//! A page stores the motion as integers: lengths in units of 0.1 mm, angles in 0.1 mrad, times in 0.1 ms, velocities in
+//! 0.1 mm/s. Each integer is stored as its difference from the last known value.
 
 mod drawing;
 mod numbers;
@@ -17,45 +17,48 @@ pub(crate) use trial::of_trial;
 #[cfg(test)]
 pub(crate) use trial::repeated;
 
-/// Frames of a replay at most.
-const MOST_FRAMES: usize = 300;
-/// A motion to look at. Vectors of frames are as long as `time_s`; what is not known is NaN or none.
+/// Maximum number of frames in a replay.
+const MAX_FRAMES: usize = 300;
+
+/// Animation of the robot. Vectors with one entry per frame have the length of `time_s`; unknown values are NaN or
+/// `None`.
 #[derive(Debug, Clone)]
 pub(crate) struct Replay {
     pub robot: Robot,
     pub time_s: Vec<f64>,
-    /// What is shown, and what is shown over it.
+    /// Main motion, followed by the motions that are overlaid on it.
     pub motions: Vec<Motion>,
     pub quantities: Vec<Quantity>,
     pub markers: Vec<Marker>,
-    /// By rising first frame.
+    /// Ranges of frames with missing or corrected markers, sorted by first frame.
     pub marks: Vec<Mark>,
     pub cycles: Option<Cycles>,
-    /// What a reader has to know, in sentences.
+    /// Sentences that form the caption.
     pub notes: Vec<String>,
 }
 
-/// Pose of link 0 and joint angles.
+/// Pose of link 0 and the two joint angles (rad).
 pub(crate) type Coordinates = (Pose, [f64; 2]);
 
-/// The robot's coordinates over time.
+/// Coordinates of the robot in every frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Motion {
     pub name: String,
-    /// That of a model.
+    /// Colour of the model if the motion is overlaid; `None` for the main motion.
     pub colour: Option<RGBColor>,
     pub poses: Vec<Option<Coordinates>>,
 }
 
-/// A quantity that is written beside the frame and, where it has a direction at the wheels, drawn.
+/// Quantity whose value is shown for each frame and, if the quantity has a direction at the wheels, as an arrow.
 #[derive(Debug, Clone)]
 pub(crate) struct Quantity {
     pub name: &'static str,
     pub unit: &'static str,
-    /// Units in an SI unit, and digits after the point.
+    /// Number of display units per SI unit.
     pub units: f64,
+    /// Number of decimal places shown.
     pub decimals: usize,
-    /// In SI units: of each wheel or joint, or a single one.
+    /// Values in SI units by frame: one series for each wheel or joint, or a single series.
     pub values: Vec<Vec<f64>>,
     pub arrow: Option<Direction>,
 }
@@ -63,13 +66,13 @@ pub(crate) struct Quantity {
 /// Direction of an arrow at a wheel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Direction {
-    /// Ahead, as the wheel rolls.
+    /// Along the rolling direction, positive forward.
     Along,
-    /// To the left, as the wheel skids.
+    /// Across the rolling direction, positive to the left.
     Across,
 }
 
-/// A marker at its place on a link.
+/// Marker at its position on a link.
 #[derive(Debug, Clone)]
 pub(crate) struct Marker {
     pub link: usize,
@@ -77,7 +80,7 @@ pub(crate) struct Marker {
     pub position_mm: [f64; 2],
 }
 
-/// What is said of a marker from a frame to another.
+/// Range of frames (first and last) in which a marker is missing or corrected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Mark {
     pub frames: [usize; 2],
@@ -85,17 +88,17 @@ pub(crate) struct Mark {
     pub is_corrected: bool,
 }
 
-/// When cycles begin.
+/// Times and numbers of the gait cycles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cycles {
-    /// Number and start of one of them, s.
+    /// Number of the cycle that starts at `start_s`.
     pub number: i64,
     pub start_s: f64,
     pub period_s: f64,
 }
 
 impl Replay {
-    /// Poses of links 0, 1, 2 in a frame.
+    /// Returns the poses of links 0, 1 and 2 in a frame; `None` if they are unknown.
     fn links(&self, motion: &Motion, frame: usize) -> Option<[Pose; 3]> {
         motion.poses[frame].map(|(pose, phi_rad)| self.robot.link_poses(pose, phi_rad))
     }

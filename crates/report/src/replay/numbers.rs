@@ -1,51 +1,56 @@
-//! A replay as whole numbers, for the page's script.
+//! JSON data of a replay for the page's script, with all motion data as integers.
 
 use std::borrow::Cow;
 
 use serde::Serialize;
 use serde_json::{Value, json};
-use trilink_base::text::harmless;
+use trilink_base::text::escape_controls;
 
-use super::{Coordinates, Direction, Mark, Marker, Motion, Quantity, Replay};
+use super::{Coordinates, Direction, Mark, Marker, Motion, Replay};
 
-/// Whole numbers in an SI unit: a metre, a radian, a second.
+/// Number of steps per SI unit (m, rad, s); values are stored as whole numbers of steps.
 pub(super) const PER_UNIT: f64 = 1e4;
-/// Whole numbers in a millimetre.
+/// Number of steps per millimetre (see [`PER_UNIT`]).
 pub(super) const PER_MM: f64 = 1e-3 * PER_UNIT;
 
-/// The nearest whole number; none for what is not known or is no motion of a robot.
+/// Rounds a value in SI units to a whole number of steps (see [`PER_UNIT`]); returns `None` if the value is unknown or
+/// implausibly large.
 pub(super) fn whole(value: f64) -> Option<i64> {
     let value = (PER_UNIT * value).round();
     (value.abs() < 1e12).then_some(value as i64)
 }
 
-/// Every whole number less the last one that is known.
+/// Returns the difference between each value and the last known value before it (0 for the first), in steps (see
+/// [`PER_UNIT`]); `None` for unknown values.
 fn differences(values: impl Iterator<Item = f64>) -> Vec<Option<i64>> {
     let mut last = 0;
-    let difference = |value: f64| {
-        let value = whole(value)?;
-        Some(value - std::mem::replace(&mut last, value))
-    };
-    values.map(difference).collect()
+    values
+        .map(|value| {
+            let value = whole(value)?;
+            Some(value - std::mem::replace(&mut last, value))
+        })
+        .collect()
 }
 
+/// Content of the JSON data from which the script of a page animates a replay.
 #[derive(Serialize)]
 struct Numbers<'r> {
     per_unit: f64,
-    half: Option<i64>,
-    side: Option<i64>,
+    half: [Option<i64>; 2],
+    side: [Option<i64>; 2],
     time: Vec<Option<i64>>,
     motions: Vec<Value>,
     quantities: Vec<Value>,
-    /// Link, place and label.
+    /// Link, position (in units of 0.1 mm) and label of each marker.
     markers: Vec<(usize, [i64; 2], Cow<'r, str>)>,
-    /// First and last frame, marker, and whether it was corrected.
+    /// First frame, last frame, marker index, and a flag that is 1 if the marker was corrected and 0 if it is missing.
     marks: Vec<(usize, usize, usize, u8)>,
-    /// Number of a cycle, its start and its length, s.
+    /// Number, start (s) and period (s) of the first cycle; `None` if there are no cycles.
     cycles: Option<(i64, f64, f64)>,
 }
 
-/// As JSON that can stand in a page.
+/// Returns the replay as JSON that can be embedded in a page. `arrows` contains, for each quantity, the arrow length
+/// (m) per SI unit of the quantity, or `None` if no arrow is drawn.
 pub(super) fn json(replay: &Replay, arrows: &[Option<f64>]) -> String {
     let motion = |motion: &Motion| {
         let of = |value: fn(&Coordinates) -> f64| {
@@ -59,36 +64,43 @@ pub(super) fn json(replay: &Replay, arrows: &[Option<f64>]) -> String {
             "phi": [of(|(_, phi_rad)| phi_rad[0]), of(|(_, phi_rad)| phi_rad[1])],
         })
     };
-    let quantity = |(quantity, arrow): (&Quantity, &Option<f64>)| {
-        let values = quantity.values.iter().map(|values| differences(values.iter().copied()));
-        json!({
-            "name": quantity.name,
-            "unit": quantity.unit,
-            "units": quantity.units,
-            "decimals": quantity.decimals,
-            "values": values.collect::<Vec<_>>(),
-            "across": quantity.arrow == Some(Direction::Across),
-            // Length of an arrow over the value, both as whole numbers.
-            "arrow": arrow,
-        })
-    };
     fn marker(Marker { link, label, position_mm }: &Marker) -> (usize, [i64; 2], Cow<'_, str>) {
-        (*link, position_mm.map(|mm| (PER_MM * mm).round() as i64), harmless(label))
+        (*link, position_mm.map(|mm| (PER_MM * mm).round() as i64), escape_controls(label))
     }
-    let mark = |Mark { frames: [from, to], marker, is_corrected }: &Mark| {
-        (*from, *to, *marker, u8::from(*is_corrected))
-    };
     let numbers = Numbers {
         per_unit: PER_UNIT,
-        half: whole(replay.robot.h_m),
-        side: whole(replay.robot.l_m),
+        half: replay.robot.h_m.map(whole),
+        side: replay.robot.l_m.map(whole),
         time: differences(replay.time_s.iter().copied()),
         motions: replay.motions.iter().map(motion).collect(),
-        quantities: replay.quantities.iter().zip(arrows).map(quantity).collect(),
+        quantities: replay
+            .quantities
+            .iter()
+            .zip(arrows)
+            .map(|(quantity, arrow)| {
+                let values =
+                    quantity.values.iter().map(|values| differences(values.iter().copied()));
+                json!({
+                    "name": quantity.name,
+                    "unit": quantity.unit,
+                    "units": quantity.units,
+                    "decimals": quantity.decimals,
+                    "values": values.collect::<Vec<_>>(),
+                    "across": quantity.arrow == Some(Direction::Across),
+                            "arrow": arrow,
+                })
+            })
+            .collect(),
         markers: replay.markers.iter().map(marker).collect(),
-        marks: replay.marks.iter().map(mark).collect(),
+        marks: replay
+            .marks
+            .iter()
+            .map(|Mark { frames: [from, to], marker, is_corrected }| {
+                (*from, *to, *marker, u8::from(*is_corrected))
+            })
+            .collect(),
         cycles: replay.cycles.map(|cycles| (cycles.number, cycles.start_s, cycles.period_s)),
     };
-    // Nothing can end the element that it stands in.
+    // Escaping `<` prevents the JSON from ending the script element that contains it.
     serde_json::to_string(&numbers).unwrap_or_default().replace('<', "\\u003c")
 }

@@ -1,4 +1,4 @@
-//! The replay of a model's motion from rest, with the forces at its wheels.
+//! Replay of a simulated motion from rest, with the forces on the wheels.
 
 use minijinja::context;
 use minijinja::value::Serde;
@@ -8,14 +8,15 @@ use trilink_mechanics::{MotionError, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Panel};
 use trilink_robot::ContactForces;
 
-use super::{Cycles, Direction, MOST_FRAMES, Motion, Quantity, Replay};
+use super::{Cycles, Direction, MAX_FRAMES, Motion, Quantity, Replay};
 use crate::{ReportError, looks, page};
 
-/// Samples of a cycle at least, from which work is summed up, and frames of a cycle at least.
+/// Minimum number of samples per cycle for integrating the work.
 const SAMPLES_OF_CYCLE: usize = 240;
-const LEAST_FRAMES_OF_CYCLE: usize = 8;
+/// Minimum number of frames per cycle.
+const MIN_FRAMES_OF_CYCLE: usize = 8;
 
-/// Why there is no page of a motion.
+/// Reason why the page on a simulated motion cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
     #[error(transparent)]
@@ -24,34 +25,40 @@ pub enum SimulationError {
     Report(#[from] ReportError),
 }
 
-/// The page of a campaign's motion from rest until two cycles after it has settled, or where it does
-/// not settle, or not soon, as many cycles as there is room for. `answer` is what `simulate` answers.
+/// Renders the page on a simulated motion from rest, for a campaign and model. `cycles_to_settle` is the number of
+/// cycles in the transient, `None` if it does not end; `answer` contains the results of the command `simulate`.
+///
+/// The page shows the motion until two cycles after the transient. If the transient does not end or is too long for the
+/// maximum number of frames, the page shows as many cycles as this number allows.
 ///
 /// # Errors
-/// There is no such motion, or the page cannot be filled in.
+/// Returns an error if the motion does not exist or the template cannot be rendered.
 pub fn page(
     (campaign, model): (&str, &str),
     problem: &Problem,
     cycles_to_settle: Option<usize>,
     answer: &impl Serialize,
 ) -> Result<String, SimulationError> {
-    let most = (MOST_FRAMES - 1) / LEAST_FRAMES_OF_CYCLE;
-    let cycles = cycles_to_settle.map_or(most, |cycles| most.min(cycles + 2));
-    let frames = (MOST_FRAMES - 1) / cycles;
+    let max_cycles = (MAX_FRAMES - 1) / MIN_FRAMES_OF_CYCLE;
+    let cycles = cycles_to_settle.map_or(max_cycles, |cycles| max_cycles.min(cycles + 2));
+    let frames = (MAX_FRAMES - 1) / cycles;
     let stride = SAMPLES_OF_CYCLE.div_ceil(frames);
     let samples = problem.cycles_from_rest(cycles, frames * stride)?;
     let title = format!("{campaign}, {model}, {} rad/s", as_configured(problem.omega_rad_s));
     let settles = match cycles_to_settle {
-        Some(0) => "it is in its steady motion at once".to_owned(),
-        Some(1) => "after 1 cycle it is within 1 % of its steady motion".to_owned(),
-        Some(after) => format!("after {after} cycles it is within 1 % of its steady motion"),
-        None => "it does not settle".to_owned(),
+        Some(0) => "the robot is in its steady motion from the start".to_owned(),
+        Some(1) => "after 1 cycle, the robot is within 1 % of its steady motion".to_owned(),
+        Some(after) => {
+            format!("after {after} cycles, the robot is within 1 % of its steady motion")
+        }
+        None => "the robot does not reach a steady motion".to_owned(),
     };
     let notes = vec![
         format!(
-            "From rest at phase 0: {settles}; shown are {cycles} cycles, {frames} frames each."
+            "The motion starts from rest at phase 0; {settles}. The replay shows {cycles} cycles \
+             of {frames} frames each."
         ),
-        "Positions to 0.1 mm, angles to 0.1 mrad, forces to 0.1 mN.".to_owned(),
+        "Positions are given to 0.1 mm, angles to 0.1 mrad and forces to 0.1 mN.".to_owned(),
     ];
     let replay = replay(model, problem, &samples, stride, notes);
     let figures = figures(&samples);
@@ -73,7 +80,7 @@ pub fn page(
     Ok(html.map_err(ReportError::Page)?)
 }
 
-/// Every so many of the samples of a motion.
+/// Returns the replay of a simulated motion, with every `stride`-th sample as a frame.
 fn replay(
     model: &str,
     problem: &Problem,
@@ -82,8 +89,8 @@ fn replay(
     notes: Vec<String>,
 ) -> Replay {
     let shown = || samples.iter().step_by(stride);
-    let three = |of: fn(&Sample) -> [f64; 3]| {
-        [0, 1, 2].map(|wheel| shown().map(|sample| of(sample)[wheel]).collect()).to_vec()
+    let of_wheels = |values: fn(&Sample) -> [f64; 3]| {
+        [0, 1, 2].map(|wheel| shown().map(|sample| values(sample)[wheel]).collect()).to_vec()
     };
     let [done_j, lost_j] = [|of: &ContactForces| of.power_w, |of: &ContactForces| of.loss_w]
         .map(|power_w| integrated(samples, power_w).into_iter().step_by(stride).collect());
@@ -95,13 +102,10 @@ fn replay(
         values,
         arrow: None,
     };
-    let across = match problem.laws.skids() {
-        true => "Skid friction",
-        false => "Constraint force",
-    };
-    let skid = quantity("Skid velocity", "mm/s", 1e3, 1, three(|sample| sample.skid_m_s));
-    let lateral = quantity(across, "N", 1.0, 3, three(|sample| sample.forces.lateral_n));
-    let roll = quantity("Roll friction", "N", 1.0, 3, three(|sample| sample.forces.roll_n));
+    let across = if problem.laws.skids() { "Skid friction" } else { "Constraint force" };
+    let skid = quantity("Skid velocity", "mm/s", 1e3, 1, of_wheels(|sample| sample.skid_m_s));
+    let lateral = quantity(across, "N", 1.0, 3, of_wheels(|sample| sample.forces.lateral_n));
+    let roll = quantity("Roll friction", "N", 1.0, 3, of_wheels(|sample| sample.forces.roll_n));
     let torques =
         [0, 1].map(|joint| shown().map(|sample| sample.forces.torque_nm[joint]).collect());
     let power = shown().map(|sample| sample.forces.power_w).collect();
@@ -132,7 +136,8 @@ fn replay(
     }
 }
 
-/// A power's integral since the start at every sample, J, by trapezoids.
+/// Integrates a power (W) over time by the trapezoidal rule; returns the energy (J) from the first sample up to each
+/// sample.
 fn integrated(samples: &[Sample], power_w: fn(&ContactForces) -> f64) -> Vec<f64> {
     let mut sums = vec![0.0];
     for pair in samples.windows(2) {
@@ -142,15 +147,23 @@ fn integrated(samples: &[Sample], power_w: fn(&ContactForces) -> f64) -> Vec<f64
     sums
 }
 
-/// What the replay writes in numbers, over time.
+/// Returns the figures that show the quantities of the replay against time.
 fn figures(samples: &[Sample]) -> Vec<Figure> {
     const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
     let panel = |title: &str, y_label: &str, names: &[&str], of: &dyn Fn(&Sample, usize) -> f64| {
-        let line = |(nth, name): (usize, &&str)| {
-            let points = samples.iter().map(|sample| (sample.time_s, of(sample, nth)));
-            Layer::new(name, points, looks::component(nth))
-        };
-        Panel::new(title, "Time (s)", y_label, names.iter().enumerate().map(line).collect())
+        Panel::new(
+            title,
+            "Time (s)",
+            y_label,
+            names
+                .iter()
+                .enumerate()
+                .map(|(nth, name)| {
+                    let points = samples.iter().map(|sample| (sample.time_s, of(sample, nth)));
+                    Layer::new(name, points, looks::component(nth))
+                })
+                .collect(),
+        )
     };
     let joints = ["joint 1", "joint 2"];
     let panels = vec![
@@ -160,10 +173,11 @@ fn figures(samples: &[Sample]) -> Vec<Figure> {
             [of.forces.power_w, of.forces.loss_w][i]
         }),
         panel("Skid velocities", "Skid (mm/s)", &WHEELS, &|of, i| 1e3 * of.skid_m_s[i]),
-        panel("Forces across", "Force (N)", &WHEELS, &|of, i| of.forces.lateral_n[i]),
-        panel("Forces along", "Force (N)", &WHEELS, &|of, i| of.forces.roll_n[i]),
+        panel("Lateral forces", "Force (N)", &WHEELS, &|of, i| of.forces.lateral_n[i]),
+        panel("Rolling forces", "Force (N)", &WHEELS, &|of, i| of.forces.roll_n[i]),
     ];
     let panels: Vec<Panel> = panels.into_iter().filter(|panel| !panel.is_empty()).collect();
-    let texts = ["Joints, wheels and forces from rest".to_owned(), String::new()];
+    let title = "Joint angles, torques, power, skid velocities and forces in a motion that starts from rest";
+    let texts = [title.to_owned(), String::new()];
     vec![Figure::new("simulation", texts, &[], Layout::Grid, panels)]
 }

@@ -1,4 +1,4 @@
-//! The claims of `claims.toml`.
+//! Claims and printed values of the paper, read from `claims.toml`.
 
 use std::collections::BTreeMap;
 
@@ -7,54 +7,55 @@ use serde::{Deserialize, Serialize};
 use super::paper::{MotionSpec, Values};
 use super::verdict::Criterion;
 
-/// Everything in the file.
+/// Contents of `claims.toml`: the claims of the paper, and the values and motions to which they refer.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Claims {
-    /// Fitted values of Tables I and II by campaign.
+    /// Fitted values in Tables I and II of the paper, keyed by campaign.
     pub fitted: BTreeMap<String, Values>,
-    /// Motions that claims are about, by name.
+    /// Simulated motions to which the claims refer, keyed by name.
     pub motion: BTreeMap<String, MotionSpec>,
-    /// In the order in which they are shown.
+    /// Claims, in the order of the scorecard.
     pub claim: Vec<Claim>,
 }
 
-/// One number or claim of the paper.
+/// Claim of the paper: a printed value or a statement.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Claim {
-    /// Does not change: scripts name claims by it.
+    /// Stable identifier with which scripts refer to the claim.
     pub id: String,
-    /// Part of the paper under which it is listed.
+    /// Heading in the scorecard under which the claim is listed.
     pub part: String,
-    /// Section, table, figure or equation that prints it.
+    /// Section, table, figure or equation of the paper that contains the claim.
     pub place: String,
     pub claim: String,
-    /// What the numbers are, where the claim does not say it itself.
+    /// Quantity whose printed, computed and measured values are compared; empty if the text of the claim names it.
     #[serde(default)]
     pub quantity: String,
     pub printed: Option<f64>,
     #[serde(default)]
     pub unit: String,
-    /// When the claim counts as reproduced.
+    /// Criterion that the judged value must meet for the claim to count as reproduced.
     pub criterion: Criterion,
-    /// Which number the verdict is about.
+    /// Value to which the criterion is applied: the computed or the measured one.
     #[serde(default, skip_serializing)]
     pub judged: Judged,
-    /// From the paper's own parameters, by a formula ([`super::formula`]).
+    /// Formula ([`super::formula`]) for the value computed with the paper's own parameters; `None` if there is no such
+    /// value.
     #[serde(skip_serializing)]
     pub computed: Option<String>,
-    /// From the trials at hand.
+    /// Formula for the value measured in the user's trials; `None` if there is no such value.
     #[serde(skip_serializing)]
     pub measured: Option<String>,
     #[serde(default, skip_serializing)]
     pub remark: String,
-    /// More numbers for the remark.
+    /// Sentences with further values, which are added to the remark on the claim.
     #[serde(default, skip_serializing)]
     pub also: Vec<Also>,
 }
 
-/// The number that a verdict is about.
+/// Value to which the criterion of a claim is applied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Judged {
@@ -63,7 +64,7 @@ pub(crate) enum Judged {
     Measured,
 }
 
-/// A number in words; `{}` stands for it.
+/// Sentence in which the value of the formula `computed` replaces `{}`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Also {
@@ -72,10 +73,10 @@ pub(crate) struct Also {
 }
 
 impl Claims {
-    /// The claims that come with the program.
+    /// Parses the built-in claims.
     ///
     /// # Errors
-    /// The file does not fit the types here.
+    /// Returns an error if `claims.toml` does not match the types in this module.
     pub(super) fn load() -> Result<Self, toml::de::Error> {
         toml::from_str(include_str!("claims.toml"))
     }

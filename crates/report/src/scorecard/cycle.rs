@@ -1,4 +1,4 @@
-//! What happens within a steady cycle: forces, crossings of `phi1 = phi2`, phases.
+//! Quantities within a cycle of a steady-state motion: forces, crossings of `phi1 = phi2`, phases.
 
 use minijinja::Error;
 use trilink_mechanics::{FORCES_ACCURACY, Problem, Sample, Solver};
@@ -6,80 +6,91 @@ use trilink_statistics::wrap;
 
 use super::missing::{NO_MOTION, missing, unknown};
 
-/// Samples of a cycle, and how many of them there are to one of the coarse ones. Neither meets the
-/// crossings of the symmetric gait at an eighth and five eighths of the period: both miss them by
-/// half a step.
+/// Number of fine samples per cycle. The times at which `phi1 = phi2` in the symmetric gait (1/8 and 5/8 of the period)
+/// lie halfway between two fine samples, and also halfway between two coarse samples (every [`REFINEMENT`]-th fine
+/// sample).
 const FINE: usize = 1100;
-const REFINED: usize = 11;
-/// Samples in which crossings and phases are looked for.
+/// Number of fine samples per coarse sample.
+const REFINEMENT: usize = 11;
+/// Number of samples per cycle for finding crossings and phases.
 const SAMPLES: usize = 180;
 
-/// What is read off a cycle.
+/// Returns the value of a quantity of one steady-state cycle; `quantity` is its name in the formulas of claims.
 ///
 /// # Errors
-/// There is no such motion, it crosses nothing, or there is no quantity of this name.
+/// Returns an error if the motion does not exist, `phi1` and `phi2` never cross, or no quantity has this name.
 pub(super) fn find(problem: &Problem, quantity: &str) -> Result<f64, Error> {
     let found = match quantity {
-        // How often a cycle crosses `phi1 = phi2`.
+        // Number of crossings of `phi1 = phi2` per cycle.
         "crossings" => crossings(problem).map(|rates| rates.len() as f64),
-        // Largest `|phi1' + phi2'|` over `|phi1'| + |phi2'|` at the crossings (eq. 6).
+        // Largest ratio of `|phi1' + phi2'|` to `|phi1'| + |phi2'|` at the crossings (eq. 6 of the paper).
         "crossing_rates" => crossings(problem).and_then(|rates| {
-            let off = |[w1, w2]: [f64; 2]| (w1 + w2).abs() / (w1.abs() + w2.abs());
-            rates.into_iter().map(off).max_by(f64::total_cmp)
+            rates
+                .into_iter()
+                .map(|[w1, w2]| (w1 + w2).abs() / (w1.abs() + w2.abs()))
+                .max_by(f64::total_cmp)
         }),
         "lag_deg" => lag_deg(problem),
-        // Of the ground's largest force on a wheel across it.
+        // Growth of the largest lateral force on any wheel under refinement.
         "force_growth" => growth(problem, |sample| sample.forces.lateral_n),
-        // Of the largest of `x'`, `y'` and `h theta'`.
+        // Growth of the largest of `x'`, `y'` and `h theta'` under refinement.
         "velocity_growth" => growth(problem, |sample| {
             let [x, y, turning, ..] = sample.rates;
-            [x, y, problem.robot.h_m * turning]
+            [x, y, problem.robot.h_m[0] * turning]
         }),
         _ => return Err(unknown(quantity)),
     };
     found.ok_or_else(|| missing(NO_MOTION))
 }
 
+/// Solves for the steady-state motion and returns samples of one cycle; `None` if there is no motion.
 fn cycle(problem: &Problem, samples: usize) -> Option<Vec<Sample>> {
     let mut solver = Solver::default();
     solver.solve(problem, FORCES_ACCURACY).ok()?;
     solver.cycle(samples).ok()
 }
 
-/// The largest value seen in all samples over that in every eleventh: 1 for what is bounded and
-/// resolved, 11 for what has a pole.
+/// Returns the ratio of the largest absolute value in all samples of a cycle to that in every [`REFINEMENT`]-th sample:
+/// 1 for a bounded and resolved quantity, [`REFINEMENT`] for a quantity with a pole. `None` if there is no motion.
 fn growth(problem: &Problem, values: impl Fn(&Sample) -> [f64; 3]) -> Option<f64> {
     let samples = cycle(problem, FINE)?;
     let largest = |step: usize| {
         let values = samples.iter().step_by(step).flat_map(&values);
-        // A force that is not a number is one that has no bound.
+        // A NaN value stands for an unbounded one.
         let sizes = values.map(|value| if value.is_nan() { f64::INFINITY } else { value.abs() });
         sizes.fold(0.0, f64::max)
     };
-    Some(largest(1) / largest(REFINED))
+    Some(largest(1) / largest(REFINEMENT))
 }
 
-/// Joint rates where `phi1 = phi2` is crossed in a cycle.
+/// Returns the joint rates (rad/s) at each crossing of `phi1 = phi2` in a cycle; `None` if there is no motion.
 fn crossings(problem: &Problem) -> Option<Vec<[f64; 2]>> {
     let apart = |sample: &Sample| sample.phi_rad[0] - sample.phi_rad[1];
-    let rates = |pair: &[Sample]| {
-        let (from, to) = (apart(&pair[0]), apart(&pair[1]));
-        let part = from / (from - to);
-        (from == 0.0 || from * to < 0.0).then(|| {
-            std::array::from_fn(|joint| {
-                let [from, to] = [pair[0].rates[3 + joint], pair[1].rates[3 + joint]];
-                from + part * (to - from)
+    Some(
+        cycle(problem, SAMPLES)?
+            .windows(2)
+            .filter_map(|pair| {
+                let from = apart(&pair[0]);
+                let to = apart(&pair[1]);
+                let fraction = from / (from - to);
+                (from == 0.0 || from * to < 0.0).then(|| {
+                    std::array::from_fn(|joint| {
+                        let [from, to] = [pair[0].rates[3 + joint], pair[1].rates[3 + joint]];
+                        from + fraction * (to - from)
+                    })
+                })
             })
-        })
-    };
-    Some(cycle(problem, SAMPLES)?.windows(2).filter_map(rates).collect())
+            .collect(),
+    )
 }
 
-/// Phase of the first harmonic of phi1 after that of phi2, degrees from -180 to 180.
+/// Returns the phase (-180 to 180 degrees) by which the first harmonic of phi2 lags that of phi1; `None` if there is no
+/// motion.
 fn lag_deg(problem: &Problem) -> Option<f64> {
     let samples = cycle(problem, SAMPLES)?;
     let phase = |joint: usize| {
-        let (mut cosine, mut sine) = (0.0, 0.0);
+        let mut cosine = 0.0;
+        let mut sine = 0.0;
         for sample in &samples[..SAMPLES] {
             let (sin, cos) = (problem.omega_rad_s * sample.time_s).sin_cos();
             cosine += sample.phi_rad[joint] * cos;

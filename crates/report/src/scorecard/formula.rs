@@ -1,13 +1,13 @@
-//! Formulas of `claims.toml`: expressions, as those of the page's templates, of what the paper's
-//! models give and what the trials at hand show.
+//! Formulas in `claims.toml`: template expressions that evaluate results of the paper's models and of the user's
+//! trials. They can use the following functions:
 //!
-//! - Of a motion of the `paper` ([`Paper`]): `at`, `exists`, `cycle`, `curve`.
-//! - Of a campaign of the `trials` and the fits to them ([`Trials`]): `mean_at`, `means`,
-//!   `travelled_mm`, `mean_lag_deg`, `off_command_deg`, `robot`, `coefficient`, `fitted`,
-//!   `existing_share`; of two campaigns `coefficient_ratio`, of all of a robot `is_refused`.
-//! - Of a curve, which `curve` and `means` give ([`Curve`]): `optimum`, `optima_apart`,
-//!   `spread_percent`, `largest`; of two, `mean_ratio`, `least_ratio`, `effect_high_over_low`.
-//! - `apart_deg(a, b)`: size of the difference of two phases.
+//! - for a motion of the `paper` ([`Paper`]): `at`, `exists`, `cycle`, `curve`, `transient_mm`;
+//! - for a campaign in the `trials` and the fits to it ([`Trials`]): `mean_at`, `means`, `travelled_mm`,
+//!   `mean_lag_deg`, `off_command_deg`, `robot`, `coefficient`, `fitted`, `existing_share`; for two campaigns,
+//!   `coefficient_ratio`; for all campaigns of a robot, `is_refused`;
+//! - for a curve returned by `curve` or `means` ([`Curve`]): `optimum`, `optima_apart`, `spread_percent`, `largest`;
+//!   for two curves, `mean_ratio`, `least_ratio`, `effect_high_over_low`;
+//! - `apart_deg(a, b)`: absolute difference between two phases.
 
 use minijinja::value::{Object, Value};
 use minijinja::{Environment, Error, context};
@@ -21,7 +21,7 @@ use super::verdict::Found;
 
 impl Object for Found {}
 
-/// What formulas are evaluated with.
+/// Evaluator for the formulas of claims.
 pub(super) struct Formulas {
     environment: Environment<'static>,
     values: Value,
@@ -34,6 +34,7 @@ impl Formulas {
         environment.add_function("exists", Paper::exists);
         environment.add_function("cycle", Paper::cycle);
         environment.add_function("curve", Paper::curve);
+        environment.add_function("transient_mm", Paper::transient_mm);
         environment.add_function("mean_at", Trials::mean_at);
         environment.add_function("means", Trials::means);
         environment.add_function("mean_lag_deg", Trials::mean_lag_deg);
@@ -53,8 +54,9 @@ impl Formulas {
         environment.add_function("least_ratio", Curve::least_ratio);
         environment.add_function("effect_high_over_low", Curve::effect_high_over_low);
         environment.add_filter("degrees", f64::to_degrees);
-        let apart_deg = |a: f64, b: f64| wrap((a - b).to_radians()).to_degrees().abs();
-        environment.add_function("apart_deg", apart_deg);
+        environment.add_function("apart_deg", |a: f64, b: f64| {
+            wrap((a - b).to_radians()).to_degrees().abs()
+        });
         let values = context! {
             paper => Value::from_object(paper),
             trials => Value::from_object(trials),
@@ -62,10 +64,10 @@ impl Formulas {
         Self { environment, values }
     }
 
-    /// The number that a formula gives.
+    /// Evaluates a formula.
     ///
     /// # Errors
-    /// There is no such motion, or the tables do not have what it takes.
+    /// Returns an error if a motion does not exist or if the tables lack the data that the formula needs.
     pub(super) fn find(&self, formula: &str) -> Result<Found, Error> {
         let value = self.environment.compile_expression(formula)?.eval(self.values.clone())?;
         if let Some(found) = value.downcast_object_ref::<Found>() {

@@ -1,22 +1,21 @@
-//! The scorecard: the numbers and claims that the paper prints, and what becomes of them.
+//! Scorecard: verdicts on the printed values and the claims of the paper.
 //!
-//! The claims and how each is answered are data, `claims.toml`. A claim has a *computed* number,
-//! which the motion solver gives from the paper's own parameters whatever the user's
-//! configuration says, or a *measured* one, which the tables of the trials at hand give, or both.
-//! Nothing is fitted or tuned to a claim. Identities of the mechanics are tests instead, and what
-//! no program can judge stands in `docs/paper-claims.md`.
+//! The claims and the formulas for their values are defined in `claims.toml`. A claim has a *computed* value, which the
+//! motion solver returns for the paper's own parameters, independently of the user's configuration, or a *measured*
+//! value from the tables of the user's trials, or both. Nothing is fitted or tuned to a claim. Identities of the
+//! mechanics are covered by tests instead, and claims that no program can judge are listed in `docs/paper-claims.md`.
 //!
 //! # Verdicts
 //!
-//! - `reproduced`: the number that the claim is judged by meets its criterion, which comes from the
-//!   claim: half a unit of the last printed digit, the interval of what was measured, or what its
-//!   words ask for (the head of `claims.toml`). No criterion is one that every number meets.
-//! - `differs`: it does not, or there is no such number (a motion that does not exist).
-//! - `not testable here`: the folder lacks what it takes, or its trials are synthetic.
+//! - `reproduced`: the judged value meets the claim's criterion: agreement within half a unit of the last printed digit
+//!   or within the confidence interval of the measurement, or the meaning of the claim's words (see the head of
+//!   `claims.toml`). Every criterion can fail.
+//! - `differs`: the value does not meet the criterion or does not exist (because the motion does not exist).
+//! - `not testable here`: the tables lack the necessary data, or the trials are synthetic.
 //!
-//! What trials or fits to them show is judged by the trials at hand, and not by synthetic ones,
-//! which say nothing of the experiment; what the models with the authors' values show, by the
-//! computed number. Of the fits those count that the commanded gait drives, as in the paper.
+//! Claims about trials, or about fits to trials, are judged by the measured value, unless the trials are synthetic,
+//! because synthetic trials contain no information on the experiment. Claims about the models with the authors' values
+//! are judged by the computed value. As in the paper, only fits with the commanded gait are used.
 
 mod claims;
 mod curve;
@@ -46,7 +45,7 @@ use paper::Paper;
 use trials::Trials;
 use verdict::{Found, Verdict};
 
-/// One line of the scorecard. A number that there is not, or that has no bound, is null.
+/// Claim in the scorecard, with its values and verdict. In JSON, values that do not exist or are infinite are null.
 #[derive(Debug, Serialize)]
 pub(crate) struct JudgedClaim {
     #[serde(flatten)]
@@ -54,18 +53,19 @@ pub(crate) struct JudgedClaim {
     pub judged_by: Option<Judged>,
     pub computed: Option<f64>,
     pub measured: Option<f64>,
-    /// Of the number that it is judged by from the printed one.
+    /// Relative difference between the judged value and the printed value; `None` if a value is missing or the printed
+    /// one is 0.
     pub relative_difference: Option<f64>,
     pub verdict: Verdict,
     pub remark: String,
 }
 
-/// Judges every claim, by the paper's parameters and by the `tables` at hand, of whose skid
-/// ratios those of kind `sigma` count; `is_synthetic` if they come from trials with a planted
-/// truth.
+/// Judges every claim of the paper, from the paper's own parameters and from the `tables` of the user's trials.
+///
+/// `sigma` is the kind of skid ratio to be used; `is_synthetic` says whether the trials are synthetic.
 ///
 /// # Errors
-/// The claims that come with the program cannot be read.
+/// Returns an error if the built-in claims cannot be read.
 pub(crate) fn scorecard(
     tables: Arc<Tables>,
     sigma: SigmaKind,
@@ -76,15 +76,19 @@ pub(crate) fn scorecard(
     Ok(claim.into_par_iter().map(|claim| judge(claim, &formulas, is_synthetic)).collect())
 }
 
+/// Evaluates the formulas of a claim and judges it.
 fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
-    let no_motion = |_| Found::with_note(f64::NAN, NO_MOTION);
     let computed = claim.computed.as_ref();
-    let computed = computed.map(|formula| formulas.find(formula).unwrap_or_else(no_motion));
+    let computed = computed.map(|formula| {
+        formulas.find(formula).unwrap_or_else(|_| Found::with_note(f64::NAN, NO_MOTION))
+    });
     let mut sentences = Vec::new();
     let measured = claim.measured.as_ref().map(|formula| formulas.find(formula));
     let judged = match (claim.judged, &measured) {
         (Judged::Measured, _) if is_synthetic => {
-            sentences.push("A claim on the experiment, and these trials are synthetic.".to_owned());
+            sentences.push(
+                "The claim is about the experiment, but these trials are synthetic.".to_owned(),
+            );
             None
         }
         (Judged::Computed, _) => computed.as_ref(),
@@ -92,7 +96,8 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
         (Judged::Measured, Some(Err(error))) => {
             let is_missing = error.kind() == ErrorKind::UndefinedError;
             let reason = error.detail().filter(|_| is_missing);
-            sentences.push(reason.unwrap_or("The tables give it no value.").to_owned());
+            sentences
+                .push(reason.unwrap_or("The tables contain no value for this claim.").to_owned());
             None
         }
         (Judged::Measured, None) => None,
@@ -101,7 +106,7 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
         Some(Some(true)) => Verdict::Reproduced,
         Some(Some(false)) => Verdict::Differs,
         Some(None) => {
-            sentences.push("There is no confidence interval.".to_owned());
+            sentences.push("The value has no confidence interval.".to_owned());
             Verdict::NotTestable
         }
         None => Verdict::NotTestable,
@@ -109,7 +114,6 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
     let judged = judged.filter(|_| verdict != Verdict::NotTestable);
 
     sentences.push(claim.remark.clone());
-    // Beside the verdict, what there is to say of the number.
     sentences.extend(judged.map(|found| match found.limits {
         Some(limits) => format!("95 % interval {}.", interval(limits, 4)),
         None => found.note.to_owned(),
@@ -120,13 +124,12 @@ fn judge(claim: Claim, formulas: &Formulas, is_synthetic: bool) -> JudgedClaim {
     }));
     sentences.retain(|sentence| !sentence.is_empty());
 
-    let finite = |value: &f64| value.is_finite();
-    let number = |found: &Found| Some(found.value).filter(finite);
+    let number = |found: &Found| Some(found.value).filter(|value| value.is_finite());
     let printed = claim.printed.filter(|printed| *printed != 0.0);
     let difference = judged.zip(printed).map(|(found, printed)| found.value / printed - 1.0);
     JudgedClaim {
         judged_by: judged.map(|_| claim.judged),
-        relative_difference: difference.filter(finite),
+        relative_difference: difference.filter(|value| value.is_finite()),
         computed: computed.as_ref().and_then(number),
         measured: measured.as_ref().and_then(|found| number(found.as_ref().ok()?)),
         verdict,

@@ -1,8 +1,9 @@
-//! The claims' file, the numbers that are known, and the verdicts.
+//! Tests of `claims.toml`, of values known from independent calculations, and of the verdicts.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use trilink_mechanics::{MotionStatus, REFERENCE_ACCURACY, Solver};
 use trilink_robot::{Model, Quantity};
 use trilink_tables::Reader;
 use trilink_tables::TrialStatus;
@@ -12,7 +13,7 @@ use super::verdict::Criterion;
 use super::*;
 use crate::tests::made_up::{self, Tables as MadeUp};
 
-/// The scorecard of a folder without tables.
+/// Returns the scorecard without any trials or fits.
 fn alone() -> Vec<JudgedClaim> {
     scorecard(Arc::default(), Config::default().fit.sigma, false).expect("a scorecard")
 }
@@ -40,7 +41,7 @@ fn claims() -> Claims {
 }
 
 #[test]
-fn every_claim_has_a_name_of_its_own_and_is_answered() {
+fn every_claim_has_a_unique_id_and_a_formula_for_its_value() {
     let claims = claims();
     let mut ids = BTreeSet::new();
     let mut parts: Vec<&str> = Vec::new();
@@ -65,9 +66,10 @@ fn every_claim_has_a_name_of_its_own_and_is_answered() {
     assert!(parts.len() == 8);
 }
 
-/// What tests hold instead, and what no verdict can be had of here, the documentation lists.
+/// Each claim of the paper is either in the scorecard or in `docs/paper-claims.md`, which lists the claims that tests
+/// cover and those that no program can judge.
 #[test]
-fn every_number_and_claim_of_the_paper_is_here_or_in_the_list_of_the_others() {
+fn every_claim_of_the_paper_is_in_the_scorecard_or_in_the_documentation() {
     let others = include_str!("../../../../docs/paper-claims.md");
     let rows = others.lines().filter_map(|line| line.strip_prefix("| "));
     let others = rows.filter_map(|row| row.split(" | ").next()).filter(|id| *id != "claim");
@@ -79,7 +81,7 @@ fn every_number_and_claim_of_the_paper_is_here_or_in_the_list_of_the_others() {
 }
 
 #[test]
-fn every_criterion_has_the_printed_number_that_it_compares_with() {
+fn every_criterion_has_the_printed_value_that_it_needs() {
     for claim in claims().claim {
         let has_number = claim.printed.is_some();
         let has_interval = claim.measured.is_some_and(|formula| {
@@ -96,14 +98,14 @@ fn every_criterion_has_the_printed_number_that_it_compares_with() {
 }
 
 #[test]
-fn every_motion_that_a_claim_names_exists_and_every_motion_is_used() {
+fn every_motion_named_in_a_claim_is_defined_and_every_motion_is_used() {
     let claims = claims();
     let paper = Paper::new(claims.fitted, claims.motion);
     let formulas = claims.claim.iter().flat_map(|claim| {
         let also = claim.also.iter().map(|also| &also.computed);
         claim.computed.iter().chain(&claim.measured).chain(also)
     });
-    // Motions of the paper are the first thing that its functions are given.
+    // The functions of `paper` take the name of a motion as their first argument.
     let named = formulas.flat_map(|formula| formula.split("(paper, '").skip(1));
     let names = named.map(|rest| rest.split('\'').next().expect("a name").to_owned());
     let used: BTreeSet<String> = names.collect();
@@ -114,7 +116,7 @@ fn every_motion_that_a_claim_names_exists_and_every_motion_is_used() {
 }
 
 #[test]
-fn the_fitted_values_are_those_of_the_claims() {
+fn fitted_values_agree_with_the_printed_values_in_the_claims() {
     let claims = claims();
     let printed = |id: &str| {
         let claim = claims.claim.iter().find(|claim| claim.id == id).expect("a claim");
@@ -137,9 +139,9 @@ fn the_fitted_values_are_those_of_the_claims() {
 }
 
 #[test]
-fn numbers_that_are_known_come_out() {
+fn independently_known_values_are_reproduced() {
     let entries = alone();
-    // Of an independent derivation; 1292.07 of the two states of the constrained robot.
+    // Values from an independent derivation; for fig4-d, 1292.07 from the two-state equations of the constrained robot.
     let known = [
         ("fig6-v", 312.778, 0.05),
         ("fig9-d", 96.5092, 1e-3),
@@ -152,14 +154,19 @@ fn numbers_that_are_known_come_out() {
         assert!((found - value).abs() <= tolerance, "{id}: {found}, known {value}");
     }
     let said = [
-        ("fig4-d", "With roll resistance 356.684 mm."),
-        ("fig18-roll-enough", "d at 3.9 rad/s is 281.698 mm, 263 mm measured."),
-        ("good-agreement", "up to 9.46447 % from the three"),
-        ("fig14-d", "Computed, it is 0.952400 % from the printed value."),
-        ("fig13-no-skid", "It is 663.466 mm."),
-        ("fig16-no-skid", "It is 122.405 mm."),
+        ("fig4-d", "sum is 1.2 kg/s, the computed displacement is 356.684 mm;"),
+        ("fig4-d", "with a sum of 0.233 kg/s, it is 729.137 mm."),
+        ("fig4-d", "travels 588.798 mm in its second cycle and 755.157 mm in its third."),
+        ("fig18-roll-enough", "d at 3.9 rad/s is 281.698 mm; the paper measured 263 mm."),
+        ("good-agreement", "differs from the three published values by up to 9.46447 %."),
+        ("fig14-d", "The computed value differs from the published one by 0.952400 %."),
+        ("fig13-no-skid", "The displacement is 663.466 mm."),
+        ("fig16-no-skid", "The displacement is 122.405 mm."),
         ("fig13-qualitative", "largest at 4.87106 rad/s, with a spread of 0."),
-        ("fig13-optimum", "From 425.511 mm at 0.5 rad/s to 481.976 mm at 6 rad/s."),
+        (
+            "fig13-optimum",
+            "The displacement rises from 425.511 mm at 0.5 rad/s to 481.976 mm at 6 rad/s.",
+        ),
     ];
     for (id, text) in said {
         assert!(find(&entries, id).remark.contains(text), "{id}: {}", find(&entries, id).remark);
@@ -168,10 +175,10 @@ fn numbers_that_are_known_come_out() {
     assert!((difference - (3.6978 / 4.0 - 1.0)).abs() < 1e-4, "{difference}");
 }
 
-/// Verdicts without any trials, one `id: verdict` a line, in order. A change of the solver that
-/// turns one is a change of what the paper's models say.
+/// `verdicts.txt` contains the verdicts without any trials, one `id: verdict` per line, in the order of the claims. If
+/// a change to the solver alters a verdict, it alters what the paper's models predict.
 #[test]
-fn the_verdicts_are_those_on_record() {
+fn verdicts_agree_with_the_recorded_ones() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scorecard/verdicts.txt");
     let record = std::fs::read_to_string(path).expect("the record");
     let found: Vec<String> = alone()
@@ -186,7 +193,7 @@ fn the_verdicts_are_those_on_record() {
 }
 
 #[test]
-fn what_is_known_to_differ_differs_and_what_agrees_agrees() {
+fn claims_known_to_agree_or_differ_get_that_verdict() {
     let entries = alone();
     for id in ["fig4-d", "fig13-optimum", "fig10-optimum", "low-damping"] {
         assert_eq!(find(&entries, id).verdict, Verdict::Differs, "{id}");
@@ -196,9 +203,9 @@ fn what_is_known_to_differ_differs_and_what_agrees_agrees() {
     }
 }
 
-/// Where the paper gives no number for a choice, another choice gives the same verdict.
+/// The program has to assume values that the paper does not state; other assumptions give the same verdicts.
 #[test]
-fn no_verdict_depends_on_a_number_that_the_paper_does_not_give() {
+fn no_verdict_depends_on_a_value_that_the_paper_does_not_state() {
     let verdict = |id: &str, change: &dyn Fn(&mut paper::MotionSpec)| {
         let Claims { fitted, mut motion, claim } = claims();
         let claim = claim.into_iter().find(|claim| claim.id == id).expect("a claim");
@@ -226,15 +233,45 @@ fn no_verdict_depends_on_a_number_that_the_paper_does_not_give() {
     }
 }
 
+/// The remark on `low-damping` states where the damping decides whether the symmetric motion of skid-roll is stable.
 #[test]
-fn trials_and_fits_answer_what_is_about_them() {
+fn damping_decides_on_the_symmetry_of_the_motion_in_a_narrow_range_of_frequencies_alone() {
+    let Claims { fitted, mut motion, .. } = claims();
+    for name in ["passive-simulation", "passive-hardly-damped"] {
+        motion.get_mut(name).expect("a motion").model = Model::new("skid-roll");
+    }
+    let paper = Paper::new(fitted, motion);
+    // Near the transition, the solver also finds the symmetric motion that has become unstable.
+    let is_lost = |name: &str, omega_rad_s: f64| {
+        let problem = paper.problem(name, omega_rad_s).expect("a motion");
+        let mut solver = Solver::default();
+        solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion");
+        solver.status().expect("a motion") != MotionStatus::Stable
+    };
+    for (omega_rad_s, expected) in [
+        (6.0, [false, false]),
+        (11.44, [false, false]),
+        (11.46, [false, true]),
+        (11.5, [false, true]),
+        (11.62, [false, true]),
+        (11.64, [true, true]),
+        (11.7, [true, true]),
+    ] {
+        let found =
+            ["passive-simulation", "passive-hardly-damped"].map(|name| is_lost(name, omega_rad_s));
+        assert_eq!(found, expected, "{omega_rad_s} rad/s");
+    }
+}
+
+#[test]
+fn claims_about_trials_and_fits_are_judged_by_them() {
     let mut tables = MadeUp::of_the_paper();
     let entries = with_tables(&tables, false);
     let d = find(&entries, "fig9-d");
     let trial = tables.trials.iter().find(|row| row.trial == "kinematic-skewed-3.90-r1");
     let row = trial.expect("a trial");
     assert_eq!(d.measured, Some(1e3 * row.metrics.d_m));
-    // The printed 104.3 mm are far from the interval of this trial.
+    // The printed 104.3 mm lie far outside the confidence interval of this trial.
     assert_eq!((d.judged_by, d.verdict), (Some(Judged::Measured), Verdict::Differs));
     let difference = d.relative_difference.expect("a number");
     assert!((difference - (1e3 * row.metrics.d_m / 104.3 - 1.0)).abs() < 1e-12);
@@ -249,17 +286,17 @@ fn trials_and_fits_answer_what_is_about_them() {
     assert!(open.remark.contains("21.30 to ∞"), "{}", open.remark);
     let without = find(&entries, "table1-fit-symmetric-c2");
     assert_eq!((without.measured, without.verdict), (Some(1000.0), Verdict::NotTestable));
-    assert_eq!(without.remark, "There is no confidence interval.");
+    assert_eq!(without.remark, "The value has no confidence interval.");
 
     let stiffness = find(&entries, "table2-k-tau");
     assert_eq!((stiffness.measured, stiffness.verdict), (Some(0.1875), Verdict::Differs));
     assert_eq!(find(&entries, "fig17-singular").measured, Some(0.0));
     let measured_gait = find(&entries, "fig16-measured-gait").measured.expect("a ratio");
     assert!((measured_gait - 1.5).abs() < 1e-12, "{measured_gait}");
-    // Nothing tells the noise of the amplitude in these tables: nothing can be said.
+    // These tables do not determine the noise of the amplitude, so no verdict is possible.
     assert_eq!(find(&entries, "alpha-accuracy").verdict, Verdict::NotTestable);
 
-    // Repeated trials count by their mean, failed ones not at all.
+    // Repeated trials are averaged; failed trials are ignored.
     let again = |status: TrialStatus, d_m: f64| {
         let mut row = made_up::trial(made_up::SKEWED, 3.9, [d_m, 0.04, 0.02, 0.02]);
         row.status = status;
@@ -274,26 +311,27 @@ fn trials_and_fits_answer_what_is_about_them() {
 }
 
 #[test]
-fn synthetic_trials_judge_no_claim_on_the_experiment() {
+fn no_claim_about_the_experiment_is_judged_by_synthetic_trials() {
     let entries = with_tables(&MadeUp::of_the_paper(), true);
     assert!(entries.iter().all(|entry| entry.judged_by != Some(Judged::Measured)));
     for entry in entries.iter().filter(|entry| entry.claim.judged == Judged::Measured) {
         assert_eq!(entry.verdict, Verdict::NotTestable, "{}", entry.claim.id);
         assert!(entry.remark.contains("these trials are synthetic"), "{}", entry.claim.id);
     }
-    // What they gave is shown all the same.
+    // The value measured in synthetic trials is shown nevertheless.
     assert_eq!(find(&entries, "table1-fit-symmetric-c0").measured, Some(1.02 * 104.21));
 }
 
-/// A model with one free parameter more is never worse: such a ratio says nothing.
+/// A model with an additional free parameter never fits worse than the model that it contains, so the ratio of their
+/// objectives J is no evidence for a claim.
 #[test]
-fn no_claim_is_that_a_model_is_better_than_one_that_it_contains() {
+fn no_claim_compares_a_model_with_one_that_it_contains() {
     let contained =
         "'no-skid', 'j')\n    / fitted(trials, 'semi-passive-symmetric', 'no-skid-damped'";
     for claim in claims().claim {
         assert!(!claim.measured.is_some_and(|formula| formula.contains(contained)), "{}", claim.id);
     }
-    // A fit of less damping than the releases have is no support of the claim.
+    // A fitted damping below that of the joint-release trials does not support the claim.
     let mut tables = MadeUp::of_the_paper();
     let damping = |tables: &MadeUp| find(&with_tables(tables, false), "fig18-damped").verdict;
     assert_eq!(damping(&tables), Verdict::Reproduced);
@@ -331,7 +369,7 @@ fn verdicts_follow_the_criterion() {
 }
 
 #[test]
-fn optima_are_inside_or_said_to_be_at_an_end() {
+fn optima_lie_inside_the_range_or_are_reported_at_an_end() {
     use super::curve::Curve;
     let highest = |d: &dyn Fn(f64) -> f64| {
         let omegas = (1..=12).map(|i| 0.5 * f64::from(i));
@@ -341,14 +379,14 @@ fn optima_are_inside_or_said_to_be_at_an_end() {
     let (peak, is_inside) = highest(&|omega| -(omega - 3.7).powi(2));
     assert!(is_inside && (peak - 3.7).abs() < 1e-12, "{peak:?}");
     assert_eq!(highest(&|omega| omega), (6.0, false));
-    // A lower peak between the ends counts before a higher end.
+    // A local maximum inside the range takes precedence over a higher end point.
     assert!(highest(&|omega| 9.0 / omega - (omega - 4.0).powi(2)).1);
     assert!(Curve { points: Vec::new(), is_measured: false }.highest().is_err());
 }
 
-/// What a formula cannot have is missing; an unknown name is a mistake.
+/// A formula may lack data, which is reported as missing; a formula with an unknown name is a programming error.
 #[test]
-fn every_formula_has_a_number_or_lacks_one() {
+fn every_formula_has_a_value_or_reports_missing_data() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     MadeUp::of_the_paper().write(folder.path());
     let tables = Arc::new(Tables::read(folder.path(), &Reader::default()).expect("tables"));
@@ -369,7 +407,7 @@ fn every_formula_has_a_number_or_lacks_one() {
 }
 
 #[test]
-fn the_json_is_the_same_for_any_number_of_threads_and_has_null_for_no_number() {
+fn the_json_is_independent_of_thread_count_and_has_null_for_missing_values() {
     let bytes = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         crate::json(&pool.install(alone)).expect("JSON")
@@ -392,9 +430,14 @@ fn the_json_is_the_same_for_any_number_of_threads_and_has_null_for_no_number() {
 }
 
 #[test]
-fn every_claim_has_one_verdict_and_without_trials_none_is_judged_by_them() {
+fn every_claim_has_a_verdict_and_none_is_measured_without_trials() {
     let entries = alone();
-    let count = |verdict| entries.iter().filter(|entry| entry.verdict == verdict).count();
-    assert_eq!(VERDICTS.map(count).into_iter().sum::<usize>(), entries.len());
+    assert_eq!(
+        VERDICTS
+            .map(|verdict| entries.iter().filter(|entry| entry.verdict == verdict).count())
+            .into_iter()
+            .sum::<usize>(),
+        entries.len()
+    );
     assert!(entries.iter().all(|entry| entry.judged_by != Some(Judged::Measured)));
 }

@@ -1,4 +1,4 @@
-//! What the trials at hand and the fits to them show: from the tables of `derived/`.
+//! Results of the user's trials and of the fits to them, from the tables in `derived/`.
 
 use std::sync::Arc;
 
@@ -17,14 +17,15 @@ use super::missing::{NO_TRIALS, missing, unknown};
 use super::verdict::Found;
 use crate::tables::Tables;
 
-/// Part of the printed frequency that a trial may be off.
-const NEAR: f64 = 0.02;
-/// Model whose coefficients the paper prints.
+/// Maximum relative difference between the frequency of a trial and a frequency stated in the paper, for the two to be
+/// treated as equal.
+const MAX_DEVIATION: f64 = 0.02;
+/// Model for which the paper prints fitted coefficients.
 const FITTED_MODEL: Model = Model::SKID_ROLL;
 
-const NO_FIT: &str = "The folder has no such fit.";
+const NO_FIT: &str = "The tables contain no fit for this claim.";
 
-/// The tables at hand, of whose skid ratios one kind counts.
+/// Tables of the user's trials, and the kind of skid ratio to be used.
 #[derive(Debug)]
 pub(super) struct Trials {
     pub tables: Arc<Tables>,
@@ -33,7 +34,7 @@ pub(super) struct Trials {
 
 impl Object for Trials {}
 
-/// A number of a row, or 1 for what is true and 0 for what is not: of a column or of a part of it.
+/// Returns the value in a column of a row, or in a nested field of a column (`path`); true is 1 and false is 0.
 fn column_of(row: &impl serde::Serialize, path: &str) -> Result<f64, Error> {
     let mut value = Value::from(Serde(row));
     for name in path.split('.') {
@@ -46,12 +47,13 @@ fn column_of(row: &impl serde::Serialize, path: &str) -> Result<f64, Error> {
     }
 }
 
+/// Returns a finite value, or an error with the reason `lacking` if the value is not finite.
 fn finite(value: f64, lacking: &'static str) -> Result<f64, Error> {
     if value.is_finite() { Ok(value) } else { Err(missing(lacking)) }
 }
 
 impl Trials {
-    /// Trials of a campaign that have results.
+    /// Returns the gait trials of a campaign that have results.
     fn usable(&self, campaign: &str) -> impl Iterator<Item = &TrialRow> {
         let of = self.tables.trials.iter().filter(move |row| row.campaign == campaign);
         of.filter(|row| {
@@ -60,30 +62,35 @@ impl Trials {
         })
     }
 
-    /// Those near a printed frequency.
+    /// Returns the trials of a campaign that have results and whose commanded frequency agrees with a frequency stated
+    /// in the paper.
     fn near(&self, campaign: &str, omega_rad_s: f64) -> Vec<&TrialRow> {
-        let near = |row: &&TrialRow| is_near(row.omega_commanded_rad_s, omega_rad_s);
-        self.usable(campaign).filter(near).collect()
+        self.usable(campaign)
+            .filter(|row| is_near(row.omega_commanded_rad_s, omega_rad_s))
+            .collect()
     }
 
-    /// Means over the trials at each commanded frequency. (Tables come in its order.)
+    /// Returns the mean metrics of a campaign's trials at each commanded frequency, by which the table of trials must
+    /// be sorted.
     fn points(&self, campaign: &str) -> Vec<Point> {
         let rows: Vec<&TrialRow> = self.usable(campaign).collect();
         let groups = rows.chunk_by(|a, b| a.omega_commanded_rad_s == b.omega_commanded_rad_s);
-        let mean_of = |group: &[&TrialRow]| {
-            let metrics = |row: &&TrialRow| {
-                let sigma = row.sigma(self.sigma).map(|sigma| sigma.value);
-                GaitMetrics { sigma, ..row.metrics }
-            };
-            let all: Vec<GaitMetrics> = group.iter().map(metrics).collect();
-            let mean = |of| trilink_statistics::mean(all.iter().map(|metrics| metrics[of]));
-            let metrics = ByMetric::<f64>::from_fn(mean).into();
-            Point::of_metrics(group[0].omega_commanded_rad_s, metrics)
-        };
-        groups.map(mean_of).collect()
+        groups
+            .map(|group| {
+                let metrics = |row: &&TrialRow| {
+                    let sigma = row.sigma(self.sigma).map(|sigma| sigma.value);
+                    GaitMetrics { sigma, ..row.metrics }
+                };
+                let all: Vec<GaitMetrics> = group.iter().map(metrics).collect();
+                let mean = |of| trilink_statistics::mean(all.iter().map(|metrics| metrics[of]));
+                let metrics = ByMetric::<f64>::from_fn(mean).into();
+                Point::from_metrics(group[0].omega_commanded_rad_s, metrics)
+            })
+            .collect()
     }
 
-    /// Mean of the trials of the commanded frequency that is nearest to a printed one.
+    /// Returns the mean of a quantity over the trials at the commanded frequency closest to `omega` (rad/s), a
+    /// frequency stated in the paper; returns an error if none is within [`MAX_DEVIATION`].
     pub(super) fn mean_at(&self, campaign: &str, omega: f64, quantity: &str) -> Result<f64, Error> {
         let points = self.points(campaign).into_iter();
         let off = |point: &Point| (point.omega_rad_s - omega).abs();
@@ -92,12 +99,13 @@ impl Trials {
         nearest.ok_or_else(|| missing(NO_TRIALS))?.get(quantity)
     }
 
-    /// Such means over frequency.
+    /// Returns the mean of a quantity over the trials of a campaign as a function of commanded frequency.
     pub(super) fn means(&self, campaign: &str, quantity: &str) -> Result<Value, Error> {
-        Curve::of(&self.points(campaign), quantity, true)
+        Curve::from_points(&self.points(campaign), quantity, true)
     }
 
-    /// Mean displacement of the trials near a printed frequency, and its interval.
+    /// Returns the mean displacement per cycle (mm) in the trials near a frequency stated in the paper, with its 95 %
+    /// confidence interval.
     pub(super) fn travelled_mm(&self, campaign: &str, omega_rad_s: f64) -> Result<Value, Error> {
         let trials = self.near(campaign, omega_rad_s);
         let value = 1e3 * trilink_statistics::mean(trials.iter().map(|row| row.metrics.d_m));
@@ -107,17 +115,18 @@ impl Trials {
         Ok(Value::from_object(Found { limits, ..Found::new(finite(value, NO_TRIALS)?) }))
     }
 
-    /// Mean phase of phi1 after phi2.
+    /// Returns the mean phase (degrees) by which phi2 lags phi1 in the trials near a frequency stated in the paper.
     pub(super) fn mean_lag_deg(&self, campaign: &str, omega_rad_s: f64) -> Result<f64, Error> {
         let trials = self.near(campaign, omega_rad_s);
-        // The phases lie together: their mean may be taken about the first's.
+        // The phases are close together, so the mean is taken relative to the first phase.
         let lag = |row: &TrialRow| row.gait[0].phase_rad - row.gait[1].phase_rad;
         let first = lag(trials.first().ok_or_else(|| missing(NO_TRIALS))?);
         let off = trilink_statistics::mean(trials.iter().map(|row| wrap(lag(row) - first)));
         Ok((first + off).to_degrees())
     }
 
-    /// Largest difference of a commanded joint's offset or amplitude from the paper's command.
+    /// Returns the largest deviation (degrees) of a measured joint offset or amplitude from the paper's command, over
+    /// all commanded joints and all trials near a frequency stated in the paper.
     pub(super) fn off_command_deg(&self, campaign: &str, omega_rad_s: f64) -> Result<f64, Error> {
         let setup = Config::default().campaign_setup(campaign);
         let (_, gait) = setup.ok_or_else(|| unknown(campaign))?;
@@ -134,16 +143,16 @@ impl Trials {
         off.max_by(f64::total_cmp).ok_or_else(|| missing(NO_TRIALS))
     }
 
-    /// Mean over the releases and coast-downs that measure a column.
+    /// Returns the mean of a table column over the joint-release and coast-down trials of a robot.
     pub(super) fn robot(&self, robot: &str, column: &str) -> Result<f64, Error> {
         let rows = self.tables.robots.iter().filter(|row| row.robot == robot);
         let values = rows.map(|row| column_of(row, column)).collect::<Result<Vec<f64>, _>>()?;
         let mean = trilink_statistics::mean(values.into_iter().filter(|value| value.is_finite()));
-        finite(mean, "The folder has no joint-release or coast-down of this robot.")
+        finite(mean, "The tables contain no joint-release or coast-down trial of this robot.")
     }
 
-    /// The fit of a model under the commanded gait, which is the paper's, but for the model that
-    /// knows the measured one only.
+    /// Returns the fit of a model to a campaign under the commanded gait, as in the paper, or under the measured gait
+    /// for [`Model::NO_SKID_MEASURED`], which has no other fit.
     fn fit_of(&self, campaign: &str, model: &str) -> Result<&FitRow, Error> {
         let Tables { fits, alternative_fits, .. } = &*self.tables;
         let mut fits = fits.iter().chain(alternative_fits).filter(|fit| {
@@ -153,12 +162,13 @@ impl Trials {
         fit.filter(|fit| fit.status.is_ok()).ok_or_else(|| missing(NO_FIT))
     }
 
-    /// Coefficient that the fit of a campaign left free, and its interval.
+    /// Returns a free coefficient of the fit of [`FITTED_MODEL`] to a campaign, with its 95 % confidence interval.
     pub(super) fn coefficient(&self, campaign: &str, parameter: &str) -> Result<Value, Error> {
         self.free_coefficient(campaign, parameter).map(Value::from_object)
     }
 
-    /// Such a coefficient of one campaign over that of another one, whose errors are independent.
+    /// Divides a free coefficient of [`FITTED_MODEL`], fitted to `campaign`, by the same coefficient fitted to `over`;
+    /// returns the ratio with its 95 % confidence interval. The errors of the two fits are taken as independent.
     pub(super) fn coefficient_ratio(
         &self,
         campaign: &str,
@@ -166,7 +176,8 @@ impl Trials {
         parameter: &str,
     ) -> Result<Value, Error> {
         let [of, over] = [campaign, over].map(|name| self.free_coefficient(name, parameter));
-        let (of, over) = (of?, over?);
+        let of = of?;
+        let over = over?;
         let value = of.value / over.value;
         let limits = of.limits.zip(over.limits).map(|([low, high], [over_low, over_high])| {
             let side =
@@ -176,7 +187,8 @@ impl Trials {
         Ok(Value::from_object(Found { limits, ..Found::new(value) }))
     }
 
-    /// 1 where one set of coefficients for all campaigns of a robot is refused, 0 where it is kept.
+    /// Returns 1 if a model's fits reject a common set of coefficients for all campaigns of a robot, and 0 if they
+    /// accept it.
     pub(super) fn is_refused(&self, robot: &str, model: &str) -> Result<f64, Error> {
         let mut rows = self.tables.shared_fits.iter();
         let row = rows.find(|row| row.robot == robot && row.fit.model.name() == model);
@@ -196,24 +208,24 @@ impl Trials {
         Ok(Found { limits, ..Found::new(fit.parameters[parameter]) })
     }
 
-    /// What a column of the fit of a model has.
+    /// Returns the value in a table column for the fit of a model to a campaign.
     pub(super) fn fitted(&self, campaign: &str, model: &str, column: &str) -> Result<f64, Error> {
         finite(column_of(self.fit_of(campaign, model)?, column)?, NO_FIT)
     }
 
-    /// Part of the trials at whose frequencies a model has a motion.
+    /// Returns the fraction of a campaign's trials at whose frequencies a model has a steady-state motion.
     pub(super) fn existing_share(&self, campaign: &str, model: &str) -> Result<f64, Error> {
         let rows = self.tables.predictions.iter();
         let rows = rows.filter(|row| row.source == PredictionSource::Trial);
         let rows = rows.filter(|row| row.campaign == campaign && row.model.name() == model);
-        let exists = |status: MotionStatus| status.is_stable() || status == MotionStatus::Unstable;
-        finite(
-            trilink_statistics::mean(rows.map(|row| f64::from(u8::from(exists(row.status))))),
-            NO_FIT,
-        )
+        let exists = rows.map(|row| {
+            let exists = row.status.is_stable() || row.status == MotionStatus::Unstable;
+            f64::from(u8::from(exists))
+        });
+        finite(trilink_statistics::mean(exists), NO_FIT)
     }
 }
 
 fn is_near(omega_rad_s: f64, printed_rad_s: f64) -> bool {
-    (omega_rad_s - printed_rad_s).abs() <= NEAR * printed_rad_s
+    (omega_rad_s - printed_rad_s).abs() <= MAX_DEVIATION * printed_rad_s
 }

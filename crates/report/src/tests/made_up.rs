@@ -1,4 +1,4 @@
-//! Tables as a run on the paper's three campaigns would leave them, near the paper's values.
+//! Synthetic tables, like those of a run on the paper's three campaigns, with values close to the paper's.
 
 use std::path::Path;
 
@@ -11,9 +11,9 @@ use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitNotes, FitRow, FitStatus,
-    JointGait, Misfit, MisfitRun, NoIntervalReason, Outcome, PredictionRow, PredictionSource,
-    ProfileRow, Provenance, RobotParameterRow, Severity, SharedFitRow, Sharing, Side, StartRow,
-    TrialRow, TrialStatus,
+    JointGait, LawStatus, Misfit, MisfitRun, NoIntervalReason, NoPrecisionReason, Outcome,
+    PrecisionRow, PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow,
+    Severity, SharedFitRow, Sharing, Side, StartRow, TrialRow, TrialStatus,
 };
 
 use super::recording;
@@ -22,12 +22,12 @@ pub(crate) const SKEWED: &str = "kinematic-skewed";
 pub(crate) const SYMMETRIC: &str = "kinematic-symmetric";
 pub(crate) const SEMI_PASSIVE: &str = "semi-passive-symmetric";
 
-/// The trial of a joint that was let go.
+/// Name of the synthetic joint-release trial.
 pub(crate) const RELEASE: &str = "release-r1";
 
 const OMEGA_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.5, 5.0, 5.5, 6.0];
 
-/// d (m), sigma 0, 1, 2 at each of [`OMEGA_RAD_S`].
+/// Displacement d (m) and skid ratios sigma of wheels 0, 1, 2 at each frequency in [`OMEGA_RAD_S`].
 type Measured = [[f64; 4]; 12];
 
 const SKEWED_MEASURED: Measured = [
@@ -106,7 +106,7 @@ impl Tables {
         tables
     }
 
-    /// All tables in a folder.
+    /// Writes all tables into the folder `derived`.
     pub(crate) fn write(&self, derived: &Path) {
         let provenance = Provenance { input: "made up".to_owned() };
         let write = |name: &str, table: trilink_tables::Table| {
@@ -119,6 +119,7 @@ impl Tables {
         write("shared_fits", SharedFitRow::to_table(&self.shared()));
         write("predictions", PredictionRow::to_table(&self.predictions));
         write("comparison", ComparisonRow::to_table(&self.comparison()));
+        write("precision", PrecisionRow::to_table(&precision()));
         write("starts", StartRow::to_table(&self.starts()));
         write("profiles", ProfileRow::to_table(&self.profiles()));
         write("bootstrap", BootstrapRow::to_table(&self.bootstrap()));
@@ -129,11 +130,14 @@ impl Tables {
         recording::write_release(derived, RELEASE);
     }
 
-    /// Of the two gaits of one robot.
+    /// Returns a fit of one model to all campaigns of a robot together; the campaigns have different gaits.
     fn shared(&self) -> Vec<SharedFitRow> {
         let robot = "kinematic";
-        let of_robot = |fit: &&FitRow| fit.campaign.starts_with(robot) && !fit.free.is_empty();
-        let fits: Vec<&FitRow> = self.fits.iter().filter(of_robot).collect();
+        let fits: Vec<&FitRow> = self
+            .fits
+            .iter()
+            .filter(|fit| fit.campaign.starts_with(robot) && !fit.free.is_empty())
+            .collect();
         let Some(first) = fits.first() else { return Vec::new() };
         let of_model = fits.iter().filter(|fit| fit.model == first.model);
         let campaigns: Vec<String> = of_model.map(|fit| fit.campaign.clone()).collect();
@@ -192,69 +196,71 @@ impl Tables {
             },
             misfit_over_noise_limit: 2.0,
             f_limit: 9.8,
-            status: FitStatus::Ok,
+            status: LawStatus::Ok,
             ..RobotParameterRow::blank()
         };
         vec![release]
     }
 
-    /// With the commanded gait, where the others are driven by the measured one.
+    /// Returns the alternative fits, which use the commanded gait, whereas the main fits use the measured gait.
     fn alternatives(&self) -> Vec<FitRow> {
         let models = Config::default().model;
         let has_input = |model| models.get(model).is_some_and(|model| model.input.is_some());
         let fits = self.fits.iter().filter(|fit| !has_input(&fit.model));
-        let other = |fit: &FitRow| {
+        fits.map(|fit| {
             let mut other = FitRow { gait_input: GaitInput::Commanded, ..fit.clone() };
-            other.parameters[Quantity::Skid.of(0)] *= 1.02;
+            other.parameters[Quantity::Skid.parameter(0)] *= 1.02;
             other.adequate = Some(false);
             other
-        };
-        fits.map(other).collect()
+        })
+        .collect()
     }
 
     fn comparison(&self) -> Vec<ComparisonRow> {
-        let row = |fit: &FitRow| ComparisonRow {
-            campaign: fit.campaign.clone(),
-            model: fit.model,
-            j: fit.j,
-            j_d: 0.7 * fit.j,
-            j_v: 0.1 * fit.j,
-            j_sigma: 0.2 * fit.j,
-            j_alpha: 0.0,
-            j_left_out: 1.1 * fit.j,
-            j_extrapolated: 1.2 * fit.j,
-            extrapolated_above_rad_s: 4.5,
-            free: fit.free.len() as i64,
-            terms: 48,
-            criterion: 96.0 * fit.j.ln(),
-            wins: if fit.model == Model::SKID_ROLL { 0.985 } else { 0.005 },
-            preferred: fit.model == Model::SKID_ROLL,
-            rank: if fit.model == Model::SKID_ROLL { 1 } else { 2 },
-            rival: false,
-            outcome: Outcome::Clear,
-            contradiction: None,
-            replicates: 200,
-            trials_without_metrics: 0,
-            trials_filtered: 0,
-            tell_omega_rad_s: if fit.model == Model::SKID_ROLL { f64::NAN } else { 5.6 },
-            tell_metric: if fit.model == Model::SKID_ROLL { "" } else { "sigma1" }.to_owned(),
-            tell_standard_errors: if fit.model == Model::SKID_ROLL { f64::NAN } else { 12.0 },
-            status: fit.status.clone(),
-        };
-        self.fits.iter().map(row).collect()
+        self.fits
+            .iter()
+            .map(|fit| ComparisonRow {
+                campaign: fit.campaign.clone(),
+                model: fit.model,
+                j: fit.j,
+                j_d: 0.7 * fit.j,
+                j_v: 0.1 * fit.j,
+                j_sigma: 0.2 * fit.j,
+                j_alpha: 0.0,
+                j_left_out: 1.1 * fit.j,
+                j_extrapolated: 1.2 * fit.j,
+                extrapolated_above_rad_s: 4.5,
+                free: fit.free.len() as i64,
+                terms: 48,
+                criterion: 96.0 * fit.j.ln(),
+                wins: if fit.model == Model::SKID_ROLL { 0.985 } else { 0.005 },
+                preferred: fit.model == Model::SKID_ROLL,
+                rank: if fit.model == Model::SKID_ROLL { 1 } else { 2 },
+                rival: false,
+                outcome: Outcome::Clear,
+                contradiction: None,
+                replicates: 200,
+                trials_without_metrics: 0,
+                trials_filtered: 0,
+                tell_omega_rad_s: if fit.model == Model::SKID_ROLL { f64::NAN } else { 5.6 },
+                tell_metric: if fit.model == Model::SKID_ROLL { "" } else { "sigma1" }.to_owned(),
+                tell_standard_errors: if fit.model == Model::SKID_ROLL { f64::NAN } else { 12.0 },
+                status: fit.status,
+            })
+            .collect()
     }
 
     fn starts(&self) -> Vec<StartRow> {
         let fitted = self.fits.iter().filter(|fit| !fit.free.is_empty());
         let rows = fitted.flat_map(|fit| (0..8).map(move |start| (fit, start)));
-        let row = |(fit, start): (&FitRow, i64)| StartRow {
+        rows.map(|(fit, start)| StartRow {
             campaign: fit.campaign.clone(),
             model: fit.model,
             start,
             j: if start == 5 { 1.4 * fit.j } else { fit.j },
             ..StartRow::blank()
-        };
-        rows.map(row).collect()
+        })
+        .collect()
     }
 
     fn profiles(&self) -> Vec<ProfileRow> {
@@ -282,7 +288,7 @@ impl Tables {
     fn bootstrap(&self) -> Vec<BootstrapRow> {
         let fitted = self.fits.iter().filter(|fit| !fit.free.is_empty());
         let rows = fitted.flat_map(|fit| (0..100).map(move |replicate| (fit, replicate)));
-        let row = |(fit, replicate): (&FitRow, i64)| {
+        rows.map(|(fit, replicate)| {
             let phase = replicate as f64;
             let off = [phase.sin(), (1.3 * phase).sin(), (1.7 * phase).cos()];
             BootstrapRow {
@@ -299,8 +305,8 @@ impl Tables {
                 j: fit.j,
                 ..BootstrapRow::blank()
             }
-        };
-        rows.map(row).collect()
+        })
+        .collect()
     }
 
     fn predict(&mut self, campaign: &str, model: Model, measured: &Measured) {
@@ -316,7 +322,8 @@ impl Tables {
     }
 }
 
-/// Smooth curves with the shape that the models have; `None` where there is no motion.
+/// Returns made-up predictions of d (m) and of the three skid ratios sigma, which vary smoothly with frequency; `None`
+/// where the model has no motion.
 fn predicted(campaign: &str, model: Model, measured: &Measured, omega: f64) -> Option<[f64; 4]> {
     let smooth = |column: usize| {
         let weight = |at: f64| (-(at - omega).powi(2) / 0.6).exp();
@@ -377,6 +384,7 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
     TrialRow {
         trial: format!("{campaign}-{omega:.2}-r1"),
         folder: "raw".to_owned(),
+        day: "raw".to_owned(),
         id: format!("{campaign}-{omega:.2}-r1"),
         file: format!("{campaign}-{omega:.2}-r1.csv"),
         campaign: campaign.to_owned(),
@@ -410,6 +418,7 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
                 ..JointGait::blank()
             },
         ],
+        heading_rad: 0.3,
         coverage: 0.9934,
         residual_mm: 0.1873,
         noise_white: Some(true),
@@ -422,10 +431,35 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
     }
 }
 
+/// Returns the precision of two metrics of one campaign.
+fn precision() -> [PrecisionRow; 2] {
+    let d = PrecisionRow {
+        campaign: SKEWED.to_owned(),
+        metric: "d_m".to_owned(),
+        trials: 8,
+        days: 3,
+        repeatability: 0.0123,
+        repeatability_dof: 5.0,
+        reproducibility: 0.0341,
+        reproducibility_dof: 2.34,
+        no_repeatability: None,
+        no_reproducibility: None,
+    };
+    let v = PrecisionRow {
+        metric: "v_m_s".to_owned(),
+        days: 1,
+        reproducibility: f64::NAN,
+        no_reproducibility: Some(NoPrecisionReason::OneDay),
+        ..d.clone()
+    };
+    [d, v]
+}
+
 pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
     const SKID: [Parameter; 3] = Quantity::Skid.of_each();
     let laws = Config::default().model[&model].laws();
-    let (skids, rolls) = (laws.skids(), laws.roll.is_viscous());
+    let skids = laws.skids();
+    let rolls = laws.roll.is_viscous();
     let passive = campaign == SEMI_PASSIVE;
     let when = |has: bool, value: f64| if has { value } else { f64::NAN };
     let free: Vec<Parameter> = match model {
@@ -434,7 +468,7 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         _ => Vec::new(),
     };
     let listed = |has: bool, parameter: Parameter| if has { vec![parameter] } else { Vec::new() };
-    // One of each verdict.
+    // Every possible verdict on adequacy occurs.
     let adequate = match model {
         Model::SKID_ROLL => Some(true),
         Model::NO_SKID_MEASURED => None,
@@ -460,6 +494,14 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             () if of == SKID[1] => when(skids, 0.0),
             () => f64::NAN,
         }),
+        type_a: ByParameter::from_fn(|of| when(skids && [SKID[0], SKID[1]].contains(&of), 2.1)),
+        type_b: ByParameter::from_fn(|of| match () {
+            () if of == SKID[0] => when(skids, 2.7),
+            () if of == SKID[1] => when(skids, 0.0),
+            () => f64::NAN,
+        }),
+        degrees_of_freedom: ByParameter::from_fn(|of| when(of == SKID[0] && skids, 31.4)),
+        coverage_factor: ByParameter::from_fn(|of| when(of == SKID[0] && skids, 2.04)),
         no_interval: (passive && model == Model::NO_SKID_DAMPED)
             .then(|| NoIntervalReason::NotAskedFor.into()),
         lack_of_fit: told(if adequate == Some(true) { 1.04 } else { 23.7 }),
@@ -479,7 +521,7 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             _ if of == SKID[2] => when(skids, 1000.0),
             (Quantity::Roll, true) => when(rolls, 1.2),
             (Quantity::Roll, false) => {
-                when(rolls, if of == Quantity::Roll.of(0) { 0.6 } else { 0.3 })
+                when(rolls, if of == Quantity::Roll.parameter(0) { 0.6 } else { 0.3 })
             }
             (Quantity::Stiffness, _) => when(passive, 0.188),
             (Quantity::Damping, _) => when(passive, 0.00712),
@@ -504,7 +546,7 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
     }
 }
 
-/// A failed trial and a flagged one, with their checks.
+/// Adds a trial that failed with the given message, and flags another trial because of a check, whose row is added too.
 pub(crate) fn with_trouble(mut tables: Tables, message: &str) -> Tables {
     let mut failed = trial(SKEWED, 3.0, [f64::NAN; 4]);
     failed.trial = "kinematic-skewed-3.00-r2".to_owned();
@@ -530,7 +572,7 @@ pub(crate) fn with_trouble(mut tables: Tables, message: &str) -> Tables {
     tables
 }
 
-/// `truth.json` near the tables' values.
+/// Returns the contents of a `truth.json` whose true values are close to the values in the tables.
 pub(crate) fn truth() -> String {
     let tables = Tables::of_the_paper();
     let trials: serde_json::Map<String, serde_json::Value> = tables

@@ -1,4 +1,4 @@
-//! Pages of tables in which one number after the other is missing.
+//! Tests of the report page with each numeric column of a table missing in turn.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -11,21 +11,25 @@ use super::{MadeUp, ReportInput, config, temporary};
 use crate::page::{Remarks, html};
 use crate::tables::Tables;
 
-/// The rows with each column of numbers missing in turn, and the column's name.
+/// Returns, for each numeric column, the name of the column and a copy of the rows with all values of that column
+/// missing.
 fn with_each_number_missing<R: Columns>(rows: &[R]) -> Vec<(String, Vec<R>)> {
     let Table { frame, .. } = R::to_table(rows);
-    let is_number = |column: &&Column| *column.dtype() == DataType::Float64;
-    let without = |column: &Column| {
-        let mut frame = frame.clone();
-        let missing = Column::full_null(column.name().clone(), rows.len(), &DataType::Float64);
-        frame.with_column(missing).expect("of the same height");
-        let table = Table { frame, ..R::to_table(&[]) };
-        (column.name().to_string(), R::from_table(&table).expect("the same columns"))
-    };
-    frame.columns().iter().filter(is_number).map(without).collect()
+    frame
+        .columns()
+        .iter()
+        .filter(|column| *column.dtype() == DataType::Float64)
+        .map(|column| {
+            let mut frame = frame.clone();
+            let missing = Column::full_null(column.name().clone(), rows.len(), &DataType::Float64);
+            frame.with_column(missing).expect("of the same height");
+            let table = Table { frame, ..R::to_table(&[]) };
+            (column.name().to_string(), R::from_table(&table).expect("the same columns"))
+        })
+        .collect()
 }
 
-/// Puts rows in the place of a table's.
+/// Function that replaces the rows of a table.
 type Put<R> = fn(&mut Tables, Vec<R>);
 
 fn check<R: Columns + Send + Sync>(
@@ -45,15 +49,17 @@ fn check<R: Columns + Send + Sync>(
         let body = page.split("<script").next().unwrap_or_default();
         let texts = body.split('<').filter(|text| !text.contains("data-points="));
         for text in texts {
-            let is_number = |word: &str| ["NaN", "nan", "inf", "-inf"].contains(&word);
             let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '-');
-            assert!(!words.any(is_number), "without {column}: {text}");
+            assert!(
+                !words.any(|word| ["NaN", "nan", "inf", "-inf"].contains(&word)),
+                "without {column}: {text}"
+            );
         }
     });
 }
 
 #[test]
-fn a_number_that_is_missing_is_not_printed() {
+fn missing_values_are_not_printed() {
     let folder = temporary();
     let derived = folder.path().join("derived");
     MadeUp::of_the_paper().write(&derived);

@@ -1,4 +1,4 @@
-//! The whole report from made-up tables.
+//! Tests of the whole report, made from synthetic tables.
 
 mod hostile;
 pub(super) mod made_up;
@@ -26,12 +26,12 @@ use super::*;
 use made_up::{SEMI_PASSIVE, SKEWED, Tables as MadeUp};
 use temporary::temporary;
 
-/// The plotted numbers.
+/// Returns the plotted data of a figure as CSV.
 fn csv_of(figure: &Figure) -> String {
     String::from_utf8(figure.encode(Format::Csv).expect("draws")).expect("text")
 }
 
-/// What a figure begins with on a page: its text alternative.
+/// Start of the HTML code for a figure on a page, up to the figure's text alternative.
 const SHEET: &str = "<div class=\"sheet\" role=\"group\" aria-label=\"";
 
 fn report(config: &Config) -> Result<Reported, ReportError> {
@@ -45,6 +45,9 @@ fn config(folder: &Path) -> Config {
     let mut config = Config::default();
     config.paths.raw = vec!["raw".into()];
     config.paths.start_at(folder);
+    // One robot has a parameter with a standard deviation, and the other has none.
+    let robot = config.robot.get_mut("kinematic").expect("the robot");
+    robot.set_deviation(trilink_robot::Quantity::H, [0.0005]);
     config
 }
 
@@ -53,7 +56,7 @@ fn reported(tables: &MadeUp, folder: &Path) -> Reported {
     report(&config(folder)).expect("reports")
 }
 
-/// The report of the paper's campaigns with their truth; no test changes it.
+/// Returns a shared report on the paper's campaigns with known true parameters; tests must not modify its files.
 fn standard() -> &'static (tempfile::TempDir, Reported) {
     static STANDARD: OnceLock<(tempfile::TempDir, Reported)> = OnceLock::new();
     STANDARD.get_or_init(|| {
@@ -66,7 +69,7 @@ fn standard() -> &'static (tempfile::TempDir, Reported) {
     })
 }
 
-/// As [`reported`] without the campaign whose simulations take long.
+/// Writes a report like [`reported`], but without the campaign [`SEMI_PASSIVE`], whose simulations take long.
 fn reported_in_short(tables: &MadeUp, folder: &Path) -> Reported {
     tables.write(&folder.join("derived"));
     let mut config = config(folder);
@@ -78,7 +81,7 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Every file under a folder by its name.
+/// Returns the contents of the files in a report folder and its subfolders, keyed by file name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     for place in [folder.to_owned(), folder.join("figures"), folder.join("trials")] {
@@ -94,7 +97,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn the_papers_campaigns_give_all_its_figures_and_those_of_each_campaign_s_models() {
+fn the_papers_campaigns_yield_every_expected_figure() {
     let (folder, reported) = standard();
     let all: BTreeSet<String> = reported.figures.iter().cloned().collect();
     assert_eq!(all, names::all_stems());
@@ -118,7 +121,7 @@ fn the_papers_campaigns_give_all_its_figures_and_those_of_each_campaign_s_models
 }
 
 #[test]
-fn the_same_tables_give_the_same_bytes_in_any_folder() {
+fn identical_tables_produce_identical_bytes_in_any_folder() {
     let folders = [temporary(), temporary()];
     let [first, second] = folders.each_ref().map(|folder| {
         reported_in_short(&MadeUp::of_the_paper(), folder.path());
@@ -143,22 +146,23 @@ fn a_campaign_without_trials_and_fits_is_skipped_and_named() {
     let left = names::all_stems().into_iter().filter(|stem| is_left(stem) && stem != "truth");
     assert!(reported.figures.iter().cloned().collect::<BTreeSet<_>>().into_iter().eq(left));
     let [missing] = reported.missing.as_slice() else { panic!("{:?}", reported.missing) };
-    assert!(missing.contains(SEMI_PASSIVE) && missing.contains("no trial with results"));
+    assert!(missing.contains(SEMI_PASSIVE) && missing.contains("neither a trial with results"));
     assert!(read(&reported.page).contains(&reported.missing[0]));
 }
 
 #[test]
-fn tables_that_are_not_there_are_named_and_one_trial_is_enough() {
+fn missing_tables_are_named_and_a_single_trial_suffices() {
     let folder = temporary();
     let derived = folder.path().join("derived");
     let mut tables = MadeUp::of_the_paper();
     tables.trials.truncate(1);
     tables.write(&derived);
-    const OPTIONAL: [&str; 8] = [
+    const OPTIONAL: [&str; 9] = [
         "checks",
         "fits",
         "predictions",
         "comparison",
+        "precision",
         "starts",
         "profiles",
         "bootstrap",
@@ -181,17 +185,18 @@ fn tables_that_are_not_there_are_named_and_one_trial_is_enough() {
 }
 
 #[test]
-fn without_a_trial_or_a_fit_the_paper_still_has_its_scorecard() {
+fn the_scorecard_is_written_even_without_trials_or_fits() {
     let folder = temporary();
     let reported = reported(&MadeUp::default(), folder.path());
     let json = read(&reported.scorecard);
     let entries: Vec<serde_json::Value> = serde_json::from_str(&json).expect("JSON");
     let of = |verdict: &str| entries.iter().filter(|entry| entry["verdict"] == verdict).count();
-    let (reproduced, differ) = (of("reproduced"), of("differs"));
+    let reproduced = of("reproduced");
+    let differ = of("differs");
     assert!(reproduced > 40 && differ > 5, "{reproduced} {differ}");
     let page = read(&reported.page);
     let sentence = format!(
-        "Of {} numbers and claims that the paper prints, {reproduced} are reproduced, {differ} differ and",
+        "Of the {} numbers and claims of the paper that are tested, {reproduced} are reproduced, {differ} differ and",
         entries.len()
     );
     assert!(page.contains(&sentence));
@@ -200,14 +205,14 @@ fn without_a_trial_or_a_fit_the_paper_still_has_its_scorecard() {
 }
 
 #[test]
-fn without_a_table_of_trials_the_error_names_it() {
+fn the_error_names_a_missing_table_of_trials() {
     let folder = temporary();
     let error = report(&config(folder.path())).expect_err("nothing to report");
     assert!(error.to_string().contains("trials.parquet"), "{error}");
 }
 
 #[test]
-fn a_users_own_campaigns_get_their_own_figures() {
+fn user_defined_campaigns_get_their_own_figures() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     tables.trials.retain(|row| row.campaign == SKEWED);
@@ -237,7 +242,7 @@ fn a_users_own_campaigns_get_their_own_figures() {
 }
 
 #[test]
-fn the_page_lists_every_check_and_what_releases_say_of_the_robots() {
+fn the_page_lists_every_check_and_the_measured_robot_parameters() {
     let folder = temporary();
     let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), "lost");
     let info = CheckRow {
@@ -265,7 +270,8 @@ fn messages_and_names_cannot_become_markup() {
     let hostile = "<img src=x onerror=alert(1)>";
     let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), hostile);
     tables.trials[0].trial = hostile.to_owned();
-    tables.fits[0].status = FitStatus::Failed(hostile.to_owned());
+    tables.fits[0].status = FitStatus::Failed;
+    tables.fits[0].failure = hostile.to_owned();
     tables.checks[0].check = hostile.to_owned();
     tables.fits[1].model = Model::new(hostile);
     let page = read(&reported_in_short(&tables, folder.path()).page);
@@ -278,7 +284,7 @@ fn messages_and_names_cannot_become_markup() {
 }
 
 #[test]
-fn every_trial_has_a_page_and_a_failed_one_has_no_motion() {
+fn every_trial_has_a_page_and_a_failed_trial_shows_no_motion() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     reported_in_short(&tables, folder.path());
@@ -291,37 +297,37 @@ fn every_trial_has_a_page_and_a_failed_one_has_no_motion() {
         "451.0 ± 5.0",
         "Longest missing",
         // Where it is, and what is beside it.
-        "File <code>raw/kinematic-symmetric-3.90-r1.csv</code>, 120 frames a second",
+        "File <code>raw/kinematic-symmetric-3.90-r1.csv</code>, 120 frames per second",
         "Previous: <a href=\"kinematic-symmetric-3.50-r1.html\" rel=\"prev\">",
         "Next: <a href=\"kinematic-symmetric-4.50-r1.html\" rel=\"next\">",
-        // The loop, the heading and the path under the models' motions, and what each cycle gave.
+        // The gait, heading and path with the models' motions drawn over them, and the results of each cycle.
         "data-name=\"no-skid\"",
         "data-name=\"skid-roll, fitted\"",
         "(b) Heading θ",
-        "data-name=\"not in use\"",
+        "data-name=\"not used\"",
         ">no: one of the first 2, taken for transient</td>",
-        // Smoothed d of skid, 3 % above that of skid-roll.
+        // The column of predictions by skid-roll.
         "<th scope=\"col\" class=\"n\">skid-roll</th>",
     ] {
         assert!(page.contains(text), "{text}");
     }
     assert_eq!(page.matches(SHEET).count(), 6);
     let row = page.lines().find(|line| line.starts_with("<tr><th scope=\"row\">d <small>mm"));
-    let row = row.expect("what the models say of d");
-    // 663.466 mm of 451.0 ± 5.0.
+    let row = row.expect("predictions of d");
+    // The prediction is 663.466 mm; the measured value is (451.0 ± 5.0) mm.
     assert!(
-        row.contains("<td class=\"n\">663.5<small>+47.11 %</small><small>42.8 errors</small>"),
+        row.contains("<td class=\"n\">663.5<small>+47.11 %</small><small>42.8 SE</small>"),
         "{row}"
     );
     let mut of_skid = page.lines().filter(|line| line.starts_with("<tr><th scope=\"row\">σ₀</th>"));
     assert!(
         of_skid.any(|row| row.contains("<td class=\"n\">–</td>")),
-        "no-skid says something of skid"
+        "no-skid predicts no skid ratio"
     );
     assert!(page.contains("<td class=\"n\">singular</td>"));
     let first = read(&place.join("kinematic-symmetric-0.50-r1.html"));
     assert!(first.contains("Next: <a") && !first.contains("Previous: <a"));
-    // 40 frames of link 1.
+    // Link 1 is missing in 40 frames, which last 0.333 s.
     assert!(page.contains("<td class=\"n\">0.333</td>"));
     assert_eq!(std::fs::read_dir(&place).expect("a folder").count(), 36);
     tables.trials.truncate(2);
@@ -331,15 +337,15 @@ fn every_trial_has_a_page_and_a_failed_one_has_no_motion() {
 }
 
 #[test]
-fn of_many_trials_only_those_to_look_at_the_first_of_each_frequency_and_those_asked_for_have_a_page()
- {
+fn with_many_trials_only_important_and_requested_ones_have_pages() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     tables.trials.retain(|row| row.campaign == SKEWED);
     for nth in 2..4 {
-        let repeat =
-            |row: &TrialRow| TrialRow { trial: format!("{}{nth}", row.trial), ..row.clone() };
-        let repeats: Vec<TrialRow> = tables.trials[..12].iter().map(repeat).collect();
+        let repeats: Vec<TrialRow> = tables.trials[..12]
+            .iter()
+            .map(|row| TrialRow { trial: format!("{}{nth}", row.trial), ..row.clone() })
+            .collect();
         tables.trials.extend(repeats);
     }
     tables.trials[20].status = TrialStatus::Failed;
@@ -358,7 +364,7 @@ fn of_many_trials_only_those_to_look_at_the_first_of_each_frequency_and_those_as
         |rows: &[&TrialRow]| rows.iter().map(|row| row.trial.clone()).collect::<BTreeSet<_>>();
     let all: Vec<&TrialRow> = tables.trials.iter().collect();
     assert_eq!(pages(36, ""), names(&all));
-    // Those of the first repeat, the one that failed, the one that is flagged.
+    // The first trial at each frequency, the failed trial and the flagged trial.
     let mut some = all[..12].to_vec();
     some.extend([all[20], all[30]]);
     assert_eq!(pages(35, ""), names(&some));
@@ -382,12 +388,13 @@ fn of_many_trials_only_those_to_look_at_the_first_of_each_frequency_and_those_as
 }
 
 #[test]
-fn a_thousand_trials_more_are_less_than_what_a_page_may_grow() {
+fn the_page_stays_small_enough_with_a_thousand_trials() {
     let bytes = |repeats: usize| {
         let folder = temporary();
         let mut tables = MadeUp::of_the_paper();
         tables.trials.retain(|row| row.campaign == SKEWED);
-        let (first, messages) = (tables.trials.clone(), ["", "1 cycle with gaps is left out"]);
+        let first = tables.trials.clone();
+        let messages = ["", "1 cycle with gaps is left out"];
         for nth in 2..=repeats {
             tables.trials.extend(first.iter().enumerate().map(|(i, row)| TrialRow {
                 trial: format!("{}-{nth}", row.trial),
@@ -414,12 +421,12 @@ fn a_thousand_trials_more_are_less_than_what_a_page_may_grow() {
     };
     let [(few, before), (many, after)] = [1, 20].map(bytes);
     let per_trial = (many - few) / (after - before);
-    // From the 1.5 MB of a demo to the 4 MB of a thousand trials.
+    // At 2500 bytes per trial, a page of 1.5 MB grows to 4 MB with a thousand trials.
     assert!((100..2500).contains(&per_trial), "{per_trial} bytes");
 }
 
 #[test]
-fn a_trial_without_its_tables_is_said_to_be_missing_from_its_figure() {
+fn a_trial_without_tables_is_reported_as_missing_from_the_figure() {
     let folder = temporary();
     let derived = folder.path().join("derived");
     MadeUp::of_the_paper().write(&derived);
@@ -428,15 +435,18 @@ fn a_trial_without_its_tables_is_said_to_be_missing_from_its_figure() {
     config.campaign.remove(SEMI_PASSIVE);
     let reported = report(&config).expect("reports");
     for figure in ["Figure semi-passive-release ", "Fig. 9 ", "Fig. 11 "] {
-        let of_figure = |sentence: &&String| sentence.starts_with(figure);
-        let sentence = reported.missing.iter().find(of_figure).expect("a sentence");
+        let sentence = reported
+            .missing
+            .iter()
+            .find(|sentence| sentence.starts_with(figure))
+            .expect("a sentence");
         assert!(sentence.contains(".parquet"), "{sentence}");
     }
     assert!(!reported.figures.iter().any(|stem| stem == "fig09" || stem == "fig12"));
 }
 
 #[test]
-fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() {
+fn the_page_says_which_motions_shown_are_not_reached_from_rest() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     assert!(!read(&standard().1.page).contains("starts from rest"));
@@ -448,26 +458,26 @@ fn the_page_says_where_the_robot_from_rest_does_not_get_into_the_motion_shown() 
     }
     let page = read(&reported_in_short(&tables, folder.path()).page);
     for remark in [
-        "no-skid: at 2 frequencies of the trials the robot that starts from rest gets into another",
-        "no-skid: at 1 frequency of the trials the robot that starts from rest does not settle.",
-        "are of one of two motions that are each other&#x27;s mirror image, status symmetry-broken.",
+        "no-skid: at 2 frequencies of the trials, the robot reaches a motion other than",
+        "no-skid: at 1 frequency of the trials, the robot does not reach a steady motion when it starts from rest.",
+        "show one of two motions that are mirror images of each other (status symmetry-broken).",
     ] {
         assert!(page.contains(remark), "{remark}");
     }
 }
 
 #[test]
-fn the_page_needs_nothing_from_outside() {
+fn the_page_loads_no_external_resources() {
     let page = read(&standard().1.page);
     assert!(!page.contains("http:") && !page.contains("https:") && !page.contains("<script src"));
-    // Every figure, and each campaign's curve on the first screen.
+    // Every figure, and the three campaigns' curves at the top of the page.
     assert_eq!(page.matches(SHEET).count(), names::all_stems().len() + 3);
     assert_eq!(page.matches("base64,").count(), 1, "the font, once");
     assert!(page.len() < 1_500_000, "{} bytes", page.len());
 }
 
 #[test]
-fn figures_carry_our_font_and_nothing_of_the_machine() {
+fn figures_embed_their_font_and_contain_no_machine_specific_data() {
     let (folder, _) = standard();
     let here = folder.path().to_string_lossy().into_owned();
     for stem in names::all_stems() {
@@ -482,7 +492,7 @@ fn figures_carry_our_font_and_nothing_of_the_machine() {
 }
 
 #[test]
-fn a_figures_csv_has_the_plotted_numbers() {
+fn the_csv_of_a_figure_contains_the_plotted_data() {
     let (folder, _) = standard();
     let csv = read(&folder.path().join("reports/figures/fig16.csv"));
     let mut lines = csv.lines();
@@ -503,8 +513,13 @@ fn a_figures_csv_has_the_plotted_numbers() {
     let header =
         "panel,title,trial,layer,omega_rad_s,residual_percent,residual_percent_error_95,origin";
     assert_eq!(residuals.lines().next(), Some(header));
-    let of_curve = |line: &&str| line.starts_with("a,kinematic-skewed,skid-roll,model,,6,");
-    let numbers = csv.lines().find(of_curve).expect("its end").split(',').skip(6).take(4);
+    let numbers = csv
+        .lines()
+        .find(|line| line.starts_with("a,kinematic-skewed,skid-roll,model,,6,"))
+        .expect("its end")
+        .split(',')
+        .skip(6)
+        .take(4);
     let [value, _, low, high] = numbers.collect::<Vec<_>>()[..] else { panic!("four numbers") };
     let [value, low, high] = [value, low, high].map(|number| number.parse::<f64>().expect("one"));
     assert!((low / value - 0.98).abs() < 1e-8 && (high / value - 1.03).abs() < 1e-8);
@@ -516,47 +531,65 @@ fn a_figures_csv_has_the_plotted_numbers() {
     assert!(!singular.contains("no-skid-measured") && !singular.contains("NaN"));
     let page = read(&folder.path().join("reports/index.html"));
     for text in [
-        "under the measured gait, no-skid under the commanded one, shaded",
-        "Open circles: no-skid-measured, under each trial",
+        "under the measured gait (commanded gait for no-skid); shaded",
+        "Open circles: no-skid-measured under the measured gait of each",
     ] {
         assert!(page.contains(text), "{text}");
     }
 }
 
 #[test]
-fn the_page_compares_the_models_and_says_what_the_other_gait_gives() {
+fn the_page_compares_the_models_and_the_two_gait_inputs() {
     let page = read(&standard().1.page);
     for text in [
         "The data prefer skid-roll: J = ",
         "<td class=\"n\">98.5 %</td>",
-        "Its models move under the measured gait, no-skid under the commanded one.",
-        "With the commanded gait instead",
-        // 1.02 times 104.21, of a model that does not fit.
+        "The models of this campaign are driven by the measured gait (commanded gait for no-skid).",
+        "Fits with the commanded gait instead",
+        // 1.02 times 104.21, from a model that does not fit.
         "<strong>106.3†</strong>",
         "<strong>104.2</strong>",
-        "<small>scatter ±4.3</small><small>systematic ±5.3</small>",
-        // Numbers of a robot that are taken as exact move nothing.
-        "<small>systematic: none stated</small>",
+        "<td class=\"n\">2.1</td><td class=\"n\">2.7</td><td class=\"n\">3.4</td><td class=\"n\">31</td>\
+         <td class=\"n\">2.04</td><td>kg&#x2f;s</td>",
+        // Robot parameters that are taken as exact contribute no systematic uncertainty.
+        "<td class=\"n\">2.1</td><td class=\"n\">none stated</td><td class=\"n\">2.1</td>",
         "<span class=\"status ok\">fits</span>",
         "<span class=\"status failed\">does not fit</span>",
         "<span class=\"soft\">not known</span>",
         "23.7<small>at most 1.38</small>",
-        "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad&#x2f;s",
-        "No intervals: no-skid-damped (neither replicates nor profiles were asked for).",
-        "<strong>kinematic-symmetric</strong>: raw skid ratios are fitted, since debiased ones are not known: \
-         trial &lt;one&gt;",
-        "Taken as exact, so that no interval contains what they are off by: h_m, l_m, b_m, mass_kg, inertia_kg_m2, \
-         roll_kg_s of robot kinematic.",
+        "the measured d is 7.0 to 119 % above that of the model at 4.5 to 6 rad&#x2f;s",
+        "No confidence intervals: no-skid-damped (neither replicates nor profiles were requested).",
+        "<strong>kinematic-symmetric</strong>: raw skid ratios are fitted for the trials that have no debiased ones: \
+         &lt;one&gt;",
+        "The intervals do not include the uncertainty of these parameters of robot kinematic, which are \
+         taken as exact: l_m, b_m, mass_kg, inertia_kg_m2, \
+         roll_kg_s.",
+        "To include the uncertainty of the parameters of robot semi-passive in the intervals",
         "98.4 to 112",
         "21.3 to ∞",
         "practically not identifiable",
+        "<td class=\"n\">8</td><td class=\"n\">3</td><td class=\"n\">1.2 %</td><td class=\"n\">5.0</td>\
+         <td class=\"n\">3.4 %</td><td class=\"n\">2.3</td>",
+        "<td class=\"n\">5.0</td><td colspan=\"2\">all trials are of one day</td>",
     ] {
         assert!(page.contains(text), "{text}");
+    }
+    // A robot without any standard deviation is noted at the tables of its coefficients.
+    let parts: Vec<&str> = page.split("</table>").collect();
+    let exact = "Limits take the robot’s declared parameters as exact.";
+    let has_note = |label: &str| {
+        let mut tables = parts.iter().filter(|part| part.contains(label));
+        tables.next().expect("a table").contains(exact)
+    };
+    for (campaign, expected) in [(SKEWED, false), (SEMI_PASSIVE, true)] {
+        let [fits, answer] = ["Fitted models of", "Coefficients of skid-roll,"];
+        assert_eq!(has_note(&format!("{fits} campaign {campaign}\"")), expected, "{campaign}");
+        assert_eq!(has_note(&format!("{answer} campaign {campaign}\"")), expected, "{campaign}");
     }
 }
 
 #[test]
-fn fits_json_has_null_where_there_is_no_number() {
+fn fits_json_has_null_for_missing_values() {
     let (folder, _) = standard();
     let json = read(&folder.path().join("reports/fits.json"));
     let fits: serde_json::Value = serde_json::from_str(&json).expect("JSON");
@@ -571,7 +604,7 @@ fn fits_json_has_null_where_there_is_no_number() {
     let fit = of(SKEWED, "skid-roll");
     assert_eq!(fit["at_bound"][0], "skid2_kg_s");
     assert_eq!(fit["intervals"]["skid0_kg_s"], serde_json::json!([98.4, 111.9]));
-    // The interval is open above.
+    // The interval has no upper limit.
     assert_eq!(fit["intervals"]["skid1_kg_s"], serde_json::json!([21.3, null]));
     assert!(fit["intervals"]["roll0_kg_s"].is_null());
     assert_eq!(fit["comparison"]["wins"], 0.985);
@@ -584,7 +617,7 @@ fn fits_json_has_null_where_there_is_no_number() {
 }
 
 #[test]
-fn what_is_wrong_with_a_campaign_stands_first_and_with_it() {
+fn problems_of_a_campaign_are_shown_first_and_in_its_section() {
     let folder = temporary();
     let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), "a line");
     let message = "joint 2 moves with a phase of 90 deg, configured are -90 deg";
@@ -600,11 +633,11 @@ fn what_is_wrong_with_a_campaign_stands_first_and_with_it() {
     let failed = page.find("Failed: no results").expect("a failed trial");
     let campaign = page.find("Campaign kinematic-skewed</h2>").expect("the campaign");
     assert!(places.len() >= 2 && places[0] < failed && places[1] > campaign, "{places:?}");
-    assert!(page.contains("Wrong with more than one trial"));
+    assert!(page.contains("Problems of several trials"));
 }
 
 #[test]
-fn names_cannot_act_on_who_reads_them() {
+fn control_characters_in_names_are_escaped() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     tables.trials[0].trial = "one\u{202e}txt.exe\u{1b}[2J".to_owned();
@@ -615,10 +648,10 @@ fn names_cannot_act_on_who_reads_them() {
 }
 
 #[test]
-fn synthetic_trials_are_called_so_and_compared_with_their_truth() {
+fn synthetic_trials_are_labelled_and_compared_with_their_true_values() {
     let page = read(&standard().1.page);
     assert!(page.contains("These trials are synthetic."));
-    assert!(page.contains("d of 36 trials: within 0.20 % of the planted value"));
+    assert!(page.contains("d of 36 trials: within 0.20 % of the true values"));
     let notice = page.find("These trials are synthetic").expect("a notice");
     assert!(notice < page.find("<h2").expect("a section"));
 
@@ -633,7 +666,7 @@ fn synthetic_trials_are_called_so_and_compared_with_their_truth() {
 }
 
 #[test]
-fn every_page_and_every_file_of_a_figure_says_that_its_trials_are_synthetic() {
+fn every_page_and_figure_file_states_that_its_trials_are_synthetic() {
     const SAID: &str = "Synthetic trials, not recorded";
     let holds =
         |bytes: &[u8], text: &str| bytes.windows(text.len()).any(|of| of == text.as_bytes());
@@ -649,11 +682,11 @@ fn every_page_and_every_file_of_a_figure_says_that_its_trials_are_synthetic() {
                 "svg" => [">Synthetic trials, not recorded</text>"].map(says).into(),
                 "png" => ["tEXtComment\0Synthetic trials, not recorded"].map(says).into(),
                 "pdf" => ["/Subject (Synthetic trials, not recorded)"].map(says).into(),
-                "tex" => [
-                    "with 95\\,\\% confidence intervals of those that are fitted. Synthetic trials",
-                ]
-                .map(says)
-                .into(),
+                "tex" => {
+                    ["with 95\\,\\% confidence intervals of the free parameters. The trials are synthetic"]
+                        .map(says)
+                        .into()
+                }
                 "csv" => {
                     let table = std::str::from_utf8(bytes).expect("text");
                     let (head, rows) = table.split_once('\n').expect("a head");
@@ -669,14 +702,14 @@ fn every_page_and_every_file_of_a_figure_says_that_its_trials_are_synthetic() {
         let marks = page.matches("<p class=\"origin\">Synthetic trials</p>").count();
         let sheets = if is_synthetic { page.matches(SHEET).count() } else { 0 };
         assert_eq!(marks, sheets, "figures that are lifted out of the page");
-        // What is printed of the figure is as high as before, and the line is below it.
+        // The printed height of the figure is unchanged; the notice is added below the figure.
         let svg = std::str::from_utf8(&files["fig16.svg"]).expect("text");
         assert_eq!(svg.contains(SAID), is_synthetic);
     }
 }
 
 #[test]
-fn of_several_folders_those_with_synthetic_trials_are_named() {
+fn the_folders_with_synthetic_trials_are_named() {
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
     for row in &mut tables.trials {
@@ -693,7 +726,7 @@ fn of_several_folders_those_with_synthetic_trials_are_named() {
     std::fs::write(folder.path().join("computed/truth.json"), made_up::truth()).expect("writes");
     let reported = report(&config).expect("reports");
     let page = read(&reported.page);
-    assert!(page.contains("Some of these trials are synthetic: those of computed."), "{page}");
+    assert!(page.contains("Some of these trials are synthetic: the trials of computed."), "{page}");
     let says = |stem: &str| {
         read(&folder.path().join(format!("reports/figures/{stem}.svg")))
             .contains("Synthetic trials")
@@ -708,7 +741,7 @@ fn of_several_folders_those_with_synthetic_trials_are_named() {
 }
 
 #[test]
-fn a_failed_trial_is_said_first_with_its_cause_and_its_page() {
+fn a_failed_trial_is_shown_first_with_its_cause_and_its_page() {
     let folder = temporary();
     let cause = "kinematic-skewed-3.00-r2.csv, line 6: found `abc`, needed a number";
     let mut tables = made_up::with_trouble(MadeUp::of_the_paper(), cause);
@@ -723,7 +756,7 @@ fn a_failed_trial_is_said_first_with_its_cause_and_its_page() {
         &format!("1 of {total} trials failed: no results"),
         "<li><a href=\"trials&#x2f;kinematic-skewed-3.00-r2.html\">kinematic-skewed-3.00-r2</a>: \
          kinematic-skewed-3.00-r2.csv, line 6: found `abc`, needed a number</li>",
-        &format!("1 of {total} trials flagged: look at their results"),
+        &format!("1 of {total} trials flagged: check their results"),
         "residual 0.62 mm, limit 0.5 mm</li>",
     ] {
         assert!(said.replace("trials/", "trials&#x2f;").contains(text), "{text}: {said}");
@@ -732,7 +765,7 @@ fn a_failed_trial_is_said_first_with_its_cause_and_its_page() {
     assert!(failed < flagged);
     assert!(!said.contains(" more</a>"), "{said}");
 
-    // Of many so many are named, and how many there are.
+    // If many trials failed, only the first are listed, with the total number.
     let failed = tables.trials.iter().find(|row| row.status == TrialStatus::Failed);
     let failed = failed.expect("one failed").clone();
     tables.trials.extend(
@@ -752,7 +785,7 @@ fn a_failed_trial_is_said_first_with_its_cause_and_its_page() {
 }
 
 #[test]
-fn what_figures_and_the_replay_draw_has_its_colours_without_a_style() {
+fn figures_and_replays_keep_their_colours_without_inline_styles() {
     let files = files(&standard().0.path().join("reports"));
     let page = std::str::from_utf8(&files["index.html"]).expect("text");
     let drawings = page.matches("<svg class=").count();
@@ -768,7 +801,7 @@ fn what_figures_and_the_replay_draw_has_its_colours_without_a_style() {
     }
 }
 
-/// Writes a report to look at into the folder that the variable names.
+/// Writes a report for visual inspection into the folder that an environment variable gives.
 #[test]
 #[ignore = "for the eye: TRILINK_LOOK=folder cargo test -p trilink-report --lib to_look_at -- --ignored"]
 fn a_report_to_look_at() {
@@ -781,7 +814,7 @@ fn a_report_to_look_at() {
 }
 
 #[test]
-fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
+fn figures_name_the_gait_input_and_show_inadequate_models_and_scatter() {
     let mut tables = MadeUp::of_the_paper();
     for fit in &mut tables.fits {
         fit.gait_input = trilink_tables::config::GaitInput::Commanded;
@@ -803,9 +836,9 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
         figures.next().unwrap_or_else(|| panic!("{stem}"))
     };
     let fig16 = figure("fig16");
-    assert!(fig16.caption.contains("under the measured gait,"), "{}", fig16.caption);
-    assert!(figure("fig17").caption.contains("under the commanded gait,"));
-    let of_both = "commanded gait of some campaigns and the measured one of others";
+    assert!(fig16.caption.contains("under the measured gait;"), "{}", fig16.caption);
+    assert!(figure("fig17").caption.contains("under the commanded gait;"));
+    let of_both = "commanded gait of some campaigns and the measured gait of others";
     assert!(figure("fig19").caption.contains(of_both));
     let names: Vec<&str> = fig16.panels[0].layers.iter().map(|layer| &*layer.name).collect();
     assert!(names.contains(&"skid-roll (does not fit)") && names.contains(&"skid"), "{names:?}");
@@ -823,7 +856,8 @@ fn figures_say_what_drives_a_model_that_does_not_fit_and_what_scatter_gives() {
 #[test]
 fn figures_of_several_campaigns_show_the_preferred_model_of_each() {
     let folder = temporary();
-    let (mut tables, derived) = (MadeUp::of_the_paper(), folder.path().join("derived"));
+    let mut tables = MadeUp::of_the_paper();
+    let derived = folder.path().join("derived");
     for fit in tables.fits.iter_mut().filter(|fit| fit.model == Model::SKID) {
         fit.adequate = Some(true);
     }
@@ -833,11 +867,13 @@ fn figures_of_several_campaigns_show_the_preferred_model_of_each() {
     let path = derived.join("comparison.parquet");
     let rows: Vec<ComparisonRow> = Reader::default().rows(&path).expect("rows");
     let lines = |preferred: [(&str, Model); 2]| {
-        let row = |row: &ComparisonRow| ComparisonRow {
-            preferred: preferred.contains(&(row.campaign.as_str(), row.model)),
-            ..row.clone()
-        };
-        let rows: Vec<ComparisonRow> = rows.iter().map(row).collect();
+        let rows: Vec<ComparisonRow> = rows
+            .iter()
+            .map(|row| ComparisonRow {
+                preferred: preferred.contains(&(row.campaign.as_str(), row.model)),
+                ..row.clone()
+            })
+            .collect();
         let made = trilink_tables::Provenance { input: "made up".to_owned() };
         ComparisonRow::to_table(&rows).write(&path, &made).expect("writes");
         let input = ReportInput::new(&config, BTreeSet::new());
@@ -852,8 +888,8 @@ fn figures_of_several_campaigns_show_the_preferred_model_of_each() {
         lines([(SKEWED, Model::SKID), (made_up::SYMMETRIC, Model::SKID_ROLL)]),
         ["kinematic-skewed, skid", "kinematic-symmetric, skid-roll"]
     );
-    // Without skid there is no skid ratio: of the others the next in the comparison's order, and of
-    // those that fit skid-roll has the lowest criterion.
+    // If the preferred model has no skid, it predicts no skid ratios, and the best-ranked model with skid is shown
+    // instead; among the adequate models, skid-roll has the lowest criterion.
     assert_eq!(
         lines([(SKEWED, Model::NO_SKID), (made_up::SYMMETRIC, Model::SKID)]),
         ["kinematic-skewed, skid-roll", "kinematic-symmetric, skid"]
@@ -861,18 +897,21 @@ fn figures_of_several_campaigns_show_the_preferred_model_of_each() {
 }
 
 #[test]
-fn flagged_trials_have_another_look_and_what_a_model_misses_below_has_its_sign() {
+fn flagged_trials_have_a_distinct_style_and_residuals_keep_their_sign() {
     let mut tables = MadeUp::of_the_paper();
-    let is_skewed = |row: &&mut TrialRow| row.campaign == SKEWED;
-    let trial = tables.trials.iter_mut().find(is_skewed).expect("a trial");
+    let trial = tables.trials.iter_mut().find(|row| row.campaign == SKEWED).expect("a trial");
     trial.status = TrialStatus::Flagged;
     trial.sigma_debiased[1] = trilink_statistics::Estimate::new(0.0123, 0.0011);
-    let (flagged, omega_rad_s) = (trial.trial.clone(), trial.omega_rad_s);
-    let of_trial = |row: &&mut trilink_tables::PredictionRow| {
-        (row.campaign.as_str(), row.model) == (SKEWED, Model::SKID)
-            && (row.omega_rad_s - omega_rad_s).abs() < 0.01
-    };
-    tables.predictions.iter_mut().filter(of_trial).for_each(|row| row.metrics.d_m *= -3.0);
+    let flagged = trial.trial.clone();
+    let omega_rad_s = trial.omega_rad_s;
+    tables
+        .predictions
+        .iter_mut()
+        .filter(|row| {
+            (row.campaign.as_str(), row.model) == (SKEWED, Model::SKID)
+                && (row.omega_rad_s - omega_rad_s).abs() < 0.01
+        })
+        .for_each(|row| row.metrics.d_m *= -3.0);
     let folder = temporary();
     tables.write(&folder.path().join("derived"));
     let mut config = config(folder.path());
@@ -899,11 +938,11 @@ fn flagged_trials_have_another_look_and_what_a_model_misses_below_has_its_sign()
     assert_eq!((of("measured").trials.len(), of("flagged").trials.len()), (11, 1));
     let page = read(&report(&config).expect("reports").page);
     assert!(page.contains("<td class=\"n\">0.0123 ± 0.0011</td>"));
-    assert!(page.contains("without what the markers' noise makes of it"));
+    assert!(page.contains("corrected for marker noise"));
 }
 
 #[test]
-fn known_numbers_are_drawn_as_ever() {
+fn figures_from_known_data_are_unchanged() {
     let folder = temporary();
     reported_in_short(&MadeUp::of_the_paper(), folder.path());
     let files = files(&folder.path().join("reports"));

@@ -1,8 +1,8 @@
-//! Names of figures.
+//! Names of all figures of the paper's campaigns.
 
 use super::*;
 
-/// Figures that the paper did not print, as its campaigns have them.
+/// Names of the figures that show the paper's campaigns but do not correspond to a figure in the paper.
 const OTHERS: [&str; 21] = [
     "kinematic-skewed-simulated",
     "kinematic-skewed-wheels",
@@ -27,7 +27,7 @@ const OTHERS: [&str; 21] = [
     "work",
 ];
 
-/// Names of all figures of the paper's campaigns.
+/// Returns the file stems of all figures that show the paper's campaigns.
 pub(crate) fn all_stems() -> BTreeSet<String> {
     let printed = (3..=20).filter(|nth| *nth != 7).map(|nth| format!("fig{nth:02}"));
     printed.chain(OTHERS.map(str::to_owned)).collect()

@@ -1,4 +1,4 @@
-//! Figures at a size of print.
+//! Tests of figures and tables intended for print.
 
 use std::io::Read;
 
@@ -7,7 +7,7 @@ use trilink_robot::{Parameter, Quantity};
 
 use super::*;
 
-/// A figure's files with these keys of `[report]`.
+/// Returns the SVG, PNG and PDF files of a figure drawn with the given settings in `[report]`.
 fn printed(width_mm: FigureWidth, font_pt: f64, stem: &str) -> [Vec<u8>; 3] {
     let folder = temporary();
     MadeUp::of_the_paper().write(&folder.path().join("derived"));
@@ -26,7 +26,7 @@ fn printed(width_mm: FigureWidth, font_pt: f64, stem: &str) -> [Vec<u8>; 3] {
         .map(|kind| std::fs::read(figures.join(format!("{stem}.{kind}"))).expect("a file"))
 }
 
-/// What is packed in a PDF, after each other.
+/// Returns the concatenated decompressed streams of a PDF.
 fn unpacked(pdf: &[u8]) -> String {
     let mut text = String::new();
     for (at, _) in pdf.windows(7).enumerate().filter(|(_, of)| of == b"stream\n") {
@@ -44,17 +44,17 @@ fn number_after(text: &str, before: &str) -> f64 {
     rest[..end].parse().expect("a number")
 }
 
-/// Width and size of text of a figure's SVG, mm and points.
+/// Returns the width (mm) and the font size (pt) in an SVG figure.
 fn size_of_svg(svg: &str) -> [f64; 2] {
-    let (width_px, drawn_px) =
-        (number_after(svg, " width=\""), number_after(svg, "viewBox=\"0 0 "));
-    // In panels ten units are a pixel.
+    let width_px = number_after(svg, " width=\"");
+    let drawn_px = number_after(svg, "viewBox=\"0 0 ");
+    // Ten user units in a panel equal one pixel.
     let text_px = 0.1 * number_after(svg, "font-size=\"") * width_px / drawn_px;
     [width_px / 96.0 * 25.4, 0.75 * text_px]
 }
 
 #[test]
-fn figures_come_out_at_the_width_with_text_of_the_size_that_are_asked_for() {
+fn figures_have_the_configured_width_and_font_size() {
     for (stem, width_mm, font_pt) in
         [("fig16", 88.9, 8.0), ("fig09", 88.9, 8.0), ("kinematic-skewed-sigma", 180.0, 7.0)]
     {
@@ -65,7 +65,8 @@ fn figures_come_out_at_the_width_with_text_of_the_size_that_are_asked_for() {
 
         let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().expect("four"));
         let physical = png.windows(4).position(|chunk| chunk == b"pHYs").expect("a resolution");
-        let (pixels, per_metre) = (f64::from(number(16)), f64::from(number(physical + 4)));
+        let pixels = f64::from(number(16));
+        let per_metre = f64::from(number(physical + 4));
         assert!((1e3 * pixels / per_metre - width_mm).abs() < 0.1, "{pixels} {per_metre}");
         assert_eq!((per_metre * 0.0254).round(), 600.0);
 
@@ -77,20 +78,20 @@ fn figures_come_out_at_the_width_with_text_of_the_size_that_are_asked_for() {
 }
 
 #[test]
-fn what_is_not_asked_for_leaves_figures_as_they_are() {
+fn default_settings_leave_figures_unchanged() {
     let [svg, png, pdf] = printed(FigureWidth::Auto, 9.0, "fig16");
     let found = size_of_svg(std::str::from_utf8(&svg).expect("text"));
     assert_eq!(found.map(|size| (10.0 * size).round()), [1217.0, 90.0]);
     assert_eq!(u32::from_be_bytes(png[16..20].try_into().expect("four")), 1380);
     assert_eq!(number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 "), 345.0);
-    // Text of another size in a figure of the same proportions.
+    // The font size changes, but the proportions of the figure do not.
     let [larger, ..] = printed(FigureWidth::Auto, 18.0, "fig16");
     let larger = size_of_svg(std::str::from_utf8(&larger).expect("text"));
     assert_eq!(larger.map(|size| (10.0 * size).round()), [2434.0, 180.0]);
 }
 
 #[test]
-fn a_pdf_has_its_text_as_text_in_its_own_font_and_no_date() {
+fn pdf_figures_embed_their_font_and_text_but_no_date() {
     let [svg, _, pdf] = printed(FigureWidth::Auto, 9.0, "fig16");
     let plain = String::from_utf8_lossy(&pdf);
     for part in ["/FontFile2", "/ToUnicode", "/Title", "+Roboto-Regular"] {
@@ -99,8 +100,9 @@ fn a_pdf_has_its_text_as_text_in_its_own_font_and_no_date() {
     for part in ["Date", "/Image", "/ID"] {
         assert!(!plain.contains(part), "{part}");
     }
-    // Every character of the drawing has its glyph, which the PDF says to mean it.
-    let (svg, content) = (String::from_utf8(svg).expect("text"), unpacked(&pdf));
+    // Every character in the drawing has a glyph, which the PDF maps back to the character.
+    let svg = String::from_utf8(svg).expect("text");
+    let content = unpacked(&pdf);
     let parts = svg.split("<text ").skip(1).filter_map(|part| part.split(['>', '<']).nth(1));
     let texts = parts.collect::<String>().replace("&#x2f;", "/");
     let shown = texts.chars().count();
@@ -113,7 +115,7 @@ fn a_pdf_has_its_text_as_text_in_its_own_font_and_no_date() {
 }
 
 #[test]
-fn every_figure_has_room_at_the_narrowest_width_that_may_be_asked_for() {
+fn every_figure_fits_the_minimum_width() {
     let folder = temporary();
     MadeUp::of_the_paper().write(&folder.path().join("derived"));
     let mut config = config(folder.path());
@@ -122,7 +124,7 @@ fn every_figure_has_room_at_the_narrowest_width_that_may_be_asked_for() {
     assert!(figures.iter().any(|figure| figure == "fig10"), "{figures:?}");
 }
 
-/// What LaTeX makes of a document, where there is LaTeX.
+/// Compiles the tables in a LaTeX document, if LaTeX is installed.
 fn compile(tables: &str) {
     let folder = temporary();
     let document =
@@ -137,7 +139,7 @@ fn compile(tables: &str) {
 }
 
 #[test]
-fn every_campaign_s_coefficients_are_a_table_for_latex() {
+fn coefficients_of_every_campaign_form_a_latex_table() {
     const HOSTILE: &str = "50 % of $x_1$ & \\input{secret} #1~^{}\u{202e}\n";
     let folder = temporary();
     let mut tables = MadeUp::of_the_paper();
@@ -168,7 +170,7 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
         let separators = |row: &str| row.replace("\\&", "").matches('&').count();
         assert!(rows.clone().count() > 6, "{table}");
         rows.clone().for_each(|row| assert_eq!(separators(row), fits, "{row}"));
-        // Every letter has its note, and what there is no number of has a letter.
+        // Every letter has a note, and every cell without a value has a letter.
         let marks = cells.split("\\textsuperscript{").skip(1).filter_map(|of| of.split('}').next());
         for letter in marks.flat_map(|letters| letters.split(',')) {
             assert!(
@@ -185,10 +187,10 @@ fn every_campaign_s_coefficients_are_a_table_for_latex() {
         "{text}"
     );
     assert!(
-        text.contains("No interval: Neither replicates nor profiles were asked for."),
+        text.contains("No interval: Neither replicates nor profiles were requested."),
         "{text}"
     );
-    let of = Quantity::Skid.of(0);
+    let of = Quantity::Skid.parameter(0);
     let [value, up, down] = [
         skid.parameters[of],
         skid.upper[of] - skid.parameters[of],

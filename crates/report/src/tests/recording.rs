@@ -1,4 +1,4 @@
-//! Made-up tables of one trial's poses, wheels and cycles.
+//! Synthetic tables with the poses, wheel velocities and cycles of a trial.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -11,8 +11,8 @@ use trilink_tables::{
 const RATE_HZ: f64 = 120.0;
 const CYCLES: usize = 8;
 
-/// Poses, wheels and cycles of a trial that goes straight on as fast as its row says; the first
-/// two cycles are not used, and link 1 is missing for a while.
+/// Writes the poses, wheel velocities and cycles of a trial in which the robot moves straight ahead at the speed given
+/// in `trial`. The first two cycles are not used, and link 1 is missing in some frames.
 pub(crate) fn write(derived: &Path, trial: &TrialRow) {
     let period_s = TAU / trial.omega_rad_s;
     let frames = ((CYCLES as f64 * period_s * RATE_HZ) as usize).min(20_000);
@@ -20,12 +20,14 @@ pub(crate) fn write(derived: &Path, trial: &TrialRow) {
     let along = |i: usize| trial.metrics.v_m_s * i as f64 / RATE_HZ;
     let name = trial.trial.as_str();
     let fill = |link: usize| {
-        let of = |i: usize| match (link, i) {
-            (1, 300..340) => "missing",
-            (_, i) if i % 17 == link => "rigid",
-            _ => "measured",
-        };
-        texts(&format!("fill{link}"), (0..frames).map(of))
+        texts(
+            &format!("fill{link}"),
+            (0..frames).map(|i| match (link, i) {
+                (1, 300..340) => "missing",
+                (_, i) if i % 17 == link => "rigid",
+                _ => "measured",
+            }),
+        )
     };
     let during = |name: String, labels: &'static str, some: std::ops::Range<usize>| {
         texts(&name, (0..frames).map(|i| if some.contains(&i) { labels } else { "" }))
@@ -60,20 +62,22 @@ pub(crate) fn write(derived: &Path, trial: &TrialRow) {
     ]);
     save(&poses, &poses_path(derived, name));
     save(&wheels(frames, &|i| 0.03 * phase(i).sin()), &wheels_path(derived, name));
-    let cycle = |i: usize| CycleRow {
-        trial: name.to_owned(),
-        cycle: i as i64,
-        start_s: i as f64 * period_s,
-        metrics: trial.metrics,
-        used: i >= 2,
-        reason: if i < 2 { "one of the first 2, taken for transient" } else { "" }.to_owned(),
-        ..CycleRow::blank()
-    };
-    let cycles: Vec<CycleRow> = (0..CYCLES).map(cycle).collect();
+    let cycles: Vec<CycleRow> = (0..CYCLES)
+        .map(|i| CycleRow {
+            trial: name.to_owned(),
+            cycle: i as i64,
+            start_s: i as f64 * period_s,
+            metrics: trial.metrics,
+            used: i >= 2,
+            reason: if i < 2 { "one of the first 2, taken for transient" } else { "" }.to_owned(),
+            ..CycleRow::blank()
+        })
+        .collect();
     save(&CycleRow::to_table(&cycles), &cycles_path(derived, name));
 }
 
-/// Poses and wheels of a joint that swings with 10.4 rad/s and a damping ratio of 0.19.
+/// Writes the poses and wheel velocities of a released joint that oscillates with a natural frequency of 10.4 rad/s and
+/// a damping ratio of 0.19.
 pub(crate) fn write_release(derived: &Path, trial: &str) {
     let frames = 480;
     let swing = |i: usize| {

@@ -1,4 +1,4 @@
-//! The replay on the pages of trials: whole numbers that are the poses, and what is drawn of them.
+//! Tests of the replay on trial pages: poses as integers, and the drawing.
 
 use serde_json::Value;
 use trilink_mechanics::Pose;
@@ -6,7 +6,7 @@ use trilink_tables::{Table, poses_path, wheels_path};
 
 use super::{Path, SKEWED, read, standard};
 
-/// What a page's script is given.
+/// Returns the JSON data that the script on a page reads.
 fn numbers(page: &str) -> Value {
     let start = "<script type=\"application/json\">";
     let from = page.find(start).expect("a replay") + start.len();
@@ -14,15 +14,16 @@ fn numbers(page: &str) -> Value {
     serde_json::from_str(data).expect("JSON")
 }
 
-/// Whole numbers from their differences.
+/// Returns the integers whose successive differences are given.
 fn sums(differences: &Value) -> Vec<Option<i64>> {
     let mut sum = 0;
     let differences = differences.as_array().expect("an array").iter();
-    let add = |step: &Value| {
-        sum += step.as_i64()?;
-        Some(sum)
-    };
-    differences.map(add).collect()
+    differences
+        .map(|step| {
+            sum += step.as_i64()?;
+            Some(sum)
+        })
+        .collect()
 }
 
 fn trial_page(trial: &str) -> (std::path::PathBuf, String) {
@@ -31,21 +32,25 @@ fn trial_page(trial: &str) -> (std::path::PathBuf, String) {
     (folder.join("derived"), page)
 }
 
-/// Of a table, what is farthest from the whole numbers; both are missing in the same frames.
+/// Returns the largest deviation (in the table's units) of the integers in a replay, given in `whole` by column name,
+/// from every `stride`-th row of a table, over the frames in which both are known.
 fn farthest(derived: &Path, table: &str, stride: usize, whole: &[(&str, Vec<Option<i64>>)]) -> f64 {
     let table = Table::read(&derived.join(table)).expect("a table");
-    let of_column = |(name, whole): &(&str, Vec<Option<i64>>)| {
-        let values = table.values::<f64>(name).expect("numbers");
-        let shown: Vec<f64> = values.into_iter().step_by(stride).collect();
-        assert_eq!(shown.len(), whole.len(), "{name}");
-        let both = shown.iter().zip(whole).filter_map(|(value, whole)| Some((value, (*whole)?)));
-        both.map(|(value, whole)| (value - 1e-4 * whole as f64).abs()).fold(0.0, f64::max)
-    };
-    whole.iter().map(of_column).fold(0.0, f64::max)
+    whole
+        .iter()
+        .map(|(name, whole)| {
+            let values = table.values::<f64>(name).expect("numbers");
+            let shown: Vec<f64> = values.into_iter().step_by(stride).collect();
+            assert_eq!(shown.len(), whole.len(), "{name}");
+            let both =
+                shown.iter().zip(whole).filter_map(|(value, whole)| Some((value, (*whole)?)));
+            both.map(|(value, whole)| (value - 1e-4 * whole as f64).abs()).fold(0.0, f64::max)
+        })
+        .fold(0.0, f64::max)
 }
 
 #[test]
-fn the_frames_of_a_replay_are_the_poses_in_whole_numbers() {
+fn replay_frames_store_the_poses_as_integers() {
     let trial = format!("{SKEWED}-3.90-r1");
     let (derived, page) = trial_page(&trial);
     let data = numbers(&page);
@@ -53,9 +58,9 @@ fn the_frames_of_a_replay_are_the_poses_in_whole_numbers() {
     let frames = Table::read(&poses_path(&derived, &trial)).expect("poses").frame.height();
     let stride = frames.div_ceil(300);
     assert!(stride > 1 && time.len() <= 300 && time.len() == frames.div_ceil(stride));
-    assert!(
-        page.contains(&format!("one of {stride} frames: positions to 0.1 mm, angles to 0.1 mrad"))
-    );
+    assert!(page.contains(&format!(
+        "one of every {stride} frames, with positions to 0.1 mm and angles to 0.1 mrad"
+    )));
     let measured = &data["motions"][0];
     let own = [
         ("time_s", time),
@@ -65,7 +70,7 @@ fn the_frames_of_a_replay_are_the_poses_in_whole_numbers() {
         ("phi1_rad", sums(&measured["phi"][0])),
         ("phi2_rad", sums(&measured["phi"][1])),
     ];
-    // The made-up robot is not seen in frames 300 to 340.
+    // The synthetic robot has no pose in frames 300 to 339.
     let unseen = own[1].1.iter().filter(|x| x.is_none()).count();
     assert_eq!(unseen, (300..340).filter(|i| i % stride == 0).count());
     let off = farthest(&derived, &format!("poses/{trial}.parquet"), stride, &own);
@@ -83,7 +88,7 @@ fn the_frames_of_a_replay_are_the_poses_in_whole_numbers() {
 }
 
 #[test]
-fn a_replay_has_few_frames_however_long_the_trial_and_every_kind_of_trial_one() {
+fn every_kind_of_trial_has_a_replay_with_limited_frame_count() {
     let (folder, _) = standard();
     let mut pages = 0;
     for entry in std::fs::read_dir(folder.path().join("reports/trials")).expect("a folder") {
@@ -99,14 +104,18 @@ fn a_replay_has_few_frames_however_long_the_trial_and_every_kind_of_trial_one() 
 }
 
 #[test]
-fn the_prediction_starts_where_the_first_cycle_in_use_does() {
+fn prediction_starts_at_the_start_of_the_first_used_cycle() {
     let trial = format!("{SKEWED}-3.90-r1");
     let (_, page) = trial_page(&trial);
     let data = numbers(&page);
     let [measured, predicted] = [0, 1].map(|motion| &data["motions"][motion]);
     assert_eq!(predicted["name"], "skid-roll");
-    assert!(page.contains("Dashed: skid-roll as fitted to the campaign, with the measured gait"));
-    assert!(page.contains("where cycle 2 begins, the first in use; at the end it is "));
+    assert!(page.contains(
+        "Dashed: steady motion of skid-roll as fitted to the campaign, with the measured gait"
+    ));
+    assert!(
+        page.contains("at the start of cycle 2, the first used cycle; at the end of the recording, the prediction deviates by ")
+    );
     let [number, start_s, period_s] =
         [0, 1, 2].map(|i| data["cycles"][i].as_f64().expect("a number"));
     let start_s = start_s + (2.0 - number) * period_s;
@@ -114,7 +123,7 @@ fn the_prediction_starts_where_the_first_cycle_in_use_does() {
     let first = sums(&predicted["x"]).iter().position(Option::is_some).expect("a pose");
     let at_s = |frame: usize| 1e-4 * time[frame].expect("a time") as f64;
     assert!(at_s(first) >= start_s - 1e-4 && at_s(first - 1) < start_s);
-    // Nothing moves faster than some metres a second.
+    // The robot moves more slowly than a few metres per second.
     for axis in ["x", "y", "theta"] {
         let [a, b] = [measured, predicted].map(|of| sums(&of[axis])[first].expect("a pose") as f64);
         let most = 0.1 + 3.0 * 1e4 * (at_s(first) - start_s);
@@ -124,21 +133,22 @@ fn the_prediction_starts_where_the_first_cycle_in_use_does() {
 }
 
 #[test]
-fn arrows_are_as_long_as_their_scale_says() {
+fn arrow_lengths_agree_with_the_stated_scale() {
     let (_, page) = trial_page(&format!("{SKEWED}-3.90-r1"));
     let data = numbers(&page);
     let skid = &data["quantities"][0];
-    // Both lengths and velocities are in tenths of mm and of mm/s.
+    // Arrow lengths are stored in units of 0.1 mm and velocities in units of 0.1 mm/s.
     let per_mm = 1.0 / skid["arrow"].as_f64().expect("a scale");
     let per_mm_text = trilink_base::numbers::as_configured(per_mm);
     let text = format!("</span> mm&#x2f;s: 1 mm for {per_mm_text} mm&#x2f;s</li>");
     assert!(page.contains(&text), "{text}");
     let largest = skid["values"].as_array().expect("wheels").iter().flat_map(sums).flatten();
     let longest = largest.map(|value| value.unsigned_abs()).max().expect("a value") as f64 / per_mm;
-    let robot = data["half"].as_f64().expect("h") + data["side"].as_f64().expect("l");
+    let robot = data["half"][0].as_f64().expect("h") + data["side"][0].as_f64().expect("l");
     assert!(longest > 0.3 * robot && longest < robot, "{longest}");
     assert_eq!((&skid["across"], &skid["unit"]), (&true.into(), &"mm/s".into()));
-    // The average is not whole at the ends of the recording: no velocity, and none to draw in the first frame.
+    // The moving average is incomplete at the ends of the recording, so the first frame has no velocities and no
+    // arrows.
     for values in skid["values"].as_array().expect("wheels") {
         let values = values.as_array().expect("a wheel");
         let known = values.iter().filter(|value| !value.is_null()).count();
@@ -149,29 +159,33 @@ fn arrows_are_as_long_as_their_scale_says() {
 }
 
 #[test]
-fn markers_that_were_missing_or_corrected_are_marked_in_their_frames() {
+fn missing_and_corrected_markers_are_shown_in_the_affected_frames() {
     let trial = format!("{SKEWED}-3.90-r1");
     let (derived, page) = trial_page(&trial);
     let data = numbers(&page);
     let frames = Table::read(&poses_path(&derived, &trial)).expect("poses").frame.height();
     let stride = frames.div_ceil(300);
-    let label = |mark: &Value| {
-        let marker = &data["markers"][mark[2].as_u64().expect("a marker") as usize];
-        format!("{} {}", marker[2].as_str().expect("a label"), mark[3])
-    };
     let marks = data["marks"].as_array().expect("marks");
-    let names: Vec<String> = marks.iter().map(label).collect();
+    let names: Vec<String> = marks
+        .iter()
+        .map(|mark| {
+            let marker = &data["markers"][mark[2].as_u64().expect("a marker") as usize];
+            format!("{} {}", marker[2].as_str().expect("a label"), mark[3])
+        })
+        .collect();
     assert_eq!(names, ["F1 0", "F2 0", "F3 0", "R2 0", "R1 1", "R3 1"]);
-    let (first, last) = (&marks[0], &marks[5]);
+    let first = &marks[0];
+    let last = &marks[5];
     assert_eq!((&first[0], &first[1]), (&(300 / stride).into(), &(339 / stride).into()));
     assert_eq!((&last[0], &last[1]), (&(600 / stride).into(), &(659 / stride).into()));
     assert!(page.contains("marker missing") && page.contains("marker corrected"));
 }
 
 #[test]
-fn a_repeated_cycle_goes_on_from_its_start_and_is_not_known_before() {
+fn a_repeated_cycle_begins_at_its_start_and_is_unknown_before() {
     use trilink_mechanics::{FIT_ACCURACY, Laws, Problem, Solver};
-    let (robot, gait) = (trilink_robot::Robot::kinematic(), trilink_robot::Gait::skewed());
+    let robot = trilink_robot::Robot::kinematic();
+    let gait = trilink_robot::Gait::skewed();
     let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
     let mut solver = Solver::default();
     solver.solve(&problem, FIT_ACCURACY).expect("a motion");

@@ -1,4 +1,4 @@
-//! What a configuration must satisfy beyond being well-formed.
+//! Validation of a configuration after it has been parsed.
 
 use std::collections::BTreeMap;
 use std::fmt::{Debug, Display};
@@ -15,9 +15,10 @@ use super::{
     SharedFits, did_you_mean, nearest,
 };
 
-/// The least and the most that every number may be, by its key, in which `*` stands for any
-/// characters. More starts or replicates find nothing new and may not fit into memory.
-const RANGES: [(&str, f64, f64); 28] = [
+/// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
+/// characters; the first matching key applies. More starts or bootstrap replicates than permitted would find nothing
+/// new and might not fit into memory.
+const RANGES: [(&str, f64, f64); 29] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -26,6 +27,7 @@ const RANGES: [(&str, f64, f64); 28] = [
     ("fit.*_bounds_*", 1e-6, 1e6),
     ("fit.starts", 1.0, 1e4),
     ("fit.bootstrap", 0.0, 1e5),
+    ("fit.day_sd", 0.0, 1.0),
     ("fit.seed", 0.0, 9e18),
     ("report.trial_pages", 0.0, 2e4),
     ("report.width_mm", 20.0, 1000.0),
@@ -47,8 +49,8 @@ const RANGES: [(&str, f64, f64); 28] = [
     ("campaign.*.weights.*", 0.0, 1e6),
     ("markers.*", -1e4, 1e4),
 ];
-/// Units of numbers by the end of their keys, what is written for them by mistake, and how many of
-/// the unit one of that is.
+/// Units of configured values: suffix of the key, unit, unit often used by mistake, and factor from the
+/// mistaken unit to the right one.
 const UNITS: [(&str, &str, &str, f64); 6] = [
     ("_m", "metres", "millimetres", 1e-3),
     ("_mm", "millimetres", "micrometres", 1e-3),
@@ -57,81 +59,68 @@ const UNITS: [(&str, &str, &str, f64); 6] = [
     ("_hz", "Hz", "kHz", 1e3),
     ("gap_s", "seconds", "milliseconds", 1e-3),
 ];
-/// The least and the most that a link's radius of gyration may be, in its lengths (h or l).
+/// Permitted range of a link's radius of gyration, relative to the link's length (h or l).
 const GYRATION: RangeInclusive<f64> = 0.05..=3.0;
-/// What it mostly is.
+/// Typical radius of gyration of a link, relative to the link's length.
 const USUAL_GYRATION: f64 = 0.5;
-/// Units that moments of inertia are written in by mistake, and how many kg m^2 one of them is.
+/// Units often used by mistake for moments of inertia, with their conversion factors to kg m^2.
 const INERTIA_UNITS: [(&str, f64); 5] =
     [("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g cm^2", 1e-7), ("g mm^2", 1e-9)];
-/// What names of robots, gaits, models and campaigns are: they name files, and stand in messages.
-const NAME: &str = "1 to 64 characters, none of them `/`, `\\` or one that cannot be seen";
-/// Markers of a link, at most: a set of them is the bits of a number.
-const MOST_MARKERS: usize = u64::BITS as usize;
-/// Least distance between two markers of a link, mm: nearer ones give no heading.
-const LEAST_SPREAD_MM: f64 = 5.0;
-/// Least width of a figure for each point of its text's size, mm: narrower ones have no room for
-/// their labels.
+/// Required form of names of robots, gaits, models and campaigns, which occur in file names and messages.
+const NAME: &str = "1 to 64 visible characters without `/` and `\\`";
+/// Maximum number of markers on a link: a set of markers is stored as the bits of an integer.
+const MAX_MARKERS: usize = u64::BITS as usize;
+/// Minimum distance in the plane, mm, between the two markers of a link that are farthest apart; closer markers do not
+/// determine the link's heading.
+const MIN_SPREAD_MM: f64 = 5.0;
+/// Minimum width of a figure, mm per point of its font size; narrower figures have no room for their labels.
 const WIDTH_MM_PER_PT: f64 = 7.0;
 
-/// [`RANGES`], and those of the robots' quantities.
+/// Permitted ranges of all numbers, from [`RANGES`] and from the definitions of the robots' quantities: key,
+/// minimum and maximum.
 static ALL_RANGES: LazyLock<Vec<(String, f64, f64)>> = LazyLock::new(|| {
-    let of_robots = Quantity::ALL.into_iter().map(|quantity| {
-        let [least, most] = quantity.definition().range;
-        (format!("robot.*.{}", quantity.name()), least, most)
+    let quantities = Quantity::ALL.into_iter().map(|quantity| {
+        let [min, max] = quantity.definition().range;
+        (format!("robot.*.{}", quantity.name()), min, max)
     });
-    let others = RANGES.into_iter().map(|(key, least, most)| (key.to_owned(), least, most));
-    others.chain(of_robots).collect()
+    let others = RANGES.into_iter().map(|(key, min, max)| (key.to_owned(), min, max));
+    others.chain(quantities).collect()
 });
 
 impl Config {
-    /// Checks every value; `path` is the file that errors name.
+    /// Checks every value in the configuration; `path` is the file named in errors.
     pub fn check(&self, path: &Path) -> Result<(), ConfigError> {
         let check = Checker { path };
-        let values = Value::try_from(self).expect("a configuration is plain data");
+        let values = Value::try_from(self).expect("a configuration can be serialised");
         check.numbers("", &values)?;
         let raw = &self.paths.raw;
         check.that(!raw.is_empty(), "paths.raw", raw, "at least one folder")?;
         let models: Vec<String> = self.model.keys().map(Model::to_string).collect();
-        let families = [
+        let tables = [
             ("robot", self.robot.keys().collect::<Vec<_>>()),
             ("gait", self.gait.keys().collect()),
             ("model", models.iter().collect()),
             ("campaign", self.campaign.keys().collect()),
         ];
-        for (family, name) in
-            families.iter().flat_map(|(f, names)| names.iter().map(move |n| (f, n)))
-        {
-            check.that(is_valid_name(name), family, name, NAME)?;
+        for (table, names) in tables {
+            for name in names {
+                check.that(is_valid_name(name), table, name, NAME)?;
+            }
         }
         for (name, model) in &self.model {
-            // Whether a joint is passive is the campaigns' to say.
+            // A gait with a passive joint allows all parameters; the actual gaits are checked with their
+            // campaigns.
             let key = format!("model.{name}.free");
             check.free(&key, *name, model, &model.free(), &Gait::passive_symmetric())?;
         }
-        let of_fit = |(key, value): (&String, &Value)| {
-            let bounds = value.as_array().filter(|_| key.contains("_bounds_"))?;
-            let [low, high] = [0, 1].map(|i| bounds[i].as_float().unwrap_or(f64::NAN));
-            Some((format!("fit.{key}"), [low, high]))
-        };
-        let of_fit = values["fit"].as_table().into_iter().flatten().filter_map(of_fit);
-        for (key, bounds) in of_fit.chain([
-            ("optimise.omega_rad_s".to_owned(), self.optimise.omega_rad_s),
-            ("optimise.amplitude_deg".to_owned(), self.optimise.amplitude_deg),
-        ]) {
-            check.that(
-                bounds[0] < bounds[1],
-                &key,
-                &bounds,
-                "a lower bound below the upper one",
-            )?;
-        }
+        self.check_bounds(&check, &values["fit"])?;
         let font_pt = self.report.font_pt;
-        let (found, least_mm) = (self.report.width_mm.mm(), WIDTH_MM_PER_PT * font_pt);
+        let found = self.report.width_mm.mm();
+        let min_mm = WIDTH_MM_PER_PT * font_pt;
         let needed = format!(
-            "at least {least_mm} mm, {WIDTH_MM_PER_PT} for each of font_pt's {font_pt} points"
+            "at least {min_mm} mm, which is {WIDTH_MM_PER_PT} mm per point of the font size (font_pt = {font_pt})"
         );
-        let has_room = found.is_none_or(|mm| mm >= least_mm);
+        let has_room = found.is_none_or(|mm| mm >= min_mm);
         check.that(has_room, "report.width_mm", &found.unwrap_or_default(), &needed)?;
         self.gait.iter().try_for_each(|(name, gait)| check.is_driven(name, gait))?;
         self.robot.iter().try_for_each(|(name, robot)| check.gyration(name, robot))?;
@@ -145,37 +134,56 @@ impl Config {
         self.check_markers(&check)
     }
 
-    /// Checks only the robot and the gait of a campaign, of a configuration that is sound without them.
+    /// Checks only the robot and the gait of a campaign; the rest of the configuration must be valid. `path`
+    /// is the file named in errors.
     pub fn check_setup(&self, path: &Path, campaign: &str) -> Result<(), ConfigError> {
         let check = Checker { path };
-        let found = check.entry(&self.campaign, &campaign.to_owned(), "campaign")?;
-        self.check_joints(&check, campaign, found)?;
-        let (robot, gait) = (&self.robot[&found.robot], &self.gait[&found.gait]);
-        let plain = "a configuration is plain data";
-        let values = Value::try_from(robot).expect(plain);
-        check.numbers(&format!("robot.{}", found.robot), &values)?;
-        check.numbers(&format!("gait.{}", found.gait), &Value::try_from(gait).expect(plain))?;
-        check.is_driven(&found.gait, gait)
+        let entry = check.entry(&self.campaign, &campaign.to_owned(), "campaign")?;
+        self.check_joints(&check, campaign, entry)?;
+        let robot = Value::try_from(&self.robot[&entry.robot]).expect("a robot can be serialised");
+        check.numbers(&format!("robot.{}", entry.robot), &robot)?;
+        let gait = &self.gait[&entry.gait];
+        let values = Value::try_from(gait).expect("a gait can be serialised");
+        check.numbers(&format!("gait.{}", entry.gait), &values)?;
+        check.is_driven(&entry.gait, gait)
     }
 
-    /// Checks that a campaign's robot has what its gait needs, which is the result.
+    /// Checks that each lower bound in `[fit]` and in `[optimise]` is below its upper bound; `fit` is the
+    /// content of `[fit]`.
+    fn check_bounds(&self, check: &Checker, fit: &Value) -> Result<(), ConfigError> {
+        let mut all = Vec::new();
+        for (key, value) in fit.as_table().into_iter().flatten() {
+            if let Some(bounds) = value.as_array().filter(|_| key.contains("_bounds_")) {
+                let bounds = [0, 1].map(|i| bounds[i].as_float().unwrap_or(f64::NAN));
+                all.push((format!("fit.{key}"), bounds));
+            }
+        }
+        all.push(("optimise.omega_rad_s".to_owned(), self.optimise.omega_rad_s));
+        all.push(("optimise.amplitude_deg".to_owned(), self.optimise.amplitude_deg));
+        for (key, bounds) in all {
+            let needed = "a lower bound below the upper one";
+            check.that(bounds[0] < bounds[1], &key, &bounds, needed)?;
+        }
+        Ok(())
+    }
+
+    /// Checks that a campaign's robot has the joint parameters that its gait needs, and returns the gait.
     fn check_joints(
         &self,
         check: &Checker,
         name: &str,
         Campaign { robot, gait, .. }: &Campaign,
     ) -> Result<Gait, ConfigError> {
-        let key = |field: &str| format!("campaign.{name}.{field}");
-        let spring = check.entry(&self.robot, robot, &key("robot"))?;
-        let commanded = check.entry(&self.gait, gait, &key("gait"))?.to_gait();
+        let config = check.entry(&self.robot, robot, &format!("campaign.{name}.robot"))?;
+        let commanded = check.entry(&self.gait, gait, &format!("campaign.{name}.gait"))?.to_gait();
         if commanded.passive_joint().is_some() {
             let needed = format!(
                 "stiffness_nm_rad and damping_nm_s_rad, because gait `{gait}` of campaign `{name}` leaves a joint passive",
             );
-            let is_given = |of| spring.get(of).is_some();
-            let is_there = is_given(Quantity::Stiffness) && is_given(Quantity::Damping);
+            let has_spring = config.get(Quantity::Stiffness).is_some()
+                && config.get(Quantity::Damping).is_some();
             let key = format!("robot.{robot}.stiffness_nm_rad");
-            check.that(is_there, &key, &"no passive joint", &needed)?;
+            check.that(has_spring, &key, &"no spring and damper", &needed)?;
         }
         Ok(commanded)
     }
@@ -193,8 +201,9 @@ impl Config {
         let repeated = (0..models.len()).find(|&i| models[..i].contains(&models[i]));
         let repeated = repeated.map(|i| models[i].name());
         check.that(repeated.is_none(), &key("models"), &repeated, "each model once")?;
-        let weighs = [weights.d, weights.v, weights.sigma, weights.alpha].iter().any(|w| *w > 0.0);
-        check.that(weighs, &key("weights"), weights, "at least one above 0")?;
+        let has_weight =
+            [weights.d, weights.v, weights.sigma, weights.alpha].iter().any(|w| *w > 0.0);
+        check.that(has_weight, &key("weights"), weights, "at least one weight above 0")?;
         for model in models {
             check.entry(&self.model, model, &key("models"))?;
             self.check_laws(check.path, robot, *model)?;
@@ -210,7 +219,8 @@ impl Config {
         Ok(())
     }
 
-    /// Checks that the campaigns of these robots have something to share; the campaigns are sound.
+    /// Checks, for each of `robots`, that it has at least two campaigns and that all of them list a common model with a
+    /// free parameter. The campaigns themselves must already have been checked.
     fn check_shared(&self, check: &Checker, robots: &[String]) -> Result<(), ConfigError> {
         let key = "fit.shared.robot";
         check.that(!robots.is_empty(), key, &"an empty list", "at least one robot")?;
@@ -220,29 +230,34 @@ impl Config {
             check.entry(&self.robot, robot, key)?;
             let (campaigns, models) = self.common(robot);
             let found = match &campaigns[..] {
-                [] => format!("{robot}, which no campaign has"),
-                all => format!("{robot} of the campaigns {all:?}"),
+                [] => format!("{robot}, which has no campaign"),
+                all => format!("{robot} with the campaigns {all:?}"),
             };
-            check.that(campaigns.len() > 1, key, &found, "a robot of at least two campaigns")?;
-            let needed = "a robot of which all campaigns list a model that has something free";
+            check.that(campaigns.len() > 1, key, &found, "a robot with at least two campaigns")?;
+            let needed = "a robot whose campaigns all list the same model with a free parameter";
             check.that(!models.is_empty(), key, &found, needed)?;
         }
         Ok(())
     }
 
-    /// Checks that a robot says what the laws of a model need; both are there.
+    /// Checks that a robot has the coefficients that a model's friction laws require. The robot and the model
+    /// must exist in the configuration. `path` is the file named in errors.
     pub fn check_laws(&self, path: &Path, robot: &str, model: Model) -> Result<(), ConfigError> {
-        let (has, laws) = (&self.robot[robot], self.model[&model].laws());
+        let laws = self.model[&model].laws();
         let Laws { skid, roll } = laws;
-        // What has a default without an effect.
-        let is_needed = |of: &Quantity| of.definition().is_resistance && laws.wheels_need(*of);
-        for quantity in Quantity::ALL.into_iter().filter(is_needed) {
+        for quantity in Quantity::ALL {
+            // By default a resistance is zero, which is not what a model with a law for that resistance
+            // means.
+            if !(quantity.definition().is_resistance && laws.is_used(quantity)) {
+                continue;
+            }
             let key = quantity.name();
             let needed = format!(
-                "{key}, which model `{model}` (skid = \"{skid}\", roll = \"{roll}\") has to know"
+                "{key}, which model `{model}` (skid = \"{skid}\", roll = \"{roll}\") requires"
             );
+            let is_given = self.robot[robot].get(quantity).is_some();
             let key = format!("robot.{robot}.{key}");
-            (Checker { path }).that(has.get(quantity).is_some(), &key, &"nothing", &needed)?;
+            (Checker { path }).that(is_given, &key, &"nothing", &needed)?;
         }
         Ok(())
     }
@@ -251,11 +266,11 @@ impl Config {
         let mut owners = BTreeMap::new();
         for (i, layout) in self.markers.links().into_iter().enumerate() {
             let key = format!("markers.link{i}");
-            let is_enough = (2..=MOST_MARKERS).contains(&layout.len());
-            check.that(is_enough, &key, &layout.len(), "2 to 64 markers")?;
+            let is_valid_count = (2..=MAX_MARKERS).contains(&layout.len());
+            check.that(is_valid_count, &key, &layout.len(), "2 to 64 markers")?;
             for label in layout.keys() {
                 let ignored = self.vicon.ignore.iter().find(|name| matches_label(name, label));
-                let needed = format!("patterns that do not name `{label}` of {key}");
+                let needed = format!("patterns that do not match `{label}` of {key}");
                 check.that(
                     ignored.is_none(),
                     "vicon.ignore",
@@ -265,25 +280,27 @@ impl Config {
                 let earlier = owners.insert(label, i);
                 check.that(earlier.is_none(), &key, label, "labels that no other link has")?;
             }
-            let is_apart = |(a, b): (&[f64; 3], &[f64; 3])| {
-                (a[0] - b[0]).hypot(a[1] - b[1]) >= LEAST_SPREAD_MM
-            };
             let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
-            let needed = "two markers at least 5 mm apart in the plane, in millimetres";
+            let has_distinct =
+                pairs.any(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) >= MIN_SPREAD_MM);
             let in_metres = layout.values().flatten().all(|x| x.abs() < 1.0);
+            let hint = if in_metres { " (are the positions in metres?)" } else { "" };
             let needed =
-                format!("{needed}{}", if in_metres { " (are they in metres?)" } else { "" });
-            check.that(pairs.any(is_apart), &key, layout, &needed)?;
+                format!("two markers at least 5 mm apart in the plane, in millimetres{hint}");
+            check.that(has_distinct, &key, layout, &needed)?;
         }
         Ok(())
     }
 }
 
+/// Context for checks of single values: the path of the configuration file, which is named in errors.
 struct Checker<'a> {
     path: &'a Path,
 }
 
 impl Checker<'_> {
+    /// Returns an error unless `holds` is true. The error states what was `found` as the value of `key` and what is
+    /// `needed`.
     fn that(
         &self,
         holds: bool,
@@ -294,10 +311,16 @@ impl Checker<'_> {
         if holds {
             return Ok(());
         }
-        let (path, key, needed) = (self.path.to_owned(), key.to_owned(), needed.to_owned());
-        Err(ConfigError::Value { path, key, found: format!("{found:?}"), needed })
+        Err(ConfigError::Value {
+            path: self.path.to_owned(),
+            key: key.to_owned(),
+            found: format!("{found:?}"),
+            needed: needed.to_owned(),
+        })
     }
 
+    /// Checks that a gait drives at least one joint, and that every joint command with a phase for the second harmonic
+    /// also has an amplitude for it.
     fn is_driven(&self, name: &str, gait: &GaitConfig) -> Result<(), ConfigError> {
         let is_driven = gait.joint1.is_some() || gait.joint2.is_some();
         self.that(is_driven, &format!("gait.{name}"), &"no joint", "joint1, joint2 or both")?;
@@ -307,36 +330,43 @@ impl Checker<'_> {
                 continue;
             };
             let key = format!("gait.{name}.joint{joint}.phase2_deg");
-            self.that(false, &key, found, "amplitude2_deg beside it")?;
+            self.that(false, &key, found, "amplitude2_deg as well")?;
         }
         Ok(())
     }
 
-    /// Checks that masses and moments of inertia are of links as long as they are.
+    /// Checks that the radius of gyration of each link, computed from its mass and moment of inertia, is
+    /// plausible for the link's length.
     fn gyration(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
         let robot = robot.to_robot();
         for link in 0..Robot::LINKS {
-            let (length, length_m) =
-                if link == 0 { ("h_m", robot.h_m) } else { ("l_m", robot.l_m) };
-            let (mass_kg, inertia_kg_m2) = (robot.mass_kg[link], robot.inertia_kg_m2[link]);
-            let lengths = (inertia_kg_m2 / mass_kg).sqrt() / length_m;
-            if GYRATION.contains(&lengths) {
-                continue;
-            }
-            // What may be in another unit, and how many times the lengths are then right.
-            let inertia = |(unit, factor): (&str, f64)| {
-                let right = factor * inertia_kg_m2;
-                (format!("is it in {unit}? then {right:.6} is right"), factor.sqrt())
+            let (length, length_m) = match link {
+                0 => ("h_m", Quantity::H.of_both().value_in(&robot)),
+                _ => ("l_m", robot.l_m[link - 1]),
             };
-            let in_grams = ("is mass_kg in grams?".to_owned(), 1e3_f64.sqrt());
-            let hints = INERTIA_UNITS.map(inertia).into_iter().chain([in_grams]);
-            let off = |factor: f64| (factor * lengths / USUAL_GYRATION).ln().abs();
-            let nearest = hints.min_by(|a, b| off(a.1).total_cmp(&off(b.1)));
-            // The recordings tell a length in centimetres, and what it is.
-            if nearest.as_ref().is_some_and(|hint| off(1e2) < off(hint.1)) {
+            let mass_kg = robot.mass_kg[link];
+            let inertia_kg_m2 = robot.inertia_kg_m2[link];
+            let gyration = (inertia_kg_m2 / mass_kg).sqrt() / length_m;
+            if GYRATION.contains(&gyration) {
                 continue;
             }
-            let hint = nearest.filter(|hint| off(hint.1) < 3_f64.ln());
+            // Possible unit mistakes, with the factors that would correct the radius of gyration.
+            let mut hints = Vec::new();
+            for (unit, factor) in INERTIA_UNITS {
+                let right = factor * inertia_kg_m2;
+                let hint = format!("is the value in {unit}? then {right:.6} is correct");
+                hints.push((hint, factor.sqrt()));
+            }
+            hints.push(("is mass_kg in grams?".to_owned(), 1e3_f64.sqrt()));
+            let deviation = |factor: f64| (factor * gyration / USUAL_GYRATION).ln().abs();
+            let likeliest =
+                hints.into_iter().min_by(|a, b| deviation(a.1).total_cmp(&deviation(b.1)));
+            // A length in centimetres is more likely; the checks of the recordings detect it and state the
+            // right value.
+            if likeliest.as_ref().is_some_and(|hint| deviation(1e2) < deviation(hint.1)) {
+                continue;
+            }
+            let hint = likeliest.filter(|hint| deviation(hint.1) < 3_f64.ln());
             let needed = format!(
                 "a radius of gyration of {} to {} times {length}{}",
                 GYRATION.start(),
@@ -344,7 +374,8 @@ impl Checker<'_> {
                 hint.map_or(String::new(), |(hint, _)| format!(" ({hint})"))
             );
             let found = format_args!(
-                "{inertia_kg_m2} beside a mass_kg of {mass_kg} of link {link}, {lengths:.4} times {length}"
+                "{inertia_kg_m2} with a mass_kg of {mass_kg} for link {link}, that is, a radius of gyration of \
+                 {gyration:.4} times {length}"
             );
             let key = format!("robot.{name}.inertia_kg_m2");
             self.that(false, &key, &found, &needed)?;
@@ -352,16 +383,18 @@ impl Checker<'_> {
         Ok(())
     }
 
-    /// Checks that standard deviations are not larger than what they are of.
+    /// Checks that no standard deviation is larger than the value to which it belongs.
     fn deviations(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
-        robot.large_deviations().try_for_each(|(of, times)| {
-            let key = format!("robot.{name}.standard_deviation.{of}");
-            let needed = format!("at most {of} itself, in its unit");
-            self.that(false, &key, &format_args!("{times:.4} times {of}"), &needed)
+        robot.large_deviations().try_for_each(|(quantity, times)| {
+            let key = format!("robot.{name}.standard_deviation.{quantity}");
+            let needed = format!(
+                "a standard deviation that is not larger than the value of {quantity}, in the same unit"
+            );
+            self.that(false, &key, &format_args!("{times:.4} times {quantity}"), &needed)
         })
     }
 
-    /// Checks the numbers of a table or list, or a number.
+    /// Checks that every number in `value` is within its permitted range; `key` is the key of `value`.
     fn numbers(&self, key: &str, value: &Value) -> Result<(), ConfigError> {
         let (number, found): (_, &dyn Debug) = match value {
             Value::Float(number) => (*number, number),
@@ -377,29 +410,33 @@ impl Checker<'_> {
             _ => return Ok(()),
         };
         let range = ALL_RANGES.iter().find(|(pattern, ..)| matches(pattern, key, ['*', '?']));
-        let (_, least, most) = range.expect("every number has a range");
-        let range = *least..=*most;
+        let (_, min, max) = range.expect("every numeric key has a range");
+        let range = *min..=*max;
         if range.contains(&number) {
             return Ok(());
         }
-        let needed = format!("{least} to {most}{}", in_which_unit(key, number, &range));
+        let needed = format!("{min} to {max}{}", unit_hint(key, number, &range));
         self.that(false, key, found, &needed)
     }
 
-    /// The entry of a family that another entry names.
+    /// Returns the entry called `name`. If there is none, the error lists the known names and states `key`, the
+    /// configuration key whose value is `name`.
     fn entry<'t, N: Ord + Display, T>(
         &self,
-        family: &'t BTreeMap<N, T>,
+        entries: &'t BTreeMap<N, T>,
         name: &N,
         key: &str,
     ) -> Result<&'t T, ConfigError> {
-        family.get(name).ok_or_else(|| {
-            let (path, key, found) = (self.path.to_owned(), key.to_owned(), format!("`{name}`"));
-            ConfigError::Value { path, key, found, needed: one_of(&name.to_string(), family, "") }
+        entries.get(name).ok_or_else(|| ConfigError::Value {
+            path: self.path.to_owned(),
+            key: key.to_owned(),
+            found: format!("`{name}`"),
+            needed: one_of(&name.to_string(), entries, ""),
         })
     }
 
-    /// What a model leaves free under a gait.
+    /// Checks that all free parameters exist in the model under the given gait, and that none is listed
+    /// twice.
     fn free(
         &self,
         key: &str,
@@ -409,15 +446,15 @@ impl Checker<'_> {
         gait: &Gait,
     ) -> Result<(), ConfigError> {
         let ModelConfig { skid, roll, .. } = model;
-        let known = |one: &Parameter| model.laws().know(*one, gait);
+        let known = |one: &Parameter| model.laws().is_relevant(*one, gait);
         let joint = if gait.passive_joint().is_some() { "a" } else { "no" };
         for (i, one) in free.iter().enumerate() {
             let keys: Vec<&str> =
                 Parameter::ALL.into_iter().filter(known).map(Parameter::key).collect();
-            let keys = if keys.is_empty() { "nothing".to_owned() } else { keys.join(", ") };
+            let keys = if keys.is_empty() { "none".to_owned() } else { keys.join(", ") };
             let needed = format!(
-                "what model `{name}` (skid = \"{skid}\", roll = \"{roll}\") with {joint} passive joint \
-                 knows: {keys}"
+                "a parameter of model `{name}` (skid = \"{skid}\", roll = \"{roll}\") with {joint} passive joint: \
+                 {keys}"
             );
             self.that(known(one), key, &one.key(), &needed)?;
             let overlaps = |other: &Parameter| one.is_part_of(*other) || other.is_part_of(*one);
@@ -428,35 +465,41 @@ impl Checker<'_> {
     }
 }
 
-/// The unit of a number, and which one it is in if another makes sense of it.
-fn in_which_unit(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
-    let is_amplitude = [".amplitude_deg", ".amplitude2_deg"].iter().any(|of| key.ends_with(of));
+/// Returns the unit of an invalid number for an error message, followed by a question about a mistaken unit
+/// or sign if correcting that mistake would bring the number into `range`.
+fn unit_hint(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
+    let is_amplitude = key.ends_with(".amplitude_deg") || key.ends_with(".amplitude2_deg");
     if is_amplitude && range.contains(&-number) {
-        return format!(" degrees (is it {}, and the phase off by 180?)", -number);
+        return format!(
+            " degrees (is the amplitude {}, with the phase shifted by 180 degrees?)",
+            -number
+        );
     }
     let Some((_, unit, other, factor)) = UNITS.iter().find(|(end, ..)| key.ends_with(end)) else {
         return String::new();
     };
-    match number * factor {
-        right if range.contains(&right) => {
-            format!(" {unit} (is it in {other}? then {right:.6} is right)")
-        }
-        _ => format!(" {unit}"),
+    let right = number * factor;
+    if range.contains(&right) {
+        format!(" {unit} (is the value in {other}? then {right:.6} is correct)")
+    } else {
+        format!(" {unit}")
     }
 }
 
 fn is_valid_name(name: &str) -> bool {
-    let is_unseen = |c: char| {
-        c.is_control() || ('\u{200b}'..='\u{206f}').contains(&c) || "/\\\u{feff}".contains(c)
+    let is_valid = |c: char| {
+        !c.is_control() && !('\u{200b}'..='\u{206f}').contains(&c) && !"/\\\u{feff}".contains(c)
     };
-    (1..=64).contains(&name.chars().count()) && !name.chars().any(is_unseen)
+    (1..=64).contains(&name.chars().count()) && name.chars().all(is_valid)
 }
 
-/// The names of a family of entries of a `file`, and the one that was perhaps meant.
-pub fn one_of<N: Display, T>(name: &str, family: &BTreeMap<N, T>, file: &str) -> String {
-    let known: Vec<String> = family.keys().map(N::to_string).collect();
+/// Returns a phrase for an error message: "one of" and the names of the entries; then `file`, a phrase that names the
+/// file containing the entries (may be empty); then, if an entry's name is similar to `name`, a "did you mean"
+/// suggestion of the most similar one.
+pub fn one_of<N: Display, T>(name: &str, entries: &BTreeMap<N, T>, file: &str) -> String {
+    let known: Vec<String> = entries.keys().map(N::to_string).collect();
     let hint = nearest(name, known.iter().map(String::as_str));
-    let hint = hint.map_or(String::new(), |near| format!(" (did you mean `{near}`?)"));
+    let hint = hint.map_or(String::new(), |name| format!(" (did you mean `{name}`?)"));
     format!("one of `{}`{file}{hint}", known.join("`, `"))
 }
 
@@ -465,61 +508,64 @@ mod tests {
     use super::*;
     use std::time::{Duration, Instant};
 
-    /// Where numbers are: keys, and places in lists.
-    fn places(value: &Value, place: &[String], found: &mut Vec<Vec<String>>) {
-        let inner = |name: String| [place, &[name]].concat();
+    /// Collects the paths (keys, and indices in lists) to all numbers in a value.
+    fn collect_numbers(value: &Value, path: &[String], paths: &mut Vec<Vec<String>>) {
         match value {
             Value::Table(table) => {
-                table.iter().for_each(|(name, value)| places(value, &inner(name.clone()), found));
+                for (name, value) in table {
+                    collect_numbers(value, &[path, std::slice::from_ref(name)].concat(), paths);
+                }
             }
             Value::Array(list) => {
-                let list = list.iter().enumerate();
-                list.for_each(|(i, value)| places(value, &inner(i.to_string()), found));
+                for (i, value) in list.iter().enumerate() {
+                    collect_numbers(value, &[path, &[i.to_string()]].concat(), paths);
+                }
             }
-            Value::Float(_) | Value::Integer(_) => found.push(place.to_vec()),
+            Value::Float(_) | Value::Integer(_) => paths.push(path.to_vec()),
             _ => {}
         }
     }
 
-    fn at<'v>(value: &'v mut Value, place: &[String]) -> &'v mut Value {
-        place.iter().fold(value, |value, name| match value {
+    fn value_at<'v>(value: &'v mut Value, path: &[String]) -> &'v mut Value {
+        path.iter().fold(value, |value, name| match value {
             Value::Array(list) => &mut list[name.parse::<usize>().unwrap()],
             value => &mut value[name.as_str()],
         })
     }
 
     #[test]
-    fn every_number_that_is_absurd_is_refused_by_its_key_at_once() {
+    fn every_absurd_number_is_rejected_quickly_and_by_its_key() {
         let defaults = Value::try_from(Config::default()).unwrap();
         let mut all = Vec::new();
-        places(&defaults, &[], &mut all);
+        collect_numbers(&defaults, &[], &mut all);
         assert!(all.len() > 150, "{}", all.len());
-        let mut refused = 0;
-        for place in &all {
+        let mut rejected = 0;
+        for path in &all {
             for absurd in [1e308, -1e308, 0.0, f64::NAN, 1e-308, f64::INFINITY] {
                 let mut changed = defaults.clone();
-                let number = at(&mut changed, place);
+                let number = value_at(&mut changed, path);
                 *number = match number {
                     Value::Integer(_) if absurd.is_finite() => Value::Integer(absurd as i64),
                     _ => absurd.into(),
                 };
-                let (text, begin) = (toml::to_string(&changed).unwrap(), Instant::now());
-                let found = Config::parse(&text).map_err(|error| error.to_string());
-                let found = found.and_then(|config| {
+                let text = toml::to_string(&changed).unwrap();
+                let start = Instant::now();
+                let result = Config::parse(&text).map_err(|error| error.to_string());
+                let result = result.and_then(|config| {
                     config.check(Path::new("p.toml")).map_err(|error| error.to_string())
                 });
-                assert!(begin.elapsed() < Duration::from_secs(1), "{place:?} {absurd}");
-                let name = place.iter().rfind(|part| part.parse::<usize>().is_err()).unwrap();
-                match found {
-                    Ok(()) => assert!(absurd.abs() < 1e-3, "{place:?} = {absurd} is taken"),
+                assert!(start.elapsed() < Duration::from_secs(1), "{path:?} {absurd}");
+                let name = path.iter().rfind(|part| part.parse::<usize>().is_err()).unwrap();
+                match result {
+                    Ok(()) => assert!(absurd.abs() < 1e-3, "{path:?} = {absurd} is accepted"),
                     Err(message) => {
-                        refused += 1;
-                        assert!(message.contains(name), "{place:?} = {absurd}: {message}");
+                        rejected += 1;
+                        assert!(message.contains(name), "{path:?} = {absurd}: {message}");
                     }
                 }
             }
         }
-        assert!(refused > 4 * all.len(), "{refused} of {}", 6 * all.len());
+        assert!(rejected > 4 * all.len(), "{rejected} of {}", 6 * all.len());
     }
 
     #[test]
@@ -538,16 +584,16 @@ mod tests {
     }
 
     #[test]
-    fn the_documentation_has_every_range() {
+    fn the_documentation_lists_every_range() {
         let text = include_str!("../../../../docs/settings.md");
-        for (key, least, most) in &*ALL_RANGES {
-            let row = format!("| `{key}` | {least} | {most} |");
+        for (key, min, max) in &*ALL_RANGES {
+            let row = format!("| `{key}` | {min} | {max} |");
             assert!(text.contains(&row), "docs/settings.md lacks {row}");
         }
     }
 
     #[test]
-    fn the_width_of_figures_is_a_number_with_room_for_their_text_or_auto() {
+    fn the_width_of_figures_is_auto_or_leaves_room_for_their_text() {
         let message = |report: &str| {
             let config = Config::parse(&format!("[report]\n{report}")).map_err(|e| e.to_string());
             let checked = |config: Config| config.check(Path::new("p.toml"));
@@ -558,12 +604,16 @@ mod tests {
         for (report, parts) in [
             (
                 "width_mm = 60",
-                ["report.width_mm", "60.0", "at least 63 mm, 7 for each of font_pt's 9 points"],
+                [
+                    "report.width_mm",
+                    "60.0",
+                    "at least 63 mm, which is 7 mm per point of the font size (font_pt = 9)",
+                ],
             ),
             ("width_mm = 1001", ["report.width_mm", "1001.0", "20 to 1000"]),
             (
                 "width_mm = \"wide\"",
-                ["width_mm", "\"wide\"", "\"auto\" or a number of millimetres"],
+                ["width_mm", "\"wide\"", "\"auto\" or a number (in millimetres)"],
             ),
             ("font_pt = 2", ["report.font_pt", "2.0", "3 to 72"]),
         ] {
@@ -573,7 +623,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_entries_can_name_files() {
+    fn names_of_entries_must_be_usable_in_file_names() {
         let long = "n".repeat(65);
         for name in ["", &long, "two\\nlines", "\\u001b[31m", "../up", "\\u202e"] {
             let text = format!(

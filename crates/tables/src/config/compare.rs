@@ -1,52 +1,58 @@
-//! `[compare]`: which differences between two runs are to be expected.
+//! `[compare]`: tolerances for the comparison of two runs.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// What a comparison takes for the same.
+/// Tolerances of `trilink compare`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Compare {
-    /// A stage that takes longer by this factor, and by more than `run_time_s`, is named.
+    /// Factor by which the run time of a stage must increase to be reported; it must also increase by more
+    /// than `run_time_s`.
     pub run_time_ratio: f64,
+    /// Time by which the run time of a stage must increase to be reported, s; it must also increase by more
+    /// than the factor `run_time_ratio`.
     pub run_time_s: f64,
-    /// Whether a longer run is out of tolerance; otherwise it is only named.
+    /// Whether a longer run time counts as out of tolerance; otherwise it is only reported.
     pub run_time_fails: bool,
-    /// By column of `trials.parquet`.
+    /// Tolerances for the columns of `trials.parquet`.
     pub trials: Tolerances,
-    /// By column of the means over each campaign's trials that both runs have.
+    /// Tolerances for each campaign's means over the trials that the baseline and the run compared with it have in
+    /// common.
     pub campaigns: Tolerances,
-    /// By column of `fits.parquet`.
+    /// Tolerances for the columns of `fits.parquet`.
     pub fits: Tolerances,
-    /// By column of `predictions.parquet`, at the trials' frequencies.
+    /// Tolerances for the columns of `predictions.parquet` at the trials' frequencies.
     pub predictions: Tolerances,
-    /// By column of `robot_parameters.parquet`.
+    /// Tolerances for the columns of `robot_parameters.parquet`.
     pub robot_parameters: Tolerances,
-    /// By number of `scorecard.json`.
+    /// Tolerances for the numbers in `scorecard.json`.
     pub scorecard: Tolerances,
 }
 
-/// Tolerances by the name of a column, in which `*` stands for any characters.
+/// Tolerances by column name, in which `*` stands for any number of characters.
 pub type Tolerances = BTreeMap<String, Tolerance>;
 
-/// A difference is within if it is within one of these; without any it is not judged.
+/// Tolerance for a column. A difference is within tolerance if it is within at least one of the limits;
+/// without limits it is not judged.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tolerance {
-    /// In the column's unit.
+    /// Limit on the difference, in the unit of the column.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub absolute: Option<f64>,
-    /// To the baseline's value.
+    /// Limit on the difference as a fraction of the baseline's value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative: Option<f64>,
-    /// To the standard errors of both runs together.
+    /// Limit on the difference as a multiple of its standard error, which combines those of the two compared values.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub standard_errors: Option<f64>,
-    /// Whether only a rise is out of tolerance: of what is better the lower it is.
+    /// Whether only an increase can be out of tolerance, for quantities that should be low.
     #[serde(skip_serializing_if = "is_false")]
     pub rises_only: bool,
-    /// Whether a value may be there in one run and missing in the other.
+    /// Whether a value that is missing in exactly one of the two compared runs is not judged; otherwise, it counts as
+    /// out of tolerance.
     #[serde(skip_serializing_if = "is_false")]
     pub may_be_missing: bool,
 }
@@ -56,12 +62,13 @@ fn is_false(value: &bool) -> bool {
 }
 
 impl Tolerance {
-    /// Whether it says anything.
+    /// Returns whether any limit is set.
     pub fn judges(&self) -> bool {
         self.absolute.or(self.relative).or(self.standard_errors).is_some()
     }
 
-    /// How far a value is from a baseline's to a side that is judged.
+    /// Returns the difference to compare with the limits: the absolute difference between `baseline` and `value` or, if
+    /// only an increase counts, the increase from `baseline` to `value` (0 for a decrease).
     pub fn distance(&self, [baseline, value]: [f64; 2]) -> f64 {
         let rise = value - baseline;
         if self.rises_only { rise.max(0.0) } else { rise.abs() }
@@ -69,7 +76,7 @@ impl Tolerance {
 }
 
 impl Compare {
-    /// The tables with their tolerances.
+    /// Returns the names of the tables with the tolerances for their columns.
     pub fn tables(&self) -> [(&'static str, &Tolerances); 6] {
         [
             ("trials", &self.trials),
@@ -82,13 +89,13 @@ impl Compare {
     }
 }
 
-/// The tolerance of a column: that of the longest name that fits it.
+/// Returns the tolerance for a column, which is that of the longest matching name; `None` if no name matches.
 pub fn tolerance(tolerances: &Tolerances, column: &str) -> Option<Tolerance> {
-    let fitting = tolerances.iter().filter(|(name, _)| {
-        // `?` is no letter of a column.
+    let matching = tolerances.iter().filter(|(name, _)| {
+        // No column has a `?` in its name.
         trilink_base::pattern::matches(name, column, ['*', '?'])
     });
-    fitting.max_by_key(|(name, _)| name.len()).map(|(_, tolerance)| *tolerance)
+    matching.max_by_key(|(name, _)| name.len()).map(|(_, tolerance)| *tolerance)
 }
 
 #[cfg(test)]
@@ -97,17 +104,17 @@ mod tests {
     use crate::config::Config;
 
     #[test]
-    fn a_column_has_the_tolerance_of_the_longest_name_that_fits() {
+    fn a_column_has_the_tolerance_of_the_longest_matching_name() {
         let all = Config::default().compare;
-        let of = |column: &str| tolerance(&all.fits, column);
-        assert_eq!(of("skid0_kg_s").and_then(|found| found.standard_errors), Some(6.0));
-        assert_eq!(of("solves"), None);
+        let skid = tolerance(&all.fits, "skid0_kg_s").unwrap();
+        assert_eq!(skid.standard_errors, Some(6.0));
+        assert_eq!(tolerance(&all.fits, "solves"), None);
         assert!(tolerance(&all.trials, "sigma0_debiased").unwrap().may_be_missing);
         assert!(!tolerance(&all.trials, "sigma0").unwrap().may_be_missing);
     }
 
     #[test]
-    fn tolerances_that_are_named_stand_beside_the_others() {
+    fn configured_tolerances_are_added_to_the_defaults() {
         let text = "[compare.trials]\nd_m = { absolute = 0.01 }\n";
         let compare = Config::parse(text).unwrap().compare;
         let absolute = Tolerance { absolute: Some(0.01), ..Tolerance::default() };

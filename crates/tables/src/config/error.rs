@@ -1,5 +1,5 @@
-//! Errors of `pipeline.toml` and `trials.toml`: which file, line or key, what was found and
-//! what was needed.
+//! Errors in `pipeline.toml` and `trials.toml`, with the file, the line or key, what was found and what is
+//! needed.
 
 use std::path::{Path, PathBuf};
 
@@ -8,16 +8,16 @@ use serde::de::DeserializeOwned;
 use super::settings::{key_at, line_at};
 use super::strict::Strict;
 
-/// Why a configuration or a list of trials cannot be used.
+/// Error in a configuration file or a trial list.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
-    #[error("{}, line {line}: {}{message}{}", path.display(), of_key(key), hint(suggestion))]
+    #[error("{}, line {line}: {}{message}{}", path.display(), key_prefix(key), hint(suggestion))]
     Syntax {
         path: PathBuf,
         line: usize,
-        /// Whose value is wrong.
+        /// Key whose value is wrong; `None` if the error does not concern a value.
         key: Option<String>,
         message: String,
         suggestion: Option<String>,
@@ -28,7 +28,7 @@ pub enum ConfigError {
     Pattern { pattern: PathBuf, found: String, needed: &'static str },
 }
 
-fn of_key(key: &Option<String>) -> String {
+fn key_prefix(key: &Option<String>) -> String {
     key.as_ref().map_or(String::new(), |key| format!("key `{key}`: "))
 }
 
@@ -36,7 +36,7 @@ fn hint(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or(String::new(), |name| format!("; did you mean `{name}`?"))
 }
 
-/// Parses TOML; an unknown key's error names its line and the nearest known key.
+/// Parses TOML strictly; the error about an unknown key names its line and the most similar known key.
 pub fn parse_toml<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, ConfigError> {
     let parsed = toml::Deserializer::parse(text).and_then(|text| T::deserialize(Strict(text)));
     parsed.map_err(|error| ConfigError::toml(path, text, &error))
@@ -46,45 +46,46 @@ impl ConfigError {
     pub(super) fn toml(path: &Path, text: &str, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start.min(text.len()));
         let line = line_at(text, start);
-        let written = text.lines().nth(line - 1).unwrap_or_default();
+        let line_text = text.lines().nth(line - 1).unwrap_or_default();
         let message = in_plain_words(error.message().trim());
-        let message = format!("{message}{}", mistake(&message, written));
-        let is_of_value = OF_VALUES.iter().any(|begin| message.starts_with(begin));
-        let key = if is_of_value { key_at(text, start) } else { None };
-        let suggestion = unknown_name(&message);
+        let message = format!("{message}{}", explain_mistake(&message, line_text));
+        let is_about_value = VALUE_ERRORS.iter().any(|prefix| message.starts_with(prefix));
+        let key = if is_about_value { key_at(text, start) } else { None };
+        let suggestion = suggest_name(&message);
         Self::Syntax { path: path.to_owned(), line, key, message, suggestion }
     }
 }
 
-/// How messages begin that are of a key's value.
-const OF_VALUES: [&str; 4] = ["found a list", "invalid ", "unknown variant", "wanted "];
+/// Beginnings of those error messages of the TOML parser that concern the value of a key.
+const VALUE_ERRORS: [&str; 4] = ["found a list", "invalid ", "unknown variant", "wanted "];
 
-/// What a line was probably meant to be.
-fn mistake(message: &str, line: &str) -> String {
+/// Returns an explanation of a common mistake in a line of TOML, to be appended to the parser's `message`; empty if the
+/// line contains no such mistake.
+fn explain_mistake(message: &str, line: &str) -> String {
     let line = line.trim();
     let table = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
-    let is_list = |name: &str| !name.starts_with('[') && name == "trial";
     match (table, line.split_once('=')) {
-        (Some(name), _) if is_list(name) => {
-            format!("; found [{name}], needed [[{name}]] for each of a list")
-        }
+        (Some("trial"), _) => "; found [trial], needed [[trial]] before each trial".to_owned(),
         (_, Some((key, _))) if message.starts_with("invalid unquoted key") => {
-            format!("; found {}, needed it in quotes: \"{}\"", key.trim(), key.trim())
+            format!("; {} must be in quotes: \"{}\"", key.trim(), key.trim())
         }
         _ => String::new(),
     }
 }
 
-/// serde names Rust's types; people write numbers.
+/// Replaces the names of Rust types in messages from serde by words that users understand.
 fn in_plain_words(message: &str) -> String {
     let words = [
-        ("expected usize", "expected a whole number of 0 or more"),
+        ("expected usize", "expected a non-negative whole number"),
         ("expected f64", "expected a number"),
         ("an array of length", "a list of length"),
         ("type: sequence", "type: list"),
         ("expected a sequence", "expected a list"),
         ("expected a map", "expected a table"),
-        ("invalid unquoted key", "a key such as `\"Snake:M1\"` stands in quotes; without"),
+        (
+            "invalid unquoted key, expected",
+            "a key such as `\"Snake:M1\"` needs quotes; keys without quotes may contain only",
+        ),
     ];
     let message = message
         .split_once(", expected struct ")
@@ -92,8 +93,9 @@ fn in_plain_words(message: &str) -> String {
     words.iter().fold(message, |message, (rust, plain)| message.replace(rust, plain))
 }
 
-/// serde says "unknown field `a`, expected one of `b`, `c`": the expected name nearest to `a`.
-fn unknown_name(message: &str) -> Option<String> {
+/// Returns the expected name that is most similar to the unknown name in a serde message such as "unknown field `a`,
+/// expected one of `b`, `c`"; `None` if no name is similar or the message has another form.
+fn suggest_name(message: &str) -> Option<String> {
     if !message.starts_with("unknown ") {
         return None;
     }
@@ -102,17 +104,17 @@ fn unknown_name(message: &str) -> Option<String> {
     nearest(unknown, quoted).map(str::to_owned)
 }
 
-/// A question by the candidate most like `name`, empty if none is at all like it.
+/// Returns a question with the candidate that is most similar to `name`; empty if none is similar.
 pub fn did_you_mean<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     nearest(name, candidates).map_or(String::new(), |name| format!("; did you mean `{name}`?"))
 }
 
-/// The candidate most like `name`, if any is at all like it.
+/// Returns the candidate that is most similar to `name`; `None` if none is similar.
 pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     candidates
         .into_iter()
         .map(|candidate| (strsim::jaro_winkler(name, candidate), candidate))
-        .filter(|(likeness, _)| *likeness > 0.7)
+        .filter(|(similarity, _)| *similarity > 0.7)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, candidate)| candidate)
 }

@@ -1,10 +1,11 @@
-//! Keys of TOML.
+//! TOML keys.
 
-/// A name, such as a marker's label, as a key of TOML.
+/// Formats a name, such as a marker's label, as a TOML key, in quotes if necessary.
 pub fn toml_key(name: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    match !name.is_empty() && name.chars().all(is_plain) {
-        true => name.to_owned(),
-        false => toml::Value::String(name.to_owned()).to_string(),
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if !name.is_empty() && name.chars().all(is_bare) {
+        name.to_owned()
+    } else {
+        toml::Value::String(name.to_owned()).to_string()
     }
 }

@@ -1,4 +1,4 @@
-//! `[model.NAME]`: what resists the wheels, what drives the robot, and what a fit leaves free.
+//! `[model.NAME]`: friction laws of the wheels, input gait and free parameters of a model.
 
 use std::collections::BTreeMap;
 
@@ -6,62 +6,66 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::named;
 use trilink_robot::{Laws, Model, Parameter, RollLaw, SkidLaw};
 
-/// Models by their names.
+/// Configured models by name.
 pub type Models = BTreeMap<Model, ModelConfig>;
 
-/// A model that is fitted to campaigns.
+/// Configuration of a model that is fitted to campaigns.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
-    /// What resists skidding.
+    /// Law of the wheels' resistance to skidding.
     pub skid: SkidLaw,
-    /// What resists rolling.
+    /// Law of the wheels' resistance to rolling.
     pub roll: RollLaw,
-    /// What drives it, whatever `[fit] gait_input` says.
+    /// Kind of gait that drives the model; `None` if the setting `gait_input` in `[fit]` applies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub input: Option<GaitInput>,
-    /// What its fit leaves free where the campaign does not say; without it the coefficients of
-    /// skidding. What the campaign's gait has no joint for is left out.
+    /// Parameters that are free in a fit unless the campaign specifies others; `None` for those parameters of the skid
+    /// law that are free by default. Parameters of a passive joint are left out if the campaign's gait has no passive
+    /// joint.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free: Option<Free>,
 }
 
 impl ModelConfig {
-    /// The laws of its wheels.
+    /// Returns the friction laws of the wheels.
     pub fn laws(&self) -> Laws {
         Laws { skid: self.skid, roll: self.roll }
     }
 
-    /// What its fit leaves free where the campaign does not say.
+    /// Returns the parameters that are free in a fit unless the campaign specifies others.
     pub fn free(&self) -> Vec<Parameter> {
-        let is_free = |of: &Parameter| {
-            let quantity = of.quantity();
-            quantity.definition().is_free_by_default && self.laws().wheels_need(quantity)
-        };
-        let by_default = || Parameter::ALL.into_iter().filter(is_free).collect();
-        self.free.as_ref().map_or_else(by_default, |Free(listed)| listed.clone())
+        if let Some(Free(listed)) = &self.free {
+            return listed.clone();
+        }
+        let mut free = Parameter::ALL.to_vec();
+        free.retain(|parameter| {
+            let quantity = parameter.quantity();
+            quantity.definition().is_free_by_default && self.laws().is_used(quantity)
+        });
+        free
     }
 
-    /// Whether each trial's own gait drives it and no other: then it has no motion between the
-    /// trials' frequencies.
+    /// Returns whether the model is driven only by the measured gaits of trials, so that it cannot be
+    /// evaluated between the trials' frequencies.
     pub fn is_of_trials(&self) -> bool {
         self.input == Some(GaitInput::Measured)
     }
 }
 
 named! {
-    /// The gait that drives a model.
+    /// Kind of gait that drives a model.
     pub enum GaitInput {
-        /// The campaign's command, as in the paper.
+        /// The commanded gait of the campaign, as in the paper.
         Commanded = "commanded",
-        /// Mean and first harmonic of each trial's measured joint angles: servos do not quite
-        /// follow their commands.
+        /// Mean and first harmonic of the joint angles measured in each trial, which differ from the commands
+        /// because servos do not follow these exactly.
         Measured = "measured",
     }
 }
 
 impl GaitInput {
-    /// The other one.
+    /// Returns `Measured` for `Commanded`, and vice versa.
     pub fn other(self) -> Self {
         match self {
             Self::Commanded => Self::Measured,
@@ -70,8 +74,8 @@ impl GaitInput {
     }
 }
 
-/// What a model leaves free in its fit: a list of the parameters' names, where `skid`, `skid_dry` and
-/// `skid_static` are short for the coefficients of all three wheels.
+/// Free parameters of a model. The configuration lists their names; `skid`, `skid_dry` and `skid_static`
+/// stand for the coefficients of all three wheels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Free(pub Vec<Parameter>);
 
@@ -85,22 +89,22 @@ impl<'de> Deserialize<'de> for Free {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut parameters = Vec::new();
         for name in Vec::<String>::deserialize(deserializer)? {
-            let of_wheel = |of: &Parameter| of.quantity().stem() == name;
-            // With the unit or without it.
-            let is_own = |of: &Parameter| [of.key(), of.name()].contains(&name.as_str());
-            match Parameter::ALL.into_iter().find(is_own) {
-                Some(parameter) => parameters.push(parameter),
-                None if Parameter::ALL.iter().any(of_wheel) => {
-                    parameters.extend(Parameter::ALL.into_iter().filter(of_wheel));
-                }
-                None => {
-                    let known = Parameter::ALL.map(Parameter::key).join("`, `");
-                    return Err(serde::de::Error::custom(format!(
-                        "unknown variant `{name}`, expected one of `skid`, `skid_dry`, \
-                         `skid_static`, `{known}`"
-                    )));
-                }
+            // A parameter may be named with or without its unit.
+            let has_name = |one: &Parameter| [one.key(), one.name()].contains(&name.as_str());
+            if let Some(parameter) = Parameter::ALL.into_iter().find(has_name) {
+                parameters.push(parameter);
+                continue;
             }
+            let mut of_all_wheels = Parameter::ALL.to_vec();
+            of_all_wheels.retain(|one| one.quantity().stem() == name);
+            if of_all_wheels.is_empty() {
+                let known = Parameter::ALL.map(Parameter::key).join("`, `");
+                return Err(serde::de::Error::custom(format!(
+                    "unknown variant `{name}`, expected one of `skid`, `skid_dry`, \
+                     `skid_static`, `{known}`"
+                )));
+            }
+            parameters.extend(of_all_wheels);
         }
         Ok(Self(parameters))
     }
@@ -113,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_model_that_does_not_say_what_is_free_frees_how_it_skids() {
+    fn skid_coefficients_are_free_by_default() {
         let free = |text: &str| toml::from_str::<ModelConfig>(text).map(|model| model.free());
         assert_eq!(
             free("skid = \"viscous\"\nroll = \"none\""),
@@ -126,17 +130,17 @@ mod tests {
         let both = [Quantity::Skid.of_each(), Quantity::SkidDry.of_each()].concat();
         assert_eq!(free("skid = \"coulomb-viscous\"\nroll = \"none\""), Ok(both));
         assert_eq!(free("skid = \"constrained\"\nroll = \"viscous\""), Ok(Vec::new()));
-        // Lists name all wheels at once, or one, or sums.
+        // A list can name all wheels at once, a single wheel, or a sum.
         let listed =
             "skid = \"stribeck\"\nroll = \"coulomb\"\nfree = [\"skid_static\", \"roll_dry\"]";
-        let names: Vec<&str> = free(listed).iter().flatten().map(|of| of.key()).collect();
+        let names: Vec<&str> = free(listed).iter().flatten().map(|one| one.key()).collect();
         assert_eq!(names, ["skid_static0", "skid_static1", "skid_static2", "roll_dry"]);
-        // As columns have them, too.
-        for of in Parameter::ALL {
-            let listed =
-                |name| format!("skid = \"stribeck\"\nroll = \"coulomb\"\nfree = [\"{name}\"]");
-            assert_eq!(free(&listed(of.name())), Ok(vec![of]));
-            assert_eq!(free(&listed(of.key())), Ok(vec![of]));
+        // Names with units, as in table columns, are also accepted.
+        for parameter in Parameter::ALL {
+            for name in [parameter.name(), parameter.key()] {
+                let text = format!("skid = \"stribeck\"\nroll = \"coulomb\"\nfree = [\"{name}\"]");
+                assert_eq!(free(&text), Ok(vec![parameter]));
+            }
         }
     }
 }

@@ -1,49 +1,50 @@
-//! Where things are.
+//! Paths in a configuration.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use trilink_base::files::name_in;
 
-/// Where things are; relative paths start at the configuration file.
+/// Paths in a configuration, which are relative to the folder of the configuration file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Paths {
-    /// Trial folders, or patterns of them.
+    /// Trial folders, or patterns that match trial folders.
     #[serde(with = "one_or_many")]
     pub raw: Vec<PathBuf>,
-    /// Parquet tables.
+    /// Folder for the Parquet tables.
     pub derived: PathBuf,
-    /// Figures, page and fits.
+    /// Folder for the report: figures, HTML pages, and files for other programs such as `fits.json`.
     pub reports: PathBuf,
-    /// Results that later ones are compared with, as a file.
+    /// File that contains the baseline with which later results are compared.
     pub baseline: PathBuf,
-    /// Where the configuration file lies.
+    /// Folder of the configuration file.
     #[serde(skip)]
     pub base: PathBuf,
 }
 
 impl Paths {
-    /// Makes the paths start at the folder where the configuration file lies.
+    /// Prepends `base`, the folder of the configuration file, to the relative paths.
     pub fn start_at(&mut self, base: &Path) {
-        let places = [&mut self.derived, &mut self.reports, &mut self.baseline];
-        for place in self.raw.iter_mut().chain(places) {
-            // What is no pattern in the folder's own name must not become one.
-            let is_pattern = is_pattern(place) && !base.join(&*place).exists();
+        let others = [&mut self.derived, &mut self.reports, &mut self.baseline];
+        for path in self.raw.iter_mut().chain(others) {
+            // In front of a pattern, wildcard characters in the name of the folder itself must be escaped.
+            let is_pattern = is_pattern(path) && !base.join(&*path).exists();
             let base = if is_pattern { escaped(base) } else { base.to_owned() };
-            *place = base.join(&*place);
+            *path = base.join(&*path);
         }
         self.base = base.to_owned();
     }
 
-    /// A path as seen from the configuration file, so that it means the same in a copy of both.
+    /// Returns `path` relative to the folder of the configuration file. The result stays valid if that folder and the
+    /// file at `path` are moved together.
     pub fn name_of(&self, path: &Path) -> String {
         let name = name_in(&self.base, path);
         if name.is_empty() { ".".to_owned() } else { name }
     }
 }
 
-/// Whether a path stands for all that match it.
+/// Returns whether a path contains wildcards.
 pub fn is_pattern(path: &Path) -> bool {
     path.to_string_lossy().contains(['*', '?', '['])
 }
@@ -52,7 +53,7 @@ fn escaped(path: &Path) -> PathBuf {
     glob::Pattern::escape(&path.to_string_lossy()).into()
 }
 
-/// One path as text, others as a list.
+/// Serialization of a list of paths: a single path as text, several paths as a list.
 mod one_or_many {
     use super::{Deserialize, PathBuf, Serialize};
     use serde::{Deserializer, Serializer};

@@ -1,11 +1,11 @@
-//! A robot as the configuration writes it: each number alone, or with its standard deviation.
+//! `[robot.NAME]`: the parameters of a robot, each with or without a standard deviation.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::LazyLock;
 
 use serde::de::value::SeqAccessDeserializer;
-use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
+use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::Named;
@@ -13,134 +13,221 @@ use trilink_robot::{Gait, Laws, Parameter, Per, Quantity, Robot, Unit};
 
 use super::strict::Strict;
 
-/// What the wheels bear, N: then dry friction is in coefficients.
+/// Key for the wheel loads, N; if they are given, dry friction is given as coefficients of friction.
 const LOAD: &str = "load_n";
-/// The table of the standard deviations of what has none beside its value.
+/// Key for the table of standard deviations, which can be used instead of an `sd` beside each value.
 const DEVIATIONS: &str = "standard_deviation";
+/// Key for the table of names of common errors, which can be used instead of a `same` beside each value.
+const SAME: &str = "same";
 
-/// A robot (Tables I and II) and how well it is known: the numbers of every quantity that it gives, in the
-/// unit of the quantity's key. Dry friction is in N, or a part of the wheels' load where that is given.
+/// Robot as configured, with the standard deviations of its values (see Tables I and II of the paper). Values
+/// are in the units stated by their keys; dry friction is in N, or a coefficient of friction if wheel loads
+/// are given.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RobotConfig {
     values: Numbers,
-    /// Of what is not here or 0 the values are taken as exact.
+    /// Standard deviations of the values; a value without one, or with 0, is exact.
     deviations: Numbers,
+    /// Names of the common errors, such as that of a ruler, with which values were measured. The errors of all values
+    /// with the same name are fully correlated.
+    same: BTreeMap<Quantity, String>,
     load_n: Option<[f64; Robot::LINKS]>,
 }
 
 type Numbers = BTreeMap<Quantity, Vec<f64>>;
 
 impl RobotConfig {
-    /// The numbers of a quantity that the robot gives.
+    /// Returns the configured values of a quantity; `None` if the quantity is not configured.
     pub fn get(&self, quantity: Quantity) -> Option<&[f64]> {
         self.values.get(&quantity).map(Vec::as_slice)
     }
 
-    /// Gives a quantity its numbers: one, or one a link or wheel.
+    /// Sets the values of a quantity: one value, or one for each link, wheel or joint.
     pub fn set(&mut self, quantity: Quantity, numbers: impl Into<Vec<f64>>) {
         self.values.insert(quantity, numbers.into());
     }
 
-    /// Takes a quantity's numbers away.
+    /// Removes the configured values of a quantity.
     pub fn clear(&mut self, quantity: Quantity) {
         self.values.remove(&quantity);
     }
 
-    /// Gives a quantity its standard deviations, in the unit of its numbers; 0 of what is exact.
+    /// Sets the standard deviations of a quantity's values, in the unit in which the values are configured; 0
+    /// for an exact value.
     pub fn set_deviation(&mut self, quantity: Quantity, numbers: impl Into<Vec<f64>>) {
         self.deviations.insert(quantity, numbers.into());
     }
 
-    /// Takes all numbers as exact.
-    pub fn forget_deviations(&mut self) {
-        self.deviations.clear();
+    /// Converts the standard deviations of a quantity's values to the unit of the values. A single percentage applies
+    /// to each of the values.
+    fn in_units(&self, quantity: Quantity, deviations: &[Deviation]) -> Vec<f64> {
+        let default = [quantity.definition().default.unwrap_or(f64::NAN)];
+        let values = self.get(quantity).unwrap_or(&default);
+        let count = match (deviations, quantity.definition().per) {
+            ([Deviation::Relative(_)], Per::Joint) => values.len(),
+            ([Deviation::Relative(_)], _) => quantity.count(),
+            _ => deviations.len(),
+        };
+        let all = (0..count).map(|i| {
+            let deviation = deviations[i.min(deviations.len() - 1)];
+            deviation.of(number_at(values, i))
+        });
+        all.collect()
     }
 
-    /// Gives the load of the wheels, N: dry friction is in parts of it.
+    /// Sets the name of the common error of a quantity's values.
+    pub fn set_same(&mut self, quantity: Quantity, name: &str) {
+        self.same.insert(quantity, name.to_owned());
+    }
+
+    /// Removes all standard deviations, so that all values are exact.
+    pub fn clear_deviations(&mut self) {
+        self.deviations.clear();
+        self.same.clear();
+    }
+
+    /// Sets the wheel loads, N. Dry friction is then configured as coefficients of friction relative to these
+    /// loads.
     pub fn set_load_n(&mut self, load_n: [f64; Robot::LINKS]) {
         self.load_n = Some(load_n);
     }
 
-    /// Factor from the unit in which a number of a quantity is written to the SI unit.
+    /// Returns the factor that converts a configured value to SI units. If wheel loads are configured, the factor for
+    /// the friction force of a wheel is the load on `wheel`; in all other cases, it does not depend on `wheel`.
     fn in_si(&self, quantity: Quantity, wheel: usize) -> f64 {
-        let of = quantity.definition();
-        match (of.unit, of.per, self.load_n) {
+        let definition = quantity.definition();
+        match (definition.unit, definition.per, self.load_n) {
             (Unit::Newton, Per::Wheel, Some(load_n)) => load_n[wheel],
-            _ => of.unit.in_si(),
+            _ => definition.unit.in_si(),
         }
     }
 
-    /// Every standard deviation, in SI units; 0 of what is exact.
+    /// Returns all configured standard deviations in SI units; 0 for an exact value.
     fn all_deviations(&self) -> impl Iterator<Item = (Parameter, f64)> {
         self.deviations.iter().flat_map(move |(&quantity, numbers)| {
-            let of = move |(i, number): (usize, &f64)| {
-                (quantity.of(i), number * self.in_si(quantity, i))
-            };
-            numbers.iter().enumerate().map(of)
+            let is_of_both = quantity.definition().per == Per::Joint && numbers.len() == 1;
+            numbers.iter().enumerate().map(move |(i, number)| {
+                let parameter = if is_of_both { quantity.of_both() } else { quantity.parameter(i) };
+                (parameter, number * self.in_si(quantity, i))
+            })
         })
     }
 
-    /// Keys of standard deviations that are larger than what they are of, and how many times as large.
+    /// Returns the keys of the quantities whose standard deviations exceed their values, with the ratio of
+    /// the standard deviation to the value.
     pub(super) fn large_deviations(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let robot = self.to_robot();
-        let times = self.all_deviations();
-        let times = times.map(move |(of, sd)| (of.quantity().name(), sd / of.of(&robot)));
-        times.filter(|(_, times)| *times > 1.0 && times.is_finite())
+        self.all_deviations()
+            .map(move |(parameter, sd)| {
+                (parameter.quantity().name(), sd / parameter.value_in(&robot))
+            })
+            .filter(|(_, ratio)| *ratio > 1.0 && ratio.is_finite())
     }
 
-    /// Standard deviations of what a motion depends on and is not exact, in SI units.
-    pub fn deviations(&self, laws: Laws, gait: &Gait) -> Vec<(Parameter, f64)> {
-        let is_known = |(of, sd): &(Parameter, f64)| *sd > 0.0 && laws.know(*of, gait);
-        self.all_deviations().filter(is_known).collect()
+    /// Returns the independent errors of those uncertain parameters on which the motion under the given friction laws
+    /// and gait depends: for each error, the parameters that share it with their standard deviations in SI units.
+    pub fn errors(&self, laws: Laws, gait: &Gait) -> Vec<Vec<(Parameter, f64)>> {
+        let all = self.all_deviations();
+        let uncertain = all.filter(|(of, sd)| *sd > 0.0 && laws.is_relevant(*of, gait));
+        let mut names: Vec<Option<&String>> = Vec::new();
+        let mut errors: Vec<Vec<(Parameter, f64)>> = Vec::new();
+        for (parameter, sd) in uncertain {
+            let name = self.same.get(&parameter.quantity());
+            match names.iter().position(|other| name.is_some() && *other == name) {
+                Some(known) => errors[known].push((parameter, sd)),
+                None => {
+                    names.push(name);
+                    errors.push(vec![(parameter, sd)]);
+                }
+            }
+        }
+        errors
     }
 
-    /// The quantities that are taken as exact.
+    /// Checks that every value with a common error has a standard deviation, and that at least two values share each of
+    /// these errors.
+    fn check_same<E: Error>(&self) -> Result<(), E> {
+        for (quantity, name) in &self.same {
+            let key = quantity.name();
+            if !self.deviations.contains_key(quantity) {
+                return Err(E::custom(format!(
+                    "key `{key}`: found `same = \"{name}\"` without a standard deviation: add `sd`, or remove `same`"
+                )));
+            }
+            let sharing = self.same.iter().filter(|(_, other)| *other == name);
+            let values = sharing.filter_map(|(of, _)| self.deviations.get(of)).map(Vec::len);
+            if values.sum::<usize>() < 2 {
+                return Err(E::custom(format!(
+                    "key `{key}`: found `same = \"{name}\"` for one value alone, needed a name that at least two \
+                     values share"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether no value has a standard deviation, so that all values are taken as exact.
+    pub fn is_exact(&self) -> bool {
+        self.all_deviations().all(|(_, sd)| sd == 0.0)
+    }
+
+    /// Returns the quantities that can have a standard deviation but are exact: they have none, or it is
+    /// zero.
     pub fn exact(&self) -> impl Iterator<Item = Quantity> {
-        let has_none = |of: &Quantity| {
-            self.deviations.get(of).is_none_or(|sd| sd.iter().all(|number| *number == 0.0))
-        };
-        let can_have = |of: &Quantity| of.definition().has_deviation;
-        Quantity::ALL.into_iter().filter(can_have).filter(has_none)
+        Quantity::ALL.into_iter().filter(|quantity| {
+            let deviations = self.deviations.get(quantity);
+            quantity.definition().has_deviation
+                && deviations.is_none_or(|sd| sd.iter().all(|number| *number == 0.0))
+        })
     }
 
-    /// The robot in SI units; a robot without a spring has none, nor one without dry friction any.
+    /// Converts the configured robot to SI units. Values that are not configured get their defaults, such as
+    /// no spring and no dry friction.
     pub fn to_robot(&self) -> Robot {
         let mut robot = Robot::kinematic();
         for quantity in Quantity::ALL {
             let default = quantity.definition().default.unwrap_or(f64::NAN);
             let given = self.get(quantity);
             for (i, number) in quantity.numbers_mut(&mut robot).iter_mut().enumerate() {
-                let given = given.map_or(default, |given| given[i]);
+                let given = given.map_or(default, |given| number_at(given, i));
                 *number = given * self.in_si(quantity, i);
             }
         }
         robot
     }
 
-    /// Takes over the coefficients of a robot, and leaves what is not given and is nothing there.
+    /// Copies the coefficients of `robot` into the configuration. Coefficients that already have these values
+    /// in SI units, configured or by default, are left unchanged.
     pub fn set_coefficients(&mut self, robot: &Robot) {
-        let coefficients = Quantity::ALL.into_iter().filter(|of| of.definition().is_fitted);
-        coefficients.for_each(|quantity| self.take_over(quantity, robot));
+        let coefficients = Quantity::ALL.into_iter().filter(|one| one.definition().is_fitted);
+        coefficients.for_each(|quantity| self.copy_quantity(quantity, robot));
     }
 
-    /// Takes over what a robot has of a quantity; what is the same there stays as it was given.
-    fn take_over(&mut self, quantity: Quantity, robot: &Robot) {
-        let own = self.to_robot();
-        let (own, other) = (quantity.numbers(&own), quantity.numbers(robot));
+    /// Copies the values of a quantity from `robot` into the configuration. Values that already are the same
+    /// in SI units, configured or by default, are left unchanged.
+    fn copy_quantity(&mut self, quantity: Quantity, robot: &Robot) {
+        let own_robot = self.to_robot();
+        let own = quantity.numbers(&own_robot);
+        let other = quantity.numbers(robot);
         if own == other {
             return;
         }
-        let given = self.get(quantity);
-        let number = |i: usize| match given {
-            Some(given) if own[i] == other[i] => given[i],
-            _ => other[i] / self.in_si(quantity, i),
-        };
-        let numbers: Vec<f64> = (0..quantity.count()).map(number).collect();
+        let mut numbers = Vec::new();
+        for i in 0..quantity.count() {
+            numbers.push(match self.get(quantity) {
+                Some(given) if own[i] == other[i] => number_at(given, i),
+                _ => other[i] / self.in_si(quantity, i),
+            });
+        }
+        if quantity.definition().per == Per::Joint {
+            numbers.dedup();
+        }
         self.set(quantity, numbers);
     }
 
-    /// The same with one number changed, which is in the unit of its name: dry friction in N, also where the
-    /// robot gives it as a part of the load. `None` if a robot has no number of this name.
+    /// Returns a copy with one value changed. `value` is in the unit stated by `name`: dry friction is in N,
+    /// even if it is configured as a coefficient of friction. Returns `None` if no value of the robot has
+    /// this name.
     pub fn with(&self, name: &str, value: f64) -> Option<Self> {
         let mut changed = self.clone();
         if let Some(wheel) = (0..Robot::LINKS).find(|i| name == load_name(*i)) {
@@ -148,18 +235,19 @@ impl RobotConfig {
             return Some(changed);
         }
         let mut all = Quantity::ALL.into_iter().flat_map(Quantity::parameters);
-        let parameter = all.find(|of| [of.key(), of.name()].contains(&name))?;
-        let (quantity, mut robot) = (parameter.quantity(), self.to_robot());
+        let parameter = all.find(|one| [one.key(), one.name()].contains(&name))?;
+        let quantity = parameter.quantity();
         if quantity.count() == 1 {
             changed.set(quantity, [value]);
         } else {
+            let mut robot = self.to_robot();
             parameter.set(&mut robot, value);
-            changed.take_over(quantity, &robot);
+            changed.copy_quantity(quantity, &robot);
         }
         Some(changed)
     }
 
-    /// The names of its numbers, as [`RobotConfig::with`] takes them.
+    /// Returns the names of the configured values, which [`RobotConfig::with`] accepts.
     pub fn names(&self) -> Vec<String> {
         let given = self.values.keys().flat_map(|quantity| quantity.parameters());
         let loads = (0..Robot::LINKS).filter(|_| self.load_n.is_some()).map(load_name);
@@ -167,18 +255,23 @@ impl RobotConfig {
     }
 }
 
+/// Returns the value for the link, wheel or joint `index`; a single value in `given` applies to both joints.
+fn number_at(given: &[f64], index: usize) -> f64 {
+    given[index.min(given.len() - 1)]
+}
+
 fn load_name(wheel: usize) -> String {
     format!("load{wheel}_n")
 }
 
-/// A quantity's numbers as the configuration has them: a number or a list.
+/// Values of a quantity, which are serialized as a number or a list.
 struct Given<'n>(Quantity, &'n [f64]);
 
 impl Serialize for Given<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0.definition().per {
-            Per::Robot => self.1[0].serialize(serializer),
-            Per::Link | Per::Wheel => self.1.serialize(serializer),
+        match (self.0.definition().per, self.1) {
+            (Per::Robot | Per::Joint, [number]) => number.serialize(serializer),
+            (_, numbers) => numbers.serialize(serializer),
         }
     }
 }
@@ -187,15 +280,16 @@ struct AllGiven<'n>(&'n Numbers);
 
 impl Serialize for AllGiven<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.0.iter().map(|(of, numbers)| (of.name(), Given(*of, numbers))))
+        let entries = self.0.iter();
+        serializer.collect_map(entries.map(|(one, numbers)| (one.name(), Given(*one, numbers))))
     }
 }
 
 impl Serialize for RobotConfig {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
-        for (of, numbers) in &self.values {
-            map.serialize_entry(of.name(), &Given(*of, numbers))?;
+        for (quantity, numbers) in &self.values {
+            map.serialize_entry(quantity.name(), &Given(*quantity, numbers))?;
         }
         if let Some(load_n) = &self.load_n {
             map.serialize_entry(LOAD, load_n)?;
@@ -203,11 +297,16 @@ impl Serialize for RobotConfig {
         if !self.deviations.is_empty() {
             map.serialize_entry(DEVIATIONS, &AllGiven(&self.deviations))?;
         }
+        if !self.same.is_empty() {
+            let names = self.same.iter().map(|(quantity, name)| (quantity.name(), name));
+            map.serialize_entry(SAME, &names.collect::<BTreeMap<_, _>>())?;
+        }
         map.end()
     }
 }
 
-/// Reads the numbers of a quantity: a number, or a list as long as the robot asks for.
+/// Deserializer seed for the values of a quantity: a number, or a list with the length that the quantity
+/// requires.
 #[derive(Clone, Copy)]
 struct NumbersOf(Quantity);
 
@@ -220,26 +319,202 @@ impl<'de> DeserializeSeed<'de> for NumbersOf {
             Per::Link | Per::Wheel => {
                 <[f64; Robot::LINKS]>::deserialize(deserializer).map(Vec::from)
             }
+            Per::Joint => deserializer.deserialize_any(OneOrEach),
         }
     }
 }
 
-/// Reads `h_m = 0.144`, or `h_m = { value = 0.144, sd = 0.0005 }`; lists in the same way.
+/// Visitor that accepts one number for both joints, or a list with one number for each joint.
+struct OneOrEach;
+
+impl<'de> Visitor<'de> for OneOrEach {
+    type Value = Vec<f64>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or a list of two numbers, front and rear")
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
+        Ok(vec![number])
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
+        Ok(vec![number as f64])
+    }
+
+    fn visit_u64<E: Error>(self, number: u64) -> Result<Self::Value, E> {
+        Ok(vec![number as f64])
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+        let mut numbers = Vec::new();
+        while let Some(number) = list.next_element()? {
+            numbers.push(number);
+        }
+        match numbers.len() {
+            Robot::JOINTS => Ok(numbers),
+            length => Err(A::Error::custom(format!(
+                "found a list of length {length}, needed a number or a list of length {}",
+                Robot::JOINTS
+            ))),
+        }
+    }
+}
+
+/// Standard deviation as configured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Deviation {
+    /// Standard deviation in the unit of the value.
+    Absolute(f64),
+    /// Standard deviation as a fraction of the value, configured as a percentage.
+    Relative(f64),
+}
+
+impl Deviation {
+    /// Parses a percentage such as `1 %`.
+    fn parse<E: Error>(text: &str) -> Result<Self, E> {
+        let percent = text.trim().strip_suffix('%').and_then(|number| number.trim().parse().ok());
+        match percent {
+            Some(percent) if (0.0..=100.0).contains(&percent) => {
+                Ok(Self::Relative(percent / 100.0))
+            }
+            _ => {
+                let expected = "a number in the unit of the value, or a percentage of the value from \"0 %\" to \
+                                \"100 %\"";
+                Err(E::invalid_value(Unexpected::Str(text), &expected))
+            }
+        }
+    }
+
+    /// Returns the standard deviation of a value, in the unit of the value.
+    fn of(self, value: f64) -> f64 {
+        match self {
+            Self::Absolute(sd) => sd,
+            Self::Relative(fraction) => fraction * value.abs(),
+        }
+    }
+
+    fn is_zero(self) -> bool {
+        matches!(self, Self::Absolute(0.0) | Self::Relative(0.0))
+    }
+}
+
+impl<'de> Deserialize<'de> for Deviation {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(DeviationVisitor)
+    }
+}
+
+struct DeviationVisitor;
+
+impl<'de> Visitor<'de> for DeviationVisitor {
+    type Value = Deviation;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or a percentage such as \"1 %\"")
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Deviation, E> {
+        Ok(Deviation::Absolute(number))
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Deviation, E> {
+        Ok(Deviation::Absolute(number as f64))
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Deviation, E> {
+        Deviation::parse(text)
+    }
+
+    // The error states the length of the list.
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Deviation, A::Error> {
+        f64::deserialize(Strict(SeqAccessDeserializer::new(list))).map(Deviation::Absolute)
+    }
+}
+
+/// Deserializer seed for the standard deviations of a quantity: a percentage of all its values, or one number or
+/// percentage for each value. For quantities of the joints, one number stands for a common error of both.
+#[derive(Clone, Copy)]
+struct DeviationsOf(Quantity);
+
+impl<'de> DeserializeSeed<'de> for DeviationsOf {
+    type Value = Vec<Deviation>;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for DeviationsOf {
+    type Value = Vec<Deviation>;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let number = match self.0.definition().per {
+            Per::Robot => "a number".to_owned(),
+            Per::Joint => "a number, or a list of two numbers, front and rear".to_owned(),
+            Per::Link | Per::Wheel => format!("a list of length {}", Robot::LINKS),
+        };
+        write!(f, "{number}, or a percentage such as \"1 %\"")
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
+        match self.0.definition().per {
+            Per::Robot | Per::Joint => Ok(vec![Deviation::Absolute(number)]),
+            Per::Link | Per::Wheel => Err(E::invalid_type(Unexpected::Float(number), &self)),
+        }
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
+        self.visit_f64(number as f64)
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+        Deviation::parse(text).map(|deviation| vec![deviation])
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
+        let list = Strict(SeqAccessDeserializer::new(list));
+        match self.0.definition().per {
+            Per::Robot => f64::deserialize(list).map(|number| vec![Deviation::Absolute(number)]),
+            Per::Link | Per::Wheel => <[Deviation; Robot::LINKS]>::deserialize(list).map(Vec::from),
+            Per::Joint => <[Deviation; Robot::JOINTS]>::deserialize(list).map(Vec::from),
+        }
+    }
+}
+
+/// Values of a quantity, with their standard deviations and the name of their common error if these are given beside
+/// the values.
+struct ValuesWithDeviation {
+    values: Vec<f64>,
+    sd: Option<Vec<Deviation>>,
+    same: Option<String>,
+}
+
+impl From<Vec<f64>> for ValuesWithDeviation {
+    fn from(values: Vec<f64>) -> Self {
+        Self { values, sd: None, same: None }
+    }
+}
+
+/// Deserializer seed for the values of a quantity with or without standard deviations: `h_m = 0.144` or
+/// `h_m = { value = 0.144, sd = 0.0005, same = "ruler" }`, with a list in place of each number if the quantity has
+/// several values.
 struct WithDeviation(NumbersOf);
 
 impl<'de> DeserializeSeed<'de> for WithDeviation {
-    type Value = (Vec<f64>, Option<Vec<f64>>);
+    type Value = ValuesWithDeviation;
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-        match self.0.0.definition().has_deviation {
-            true => deserializer.deserialize_any(self),
-            false => self.0.deserialize(deserializer).map(|numbers| (numbers, None)),
+        if self.0.0.definition().has_deviation {
+            deserializer.deserialize_any(self)
+        } else {
+            self.0.deserialize(deserializer).map(Into::into)
         }
     }
 }
 
 impl<'de> Visitor<'de> for WithDeviation {
-    type Value = (Vec<f64>, Option<Vec<f64>>);
+    type Value = ValuesWithDeviation;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str("a value, or { value = .., sd = .. }")
@@ -247,40 +522,43 @@ impl<'de> Visitor<'de> for WithDeviation {
 
     fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
         let number = serde::de::value::F64Deserializer::new(number);
-        self.0.deserialize(number).map(|numbers| (numbers, None))
+        self.0.deserialize(number).map(Into::into)
     }
 
     fn visit_i64<E: Error>(self, number: i64) -> Result<Self::Value, E> {
         self.visit_f64(number as f64)
     }
 
-    // What is no number has serde's own words.
+    // For values of other types, serde's own error message is used.
     fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
         let text = serde::de::value::StrDeserializer::new(text);
-        self.0.deserialize(text).map(|numbers| (numbers, None))
+        self.0.deserialize(text).map(Into::into)
     }
 
     fn visit_bool<E: Error>(self, boolean: bool) -> Result<Self::Value, E> {
         let boolean = serde::de::value::BoolDeserializer::new(boolean);
-        self.0.deserialize(boolean).map(|numbers| (numbers, None))
+        self.0.deserialize(boolean).map(Into::into)
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
         let list = Strict(SeqAccessDeserializer::new(list));
-        self.0.deserialize(list).map(|numbers| (numbers, None))
+        self.0.deserialize(list).map(Into::into)
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<Self::Value, A::Error> {
-        let (mut value, mut sd) = (None, None);
+        let mut value = None;
+        let mut sd = None;
+        let mut same = None;
         while let Some(key) = table.next_key()? {
-            let found = match key {
-                ValueKey::Value => &mut value,
-                ValueKey::Sd => &mut sd,
-            };
-            *found = Some(table.next_value_seed(self.0)?);
+            match key {
+                ValueKey::Value => value = Some(table.next_value_seed(self.0)?),
+                ValueKey::Sd => sd = Some(table.next_value_seed(DeviationsOf(self.0.0))?),
+                ValueKey::Same => same = Some(table.next_value()?),
+            }
         }
-        let value = value.ok_or_else(|| A::Error::missing_field("value"))?;
-        Ok((value, Some(sd.ok_or_else(|| A::Error::missing_field("sd"))?)))
+        let values = value.ok_or_else(|| A::Error::missing_field("value"))?;
+        let sd = Some(sd.ok_or_else(|| A::Error::missing_field("sd"))?);
+        Ok(ValuesWithDeviation { values, sd, same })
     }
 }
 
@@ -289,11 +567,12 @@ impl<'de> Visitor<'de> for WithDeviation {
 enum ValueKey {
     Value,
     Sd,
+    Same,
 }
 
-/// Reads the table of standard deviations.
+/// Deserialized table of standard deviations.
 #[derive(Default)]
-struct Deviations(Numbers);
+struct Deviations(BTreeMap<Quantity, Vec<Deviation>>);
 
 impl<'de> Deserialize<'de> for Deviations {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -310,21 +589,22 @@ impl<'de> Visitor<'de> for Deviations {
 
     fn visit_map<A: MapAccess<'de>>(mut self, mut table: A) -> Result<Self, A::Error> {
         while let Some(DeviationKey(quantity)) = table.next_key()? {
-            self.0.insert(quantity, table.next_value_seed(NumbersOf(quantity))?);
+            self.0.insert(quantity, table.next_value_seed(DeviationsOf(quantity))?);
         }
         Ok(self)
     }
 }
 
-/// A key of a robot.
+/// Key in the configuration table of a robot.
 enum Key {
     Quantity(Quantity),
     Load,
     Deviations,
+    Same,
 }
 
 static KEYS: LazyLock<Vec<&str>> = LazyLock::new(|| {
-    Quantity::ALL.map(Quantity::name).into_iter().chain([LOAD, DEVIATIONS]).collect()
+    Quantity::ALL.map(Quantity::name).into_iter().chain([LOAD, DEVIATIONS, SAME]).collect()
 });
 
 impl<'de> Deserialize<'de> for Key {
@@ -334,23 +614,25 @@ impl<'de> Deserialize<'de> for Key {
             (_, Some(quantity)) => Ok(Self::Quantity(quantity)),
             (LOAD, _) => Ok(Self::Load),
             (DEVIATIONS, _) => Ok(Self::Deviations),
+            (SAME, _) => Ok(Self::Same),
             _ => Err(D::Error::unknown_field(&key, &KEYS)),
         }
     }
 }
 
-/// A key of the table of standard deviations.
+/// Key in the tables of standard deviations and of common errors.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct DeviationKey(Quantity);
 
 static DEVIATION_KEYS: LazyLock<Vec<&str>> = LazyLock::new(|| {
-    let can_have = Quantity::ALL.into_iter().filter(|of| of.definition().has_deviation);
-    can_have.map(Quantity::name).collect()
+    let quantities = Quantity::ALL.into_iter().filter(|one| one.definition().has_deviation);
+    quantities.map(Quantity::name).collect()
 });
 
 impl<'de> Deserialize<'de> for DeviationKey {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let key = String::deserialize(deserializer)?;
-        let quantity = Quantity::of_name(&key).filter(|of| of.definition().has_deviation);
+        let quantity = Quantity::of_name(&key).filter(|one| one.definition().has_deviation);
         quantity.map(Self).ok_or_else(|| D::Error::unknown_field(&key, &DEVIATION_KEYS))
     }
 }
@@ -371,34 +653,46 @@ impl<'de> Visitor<'de> for RobotVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<RobotConfig, A::Error> {
-        let (mut robot, mut beside) = (RobotConfig::default(), Numbers::new());
+        let mut robot = RobotConfig::default();
+        // Standard deviations given in a table of their own, and those beside their values.
+        let mut deviations = Deviations::default().0;
+        let mut inline_deviations = Vec::new();
         while let Some(key) = table.next_key()? {
             match key {
                 Key::Quantity(quantity) => {
-                    let (values, sd) = table.next_value_seed(WithDeviation(NumbersOf(quantity)))?;
+                    let seed = WithDeviation(NumbersOf(quantity));
+                    let ValuesWithDeviation { values, sd, same } = table.next_value_seed(seed)?;
                     robot.values.insert(quantity, values);
-                    beside.extend(sd.map(|sd| (quantity, sd)));
+                    inline_deviations.extend(sd.map(|sd| (quantity, sd)));
+                    robot.same.extend(same.map(|name| (quantity, name)));
                 }
                 Key::Load => robot.load_n = Some(table.next_value()?),
-                Key::Deviations => robot.deviations = table.next_value::<Deviations>()?.0,
+                Key::Same => {
+                    let names = table.next_value::<BTreeMap<DeviationKey, String>>()?;
+                    robot.same.extend(names.into_iter().map(|(DeviationKey(of), name)| (of, name)));
+                }
+                Key::Deviations => deviations = table.next_value::<Deviations>()?.0,
             }
         }
-        for (quantity, sd) in beside {
+        for (quantity, sd) in inline_deviations {
             let key = quantity.name();
-            if robot.deviations.insert(quantity, sd).is_some_and(|of| of.iter().any(|n| *n != 0.0))
-            {
+            let in_table = deviations.insert(quantity, sd);
+            if in_table.is_some_and(|sd| !sd.into_iter().all(Deviation::is_zero)) {
                 return Err(A::Error::custom(format!(
-                    "key `{key}`: found a standard deviation in `{key}.sd` and in `standard_deviation.{key}`, \
-                     needed one of them"
+                    "key `{key}`: found a standard deviation both in `{key}.sd` and in `standard_deviation.{key}`, \
+                     but only one of them is allowed"
                 )));
             }
         }
-        let is_missing =
-            |of: &Quantity| of.definition().default.is_none() && robot.get(*of).is_none();
-        match Quantity::ALL.into_iter().find(is_missing) {
-            Some(missing) => Err(A::Error::missing_field(missing.name())),
-            None => Ok(robot),
+        robot.deviations =
+            deviations.into_iter().map(|(of, sd)| (of, robot.in_units(of, &sd))).collect();
+        robot.check_same()?;
+        for quantity in Quantity::ALL {
+            if quantity.definition().default.is_none() && robot.get(quantity).is_none() {
+                return Err(A::Error::missing_field(quantity.name()));
+            }
         }
+        Ok(robot)
     }
 }
 
@@ -406,26 +700,27 @@ impl<'de> Visitor<'de> for RobotVisitor {
 mod tests {
     use std::path::Path;
 
-    use trilink_robot::Quantity;
+    use trilink_robot::{Model, Quantity};
 
     use crate::config::{Config, ConfigError};
 
-    /// A robot with these lines instead of its own.
+    /// Parses a configuration with one robot: the default semi-passive one, in which the given lines replace
+    /// those with the same keys.
     fn parsed(lines: &str) -> Result<Config, String> {
         let own = toml::to_string(&Config::default().robot["semi-passive"]).unwrap();
         let of_robot = lines.lines().take_while(|line| !line.starts_with('['));
         let keys: Vec<&str> = of_robot.filter_map(|line| line.split(' ').next()).collect();
-        let kept = own.lines().filter(|line| {
+        let others = own.lines().filter(|line| {
             keys.iter().all(|key| line.split(' ').next() != Some(key)) && !line.is_empty()
         });
-        let own: String = kept.map(|line| format!("{line}\n")).collect();
-        let text = format!("[campaign]\n[robot.ours]\n{own}{lines}\n");
+        let others: String = others.map(|line| format!("{line}\n")).collect();
+        let text = format!("[campaign]\n[robot.ours]\n{others}{lines}\n");
         Config::parse(&text)
             .map_err(|error| ConfigError::toml(Path::new("p.toml"), &text, &error).to_string())
     }
 
     #[test]
-    fn a_standard_deviation_beside_its_value_is_the_one_of_the_table() {
+    fn standard_deviations_beside_values_equal_those_in_the_table() {
         let beside = parsed(
             "h_m = { value = 0.2, sd = 0.001 }\nmass_kg = { value = [1, 0.3, 0.3], sd = [0.1, 0, 0] }\n\
              stiffness_nm_rad = { value = 0.2, sd = 0.01 }\ntransition_m_s = 0.004",
@@ -437,23 +732,85 @@ mod tests {
         );
         assert_eq!(beside, together);
         let robot = &beside.unwrap().robot["ours"];
-        let of = |deviations: &super::Numbers, key| deviations.get(&key).cloned();
-        let deviation = of(&robot.deviations, Quantity::H);
-        assert_eq!((robot.to_robot().h_m, deviation), (0.2, Some(vec![0.001])));
-        assert_eq!(of(&robot.deviations, Quantity::L), None);
+        assert_eq!(robot.to_robot().h_m, [0.2; 2]);
+        assert_eq!(robot.deviations.get(&Quantity::H), Some(&vec![0.001]));
+        assert_eq!(robot.deviations.get(&Quantity::L), None);
         let mixed =
             "b_m = { value = 0.05, sd = 0.002 }\n[robot.ours.standard_deviation]\nh_m = 0.001";
         let deviations = &parsed(mixed).unwrap().robot["ours"].deviations;
-        let found = [Quantity::H, Quantity::B].map(|key| of(deviations, key));
-        assert_eq!(found, [Some(vec![0.001]), Some(vec![0.002])]);
+        assert_eq!(deviations.get(&Quantity::H), Some(&vec![0.001]));
+        assert_eq!(deviations.get(&Quantity::B), Some(&vec![0.002]));
     }
 
     #[test]
-    fn what_is_wrong_with_it_is_named() {
-        for (lines, named) in [
+    fn percentages_are_converted_to_the_unit_of_each_value() {
+        let robot = |lines: &str| parsed(lines).unwrap().robot["ours"].clone();
+        let of = |lines: &str, quantity| robot(lines).deviations.get(&quantity).cloned().unwrap();
+        // The table comes after the values in one case and before them in the other.
+        let beside = "mass_kg = { value = [1, 0.3, 0.4], sd = \"1 %\" }";
+        let together = "mass_kg = [1, 0.3, 0.4]\n[robot.ours.standard_deviation]\nmass_kg = \"1%\"";
+        for lines in [
+            beside,
+            together,
+            "standard_deviation.mass_kg = \" 1.0 % \"\n\
+             mass_kg = [1, 0.3, 0.4]",
+        ] {
+            let found = of(lines, Quantity::Mass);
+            for (found, expected) in found.iter().zip([0.01, 0.003, 0.004]) {
+                assert!((found - expected).abs() < 1e-15, "{lines}: {found}");
+            }
+            assert_eq!(found.len(), 3);
+        }
+        let mixed = "mass_kg = { value = [1, 0.5, 0.4], sd = [\"2 %\", 0.004, 0] }";
+        assert_eq!(of(mixed, Quantity::Mass), [0.02, 0.004, 0.0]);
+        // A common length has a common error, and separate lengths have separate errors.
+        assert_eq!(of("h_m = { value = 0.2, sd = \"1 %\" }", Quantity::H), [0.002]);
+        assert_eq!(of("h_m = { value = [0.2, 0.1], sd = \"1 %\" }", Quantity::H), [0.002, 0.001]);
+        assert_eq!(of("h_m = { value = [0.2, 0.1], sd = 0.001 }", Quantity::H), [0.001]);
+        let stiffness = "stiffness_nm_rad = { value = 0.2, sd = \"5 %\" }";
+        assert!((of(stiffness, Quantity::Stiffness)[0] - 0.01).abs() < 1e-15);
+        assert!(!robot(stiffness).is_exact());
+        assert!(robot("h_m = { value = 0.2, sd = \"0 %\" }").is_exact());
+        // Defaults have relative errors, too.
+        let default = "[robot.ours.standard_deviation]\nskid_dry_n = \"10 %\"";
+        assert_eq!(of(default, Quantity::SkidDry).len(), 3);
+    }
+
+    #[test]
+    fn values_measured_with_one_instrument_share_an_error() {
+        let beside = parsed(
+            "h_m = { value = 0.2, sd = 0.001, same = \"ruler\" }\n\
+             l_m = { value = [0.1, 0.11], sd = \"1 %\", same = \"ruler\" }\n\
+             b_m = { value = 0.05, sd = 0.002 }\n\
+             mass_kg = { value = [1, 0.3, 0.3], sd = [0.01, 0, 0.003], same = \"scale\" }",
+        );
+        let beside = beside.unwrap();
+        let together = parsed(
+            "h_m = 0.2\nl_m = [0.1, 0.11]\nb_m = 0.05\nmass_kg = [1, 0.3, 0.3]\n\
+             [robot.ours.standard_deviation]\nh_m = 0.001\nl_m = \"1 %\"\nb_m = 0.002\n\
+             mass_kg = [0.01, 0, 0.003]\n[robot.ours.same]\nh_m = \"ruler\"\nl_m = \"ruler\"\n\
+             mass_kg = \"scale\"",
+        );
+        assert_eq!(beside, together.unwrap());
+        // The configuration that the report prints has the same meaning.
+        let printed = Config::parse(&toml::to_string(&beside).unwrap()).unwrap();
+        assert_eq!(printed.robot["ours"], beside.robot["ours"]);
+
+        let gait = beside.gait["passive-symmetric"].to_gait();
+        let laws = beside.model[&Model::SKID_ROLL].laws();
+        let errors = beside.robot["ours"].errors(laws, &gait);
+        let names: Vec<Vec<&str>> =
+            errors.iter().map(|of| of.iter().map(|(of, _)| of.name()).collect()).collect();
+        let expected = [vec!["h_m", "l1_m", "l2_m"], vec!["b_m"], vec!["mass0_kg", "mass2_kg"]];
+        assert_eq!(names, expected);
+    }
+
+    #[test]
+    fn errors_in_a_robot_name_the_key_and_the_mistake() {
+        for (lines, expected) in [
             (
                 "h_m = { value = 0.2, sd = 0.001 }\n[robot.ours.standard_deviation]\nh_m = 0.002",
-                "key `h_m`: found a standard deviation in `h_m.sd` and in `standard_deviation.h_m`",
+                "key `h_m`: found a standard deviation both in `h_m.sd` and in `standard_deviation.h_m`",
             ),
             ("h_m = { value = 0.2, sdd = 0.001 }", "did you mean `sd`?"),
             ("h_m = { value = 0.2 }", "missing field `sd`"),
@@ -463,12 +820,50 @@ mod tests {
                 "mass_kg = [1.2, 0.3, 0.3, 0.3, \"x\"]",
                 "key `robot.ours.mass_kg`: found a list of length 5, needed a list of length 3",
             ),
-            ("h_m = [0.2]", "key `robot.ours.h_m`: found a list of length 1, needed a number"),
+            (
+                "h_m = [0.2]",
+                "key `robot.ours.h_m`: found a list of length 1, needed a number or a list of length 2",
+            ),
             ("skid_kg_s = { value = [1.0, 1.0, 1.0], sd = [0.1, 0.1, 0.1] }", "invalid type: map"),
             ("h_mm = 0.2", "did you mean `h_m`?"),
+            (
+                "[robot.ours.same]\nh_m = \"ruler\"",
+                "key `h_m`: found `same = \"ruler\"` without a standard deviation: add `sd`",
+            ),
+            (
+                "h_m = { value = 0.2, sd = 0.001, same = \"rular\" }\n\
+                 l_m = { value = 0.1, sd = 0.001, same = \"ruler\" }",
+                "key `h_m`: found `same = \"rular\"` for one value alone, needed a name that at least two",
+            ),
+            ("[robot.ours.same]\nskid_kg_s = \"ruler\"", "unknown field `skid_kg_s`"),
+            (
+                "mass_kg = { value = [1, 0.3, 0.4], sd = \"1\" }",
+                "key `robot.ours.mass_kg.sd`: invalid value: string \"1\", expected a number in the unit of the value, \
+                 or a percentage of the value from \"0 %\" to \"100 %\"",
+            ),
+            (
+                "h_m = { value = 0.2, sd = \"-1 %\" }",
+                "invalid value: string \"-1 %\", expected a number",
+            ),
+            (
+                "h_m = { value = 0.2, sd = [\"1 %\"] }",
+                "found a list of length 1, needed a list of length 2",
+            ),
+            (
+                "[robot.ours.standard_deviation]\nmass_kg = \"one %\"",
+                "key `robot.ours.standard_deviation.mass_kg`: invalid value: string \"one %\"",
+            ),
+            (
+                "[robot.ours.standard_deviation]\nmass_kg = 0.01",
+                "expected a list of length 3, or a percentage such as \"1 %\"",
+            ),
+            (
+                "h_m = { value = 0.2, sd = \"1 %\" }\n[robot.ours.standard_deviation]\nh_m = \"1 %\"",
+                "found a standard deviation both in",
+            ),
         ] {
             let message = parsed(lines).unwrap_err();
-            assert!(message.contains(named), "{lines}: {message}");
+            assert!(message.contains(expected), "{lines}: {message}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The value of every key, and where it comes from.
+//! Effective value of each configuration key, and the line that sets it.
 
 use std::ops::Range;
 
@@ -6,86 +6,85 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 use toml::de::{DeTable, DeValue, Error};
 
-use super::{Config, with_defaults};
+use super::{Config, parse_with_defaults, toml_key};
 
-/// A key of the configuration.
+/// Configuration key with its value in effect, whether configured or by default.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Setting {
-    /// As TOML has it from the top, such as `robot.kinematic.h_m`.
+    /// Dotted TOML key, such as `robot.kinematic.h_m`.
     pub key: String,
     pub value: Value,
-    /// The line of the file that says so; `None` of a default.
+    /// Line of the file that sets the value; `None` for a default.
     pub line: Option<usize>,
 }
 
 impl Config {
-    /// Every key that the text of a configuration file makes count, in the order of their names;
-    /// lists are one value.
+    /// Returns all keys with their values in effect for a configuration file with this text, sorted by key; a
+    /// list counts as one value.
     ///
     /// # Errors
-    /// The text is not TOML.
+    /// Returns an error if the text is not TOML.
     pub fn settings(text: &str) -> Result<Vec<Setting>, Error> {
-        let mut own = Vec::new();
-        places(DeTable::parse(text)?.get_ref(), "", &mut own);
-        let all = toml::Table::deserialize(toml::Deserializer::from(with_defaults(text)?))?;
+        let mut spans = Vec::new();
+        collect_spans(DeTable::parse(text)?.get_ref(), "", &mut spans);
+        let all = toml::Table::deserialize(toml::Deserializer::from(parse_with_defaults(text)?))?;
         let mut settings = Vec::new();
         flatten(Value::Table(all), String::new(), &mut settings);
         for setting in &mut settings {
-            let found = own.iter().find(|(key, _)| *key == setting.key);
-            setting.line = found.map(|(_, place)| line_at(text, place.start));
+            let span = spans.iter().find(|(key, _)| *key == setting.key);
+            setting.line = span.map(|(_, span)| line_at(text, span.start));
         }
         Ok(settings)
     }
 }
 
-/// A key below another one.
-pub(super) fn below(above: &str, key: &str) -> String {
-    let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    let key = match !key.is_empty() && key.chars().all(is_bare) {
-        true => key.to_owned(),
-        false => Value::String(key.to_owned()).to_string(),
-    };
-    if above.is_empty() { key } else { format!("{above}.{key}") }
+/// Returns the dotted key of `key` inside `table`.
+pub(super) fn join_key(table: &str, key: &str) -> String {
+    let key = toml_key(key);
+    if table.is_empty() { key } else { format!("{table}.{key}") }
 }
 
-/// The number of the line where something stands.
-pub(super) fn line_at(text: &str, start: usize) -> usize {
-    1 + text.as_bytes()[..start].iter().filter(|&&byte| byte == b'\n').count()
+/// Returns the number of the line that contains a byte offset.
+pub(super) fn line_at(text: &str, offset: usize) -> usize {
+    1 + text.as_bytes()[..offset].iter().filter(|&&byte| byte == b'\n').count()
 }
 
-/// The key in whose line or value something stands.
-pub(super) fn key_at(text: &str, at: usize) -> Option<String> {
-    let mut found = Vec::new();
-    places(DeTable::parse(text).ok()?.get_ref(), "", &mut found);
-    found.into_iter().rfind(|(_, place)| place.contains(&at)).map(|(key, _)| key)
+/// Returns the dotted key whose name or value contains a byte offset; `None` if there is none.
+pub(super) fn key_at(text: &str, offset: usize) -> Option<String> {
+    let mut spans = Vec::new();
+    collect_spans(DeTable::parse(text).ok()?.get_ref(), "", &mut spans);
+    spans.into_iter().rfind(|(_, span)| span.contains(&offset)).map(|(key, _)| key)
 }
 
-/// The keys of a table, and where they stand with their values; those inside of a list after it.
-fn places(table: &DeTable, above: &str, found: &mut Vec<(String, Range<usize>)>) {
+/// Collects the dotted keys in a table, each with the byte range from its name to the end of its value. The key of a
+/// list comes before the keys inside the list.
+fn collect_spans(table: &DeTable, prefix: &str, spans: &mut Vec<(String, Range<usize>)>) {
     for (key, value) in table {
-        let name = below(above, key.get_ref());
-        let place = key.span().start..value.span().end;
+        let name = join_key(prefix, key.get_ref());
+        let span = key.span().start..value.span().end;
         match value.get_ref() {
-            DeValue::Table(inner) if !inner.is_empty() => places(inner, &name, found),
+            DeValue::Table(inner) if !inner.is_empty() => collect_spans(inner, &name, spans),
             DeValue::Array(list) => {
-                found.push((name.clone(), place));
+                spans.push((name.clone(), span));
                 for (i, value) in list.iter().enumerate() {
                     if let DeValue::Table(inner) = value.get_ref() {
-                        places(inner, &format!("{name}[{i}]"), found);
+                        collect_spans(inner, &format!("{name}[{i}]"), spans);
                     }
                 }
             }
-            _ => found.push((name, place)),
+            _ => spans.push((name, span)),
         }
     }
 }
 
+/// Appends the settings in a table, sorted by key; their keys begin with `key`, the table's own. A value that is not a
+/// table is a single setting.
 fn flatten(value: Value, key: String, settings: &mut Vec<Setting>) {
     match value {
         Value::Table(table) if !table.is_empty() => {
-            table
-                .into_iter()
-                .for_each(|(name, value)| flatten(value, below(&key, &name), settings));
+            for (name, value) in table {
+                flatten(value, join_key(&key, &name), settings);
+            }
         }
         value => settings.push(Setting { key, value, line: None }),
     }
@@ -96,24 +95,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_key_has_its_value_and_its_line_and_all_of_them_are_the_same_configuration() {
+    fn settings_have_values_and_lines_and_reproduce_the_configuration() {
         let text = "[fit]\nstarts = 3\n[compare.trials]\n\"d_m\" = { absolute = 0.1 }\n\
                     [robot.\"a b\"]\nh_m = 0.1\nl_m = 0.1\nb_m = 0.05\nmass_kg = [1.0, 0.2, 0.2]\n\
                     inertia_kg_m2 = [0.01, 0.001, 0.001]\nroll_kg_s = [0.6, 0.3, 0.3]\n\
                     skid_kg_s = [1.0, 1.0, 1.0]\n[campaign]\n";
         let settings = Config::settings(text).expect("is TOML");
-        let of = |key: &str| settings.iter().find(|setting| setting.key == key);
-        let line = |key: &str| of(key).expect("is there").line;
+        let find = |key: &str| settings.iter().find(|setting| setting.key == key);
+        let line = |key: &str| find(key).expect("is there").line;
         assert_eq!(line("fit.starts"), Some(2));
         assert_eq!(line("fit.bootstrap"), None);
         assert_eq!(line("compare.trials.d_m.absolute"), Some(4));
-        assert!(of("compare.trials.d_m.relative").is_none());
+        assert!(find("compare.trials.d_m.relative").is_none());
         assert_eq!(line("compare.trials.v_m_s.relative"), None);
         assert_eq!(line("robot.\"a b\".mass_kg"), Some(9));
-        // Naming one robot replaces all.
-        assert!(of("robot.kinematic.h_m").is_none());
+        // One robot in the configuration replaces all default ones.
+        assert!(find("robot.kinematic.h_m").is_none());
         let written: String =
-            settings.iter().map(|of| format!("{} = {}\n", of.key, of.value)).collect();
+            settings.iter().map(|one| format!("{} = {}\n", one.key, one.value)).collect();
         assert_eq!(Config::parse(&written).expect("is one"), Config::parse(text).expect("is one"));
     }
 }

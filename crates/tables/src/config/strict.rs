@@ -1,15 +1,17 @@
-//! Checks the length of every list, and rejects a list in place of a table or a number. serde's own
-//! visitors ignore the surplus elements of a list, and fill a struct from a list's values.
+//! Deserializer that checks the length of every list, and rejects a list in place of a table or a number.
+//! (The visitors that serde derives ignore surplus elements in a list, and accept a list in place of a
+//! table.)
 
 use std::fmt;
 
 use serde::Deserializer;
 use serde::de::{DeserializeSeed, EnumAccess, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
-/// Wraps a deserializer to reject lists of wrong length or type, at any depth.
+/// Wrapper around a deserializer that rejects, at any depth, lists of the wrong length and lists where none
+/// is expected.
 pub(super) struct Strict<D>(pub D);
 
-/// What the type expects, where serde's own visitors accept other values.
+/// Kind of value that is required in a place where the visitors that serde derives would also accept other kinds.
 #[derive(Clone, Copy)]
 enum Needed {
     Anything,
@@ -119,7 +121,7 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.expecting(f)
     }
 
-    // What TOML has; smaller numbers come as these.
+    // The types of TOML values; smaller number types arrive as one of these.
     pass! {
         visit_bool: bool,
         visit_i64: i64,
@@ -156,7 +158,8 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
             Needed::Table { keys } => format!("a table with the keys {}", keys.join(", ")),
             Needed::List { length } => {
                 let value = self.visitor.visit_seq(&mut list);
-                // An element that is wrong is named itself, unlike one that is missing.
+                // The error about a wrong element names that element; a missing element is reported as a
+                // wrong length of the list.
                 if value.is_err() && !list.has_ended || list.count()? == length {
                     return value;
                 }
@@ -171,7 +174,7 @@ impl<'de, V: Visitor<'de>> Visitor<'de> for StrictVisitor<V> {
         self.visitor.visit_map(Entries(table))
     }
 
-    // Names of variants alone: no key has a variant with a value.
+    // Variants have no values: each occurs only as a name.
     fn visit_enum<A: EnumAccess<'de>>(self, name: A) -> Result<V::Value, A::Error> {
         self.visitor.visit_enum(name)
     }
@@ -187,7 +190,7 @@ impl<'de, S: DeserializeSeed<'de>> DeserializeSeed<'de> for StrictSeed<S> {
     }
 }
 
-/// Elements of a list, which are counted.
+/// Access to the elements of a list; counts the elements that have been read.
 struct Elements<A> {
     list: A,
     taken: usize,
@@ -195,7 +198,7 @@ struct Elements<A> {
 }
 
 impl<'de, A: SeqAccess<'de>> Elements<A> {
-    /// How many there are.
+    /// Reads the remaining elements of the list, and returns the total number of elements.
     fn count(&mut self) -> Result<usize, A::Error> {
         while self.next_element::<IgnoredAny>()?.is_some() {}
         Ok(self.taken)
@@ -223,7 +226,7 @@ impl<'de, A: SeqAccess<'de>> SeqAccess<'de> for Elements<A> {
     }
 }
 
-/// Entries of a table.
+/// Access to the entries of a table.
 struct Entries<A>(A);
 
 impl<'de, A: MapAccess<'de>> MapAccess<'de> for Entries<A> {
@@ -251,13 +254,14 @@ mod tests {
 
     use toml::{Table, Value};
 
-    use super::super::settings::below;
-    use trilink_robot::Quantity;
+    use super::super::settings::join_key;
+    use trilink_base::Named;
+    use trilink_robot::{Per, Quantity, Robot};
 
     use super::super::{Config, ConfigError, FigureWidth, SharedFits, Smoothing};
     use crate::config::Robots;
 
-    /// A configuration with every key there is, also those that may be left out.
+    /// Returns a configuration with all keys, including the optional ones.
     fn every_key() -> Value {
         let mut config = Config::default();
         config.ingest.smoothing_window = Smoothing::Window(9);
@@ -266,47 +270,57 @@ mod tests {
         config.optimise.power_w = Some(2.0);
         config.optimise.torque_nm = Some(0.5);
         let robot = config.robot.get_mut("semi-passive").unwrap();
-        for of in Quantity::ALL.into_iter().filter(|of| of.definition().has_deviation) {
-            robot.set_deviation(of, vec![0.0; of.count()]);
+        for quantity in Quantity::ALL.into_iter().filter(|one| one.definition().has_deviation) {
+            let is_per_joint = quantity.definition().per == Per::Joint;
+            let count = if is_per_joint { 1 } else { quantity.count() };
+            robot.set_deviation(quantity, vec![0.0; count]);
         }
         robot.set_load_n([7.2, 3.6, 3.6]);
         robot.set(Quantity::SkidStatic, [1.0; 3]);
         robot.set(Quantity::RollDry, [1.0; 3]);
         robot.set(Quantity::Stribeck, [0.1]);
         let joint = config.gait.get_mut("skewed").unwrap().joint1.as_mut().unwrap();
-        (joint.amplitude2_deg, joint.phase2_deg) = (Some(5.0), Some(0.0));
+        joint.amplitude2_deg = Some(5.0);
+        joint.phase2_deg = Some(0.0);
         Value::try_from(config).unwrap()
     }
 
-    /// Values with other lengths, by their keys, and how their errors begin.
-    fn of_other_lengths(value: &Value, key: &str, found: &mut Vec<(String, Value, String)>) {
-        let mut add = |value: Value, error: String| found.push((key.to_owned(), value, error));
+    /// Collects invalid replacements, of the wrong length or type, for `value` and for each value in it,
+    /// together with the replaced key and the text that the error must contain.
+    fn collect_wrong(value: &Value, key: &str, wrong: &mut Vec<(String, Value, String)>) {
+        let mut add = |value: Value, error: String| wrong.push((key.to_owned(), value, error));
         let a_list = |length: usize, needed: &str| {
             format!("key `{key}`: found a list of length {length}, needed {needed}")
         };
         match value {
             Value::Array(list) if list.first().is_some_and(Value::is_float) => {
-                let (length, number) = (list.len(), list[0].clone());
+                let length = list.len();
+                let number = list[0].clone();
                 let needed = format!("a list of length {length}");
                 for other in (0..2 * length).filter(|other| *other != length) {
                     let numbers = vec![number.clone(); other];
                     add(numbers.into(), a_list(other, &needed));
                 }
-                let text_too_much = [&list[..], &["x".into()]].concat();
-                add(text_too_much.into(), a_list(length + 1, &needed));
+                let with_text = [&list[..], &["x".into()]].concat();
+                add(with_text.into(), a_list(length + 1, &needed));
                 let nested = vec![Value::from(vec![number.clone()]); length];
                 add(nested.into(), a_list(1, "a number"));
                 add(number, format!("key `{key}`: invalid type: floating point"));
             }
-            // These are a word or a number.
+            // These keys take a word or a number.
             Value::Integer(_) | Value::Float(_)
                 if ["ingest.smoothing_window", "report.width_mm"].contains(&key) =>
             {
                 add(vec![value.clone()].into(), format!("key `{key}`: invalid value: ["));
             }
             Value::Integer(_) | Value::Float(_) => {
-                add(vec![value.clone()].into(), a_list(1, "a"));
-                add(vec![value.clone(); 2].into(), a_list(2, "a"));
+                let name = key.rsplit('.').next().unwrap();
+                let is_per_joint = Quantity::of_name(name)
+                    .is_some_and(|quantity| quantity.definition().per == Per::Joint);
+                // A quantity of both joints may be a list: front, rear.
+                for length in (1..=3).filter(|length| !is_per_joint || *length != Robot::JOINTS) {
+                    add(vec![value.clone(); length].into(), a_list(length, "a"));
+                }
             }
             Value::String(_) | Value::Boolean(_) => {
                 add(vec![value.clone(); 2].into(), format!("key `{key}`: "));
@@ -318,21 +332,23 @@ mod tests {
                     add(numbers.into(), format!("key `{key}`: "));
                 }
                 for (name, value) in table {
-                    of_other_lengths(value, &below(key, name), found);
+                    collect_wrong(value, &join_key(key, name), wrong);
                 }
             }
             _ => {}
         }
     }
 
-    /// A table with another value of a key.
+    /// Returns the TOML text of a table in which the value of a dotted key is replaced by `other`.
     fn with(value: &Value, key: &str, other: &Value) -> String {
-        let key: Table = format!("{key} = 0").parse().unwrap();
-        let (mut changed, mut place) = (value.clone(), &Value::Table(key));
+        let path = Value::Table(format!("{key} = 0").parse::<Table>().unwrap());
+        let mut rest = &path;
+        let mut changed = value.clone();
         let mut inner = &mut changed;
-        while let Value::Table(table) = place {
+        while let Value::Table(table) = rest {
             let (name, deeper) = table.iter().next().unwrap();
-            (inner, place) = (&mut inner[name.as_str()], deeper);
+            inner = &mut inner[name.as_str()];
+            rest = deeper;
         }
         *inner = other.clone();
         toml::to_string(&changed).unwrap()
@@ -344,15 +360,15 @@ mod tests {
     }
 
     #[test]
-    fn every_list_and_number_of_another_length_is_refused_by_its_key() {
+    fn every_value_of_another_length_is_rejected_by_its_key() {
         let all = every_key();
         assert_eq!(error(&toml::to_string(&all).unwrap()), None);
-        let mut others = Vec::new();
-        of_other_lengths(&all, "", &mut others);
-        assert!(others.len() > 500, "{}", others.len());
-        // What is `[fit.shared] robot` or `[paths] raw` may be a list or one.
-        others.retain(|(key, ..)| !["fit.shared.robot", "paths.raw"].contains(&key.as_str()));
-        for (key, other, expected) in others {
+        let mut wrong = Vec::new();
+        collect_wrong(&all, "", &mut wrong);
+        assert!(wrong.len() > 500, "{}", wrong.len());
+        // These keys take a list or a single value.
+        wrong.retain(|(key, ..)| !["fit.shared.robot", "paths.raw"].contains(&key.as_str()));
+        for (key, other, expected) in wrong {
             let message = error(&with(&all, &key, &other));
             let is_named = message.as_ref().is_some_and(|message| message.contains(&expected));
             assert!(is_named, "{key} = {other}: {expected}: {message:?}");
@@ -360,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_beside_a_standard_deviation_are_as_long_as_without_it() {
+    fn lists_with_standard_deviations_have_the_same_length_as_without() {
         let all = every_key();
         for (value, needed) in [
             (
@@ -385,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_is_no_table() {
+    fn a_list_is_rejected_in_place_of_a_table() {
         let all = every_key();
         let weights = vec![Value::Float(10.0); 4].into();
         let message = error(&with(&all, "campaign.kinematic-skewed.weights", &weights)).unwrap();

@@ -1,14 +1,17 @@
-//! Whether a prediction lies within what was measured.
+//! Extrapolation of a fitted model beyond its trials.
 
 use crate::rows;
 
 rows! {
-    /// Whether a motion of a fitted model is beyond the trials that its coefficients are from.
+    /// Whether a motion predicted by a fitted model lies outside the range of the trials to which the model
+    /// was fitted.
     #[derive(serde::Serialize)]
     pub struct Extrapolation {
-        /// Missing where no fitted coefficients are used, or what the trials cover is not known.
+        /// Whether the motion lies outside the range of the trials; missing if the coefficients are not
+        /// fitted or the range is unknown.
         pub extrapolated: Option<bool>,
-        /// What is beyond, with the range of the trials, or why that is not known; empty within.
+        /// Quantities of the motion that are outside the range of the trials, with this range, or the reason
+        /// why the range is unknown; empty if the motion is within the range.
         pub beyond_trials: String,
     }
 }

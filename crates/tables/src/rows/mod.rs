@@ -1,12 +1,11 @@
-//! The tables of `derived/`, a file for each stage that writes some. Column names are a contract: scripts
-//! of others read them.
+//! Rows of the tables in `derived/`. Column names must not change: scripts of users read them.
 
-// The ingest:
+// Written by the ingest stage:
 pub(crate) mod recording;
 pub(crate) mod robot_parameters;
 pub(crate) mod trials;
 
-// The fit:
+// Written by the fit stage:
 pub(crate) mod extrapolation;
 pub(crate) mod fits;
 pub(crate) mod motions;

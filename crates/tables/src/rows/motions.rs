@@ -1,4 +1,4 @@
-//! What `branches --table` and `simulate --trajectory` write.
+//! Tables that `branches --table` and `simulate --trajectory` write.
 
 use trilink_robot::metrics::{Bifurcation, BranchKind, GaitMetrics, MotionStatus};
 use trilink_robot::{ContactForces, Model};
@@ -6,51 +6,58 @@ use trilink_robot::{ContactForces, Model};
 use crate::{columns, rows};
 
 rows! {
-    /// One motion of a branch: what `branches --table` writes. Branches are numbered from 1.
+    /// Steady-state motion on a branch of solutions: row of the table that `branches --table` writes.
     pub struct BranchRow {
+        /// Number of the branch, from 1.
         pub branch: i64,
         pub kind: BranchKind,
-        /// The branch that it begins on.
+        /// Number of the branch from which this branch bifurcates; missing if there is none.
         pub parent: Option<i64>,
-        /// Periods of the command after which the motion repeats itself.
+        /// Number of periods of the command in one period of the motion.
         pub periods: i64,
-        /// What the branch is followed over, and its value there.
+        /// Name of the continuation parameter.
         pub parameter: String,
+        /// Value of the continuation parameter.
         pub value: f64,
-        /// Whether it is beyond the trials that its coefficients were fitted to; missing where they were not.
+        /// Whether the motion lies outside the range of the fitted trials; missing if the coefficients do not come from
+        /// a fit or the range is unknown.
         pub extrapolated: Option<bool>,
-        /// Per period of the command.
+        /// Metrics per period of the command.
         pub metrics: GaitMetrics,
-        /// Modulus of the largest Floquet multiplier of the motion's own period.
+        /// Modulus of the largest Floquet multiplier over one period of the motion.
         pub floquet: f64,
         pub status: MotionStatus,
-        /// What happens there, if anything.
+        /// Bifurcation at this point of the branch; missing if there is none.
         pub bifurcation: Option<Bifurcation>,
     }
 }
 
 rows! {
-    /// One moment of a simulated motion: what `simulate --trajectory` writes. Forces and torques
-    /// are missing where the constraint forces are unbounded.
+    /// State of a simulated motion: row of the table that `simulate --trajectory` writes. Forces and torques are
+    /// missing where the constraint forces are unbounded.
     pub struct TrajectoryRow {
         pub model: Model,
         pub omega_rad_s: f64,
-        /// Whether it is beyond the trials that its coefficients were fitted to; missing where they were not.
+        /// Whether the motion lies outside the range of the fitted trials; missing if the coefficients do not come from
+        /// a fit or the range is unknown.
         pub extrapolated: Option<bool>,
-        /// After phase 0, s.
+        /// Time since the start of the motion, which is at phase 0 of the gait, s.
         pub time_s: f64,
-        /// Centre and heading of link 0.
+        /// x coordinate of the centre of link 0, m.
         pub x_m: f64,
         pub y_m: f64,
+        /// Heading of link 0, rad.
         pub theta_rad: f64,
+        /// Joint angles phi1 and phi2, rad.
         pub phi_rad: [f64; 2] as "phi{}_rad",
-        /// Time derivatives of the coordinates.
+        /// Velocity of the centre of link 0 along the world x axis, m/s.
         pub x_rate_m_s: f64,
         pub y_rate_m_s: f64,
         pub theta_rate_rad_s: f64,
         pub phi_rate_rad_s: [f64; 2] as "phi{}_rate_rad_s",
-        /// Roll and skid velocities of the wheels.
+        /// Roll velocities of wheels 0, 1, 2, m/s.
         pub roll_m_s: [f64; 3] as "roll{}_m_s",
+        /// Skid velocities of wheels 0, 1, 2, m/s.
         pub skid_m_s: [f64; 3] as "skid{}_m_s",
         pub forces: ContactForces,
     }

@@ -1,4 +1,4 @@
-//! The tables of optimal gaits.
+//! Tables of optimal gaits.
 
 use trilink_base::named;
 use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};
@@ -7,28 +7,30 @@ use trilink_robot::{ByParameter, Model};
 use crate::{Extrapolation, NoInterval, rows};
 
 named! {
-    /// What an optimal gait is best in.
+    /// Objective of the gait optimisation.
     pub enum Objective {
-        /// The distance covered in a cycle (eq. 17), m.
+        /// Displacement per cycle (eq. 17 of the paper), m.
         Distance = "d",
-        /// The mean speed (eq. 17), m/s.
+        /// Mean speed (eq. 17 of the paper), m/s.
         Speed = "v",
-        /// The distance for the actuators' work over a cycle, m/J.
+        /// Displacement divided by the work of the actuators, m/J.
         DistancePerWork = "d-per-work",
-        /// The mean speed for the actuators' mean power, m/J: the same number.
+        /// Mean speed divided by the mean power of the actuators, m/J; equals the displacement per unit of
+        /// work.
         SpeedPerPower = "v-per-power",
-        /// The work for each metre, J/m: the inverse, which is to be small.
+        /// Work of the actuators per metre, J/m, which is minimised; the inverse of the displacement per unit
+        /// of work.
         WorkPerMetre = "work-per-metre",
     }
 }
 
 impl Objective {
-    /// Whether the smallest value is the best.
+    /// Returns whether the objective is minimised, not maximised.
     pub fn is_minimised(self) -> bool {
         self == Self::WorkPerMetre
     }
 
-    /// The unit of its values.
+    /// Returns the unit of the objective.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Distance => "m",
@@ -38,7 +40,8 @@ impl Objective {
         }
     }
 
-    /// Its value for a motion.
+    /// Returns the value of the objective for a motion with the given displacement per cycle, mean speed and
+    /// work per cycle.
     pub fn value(self, d_m: f64, v_m_s: f64, work_j: f64) -> f64 {
         match self {
             Self::Distance => d_m,
@@ -50,31 +53,34 @@ impl Objective {
 }
 
 rows! {
-    /// An optimum: `optima.parquet`. Numbers of a joint that is passive are missing.
+    /// Optimal gait: row of `optima.parquet`. Values for a passive joint are missing.
     #[derive(serde::Serialize)]
     pub struct OptimumRow {
         pub campaign: String,
-        /// 1 of the best.
+        /// Rank of the optimum; 1 for the best.
         pub rank: i64,
         pub model: Model,
-        /// The model's coefficients.
+        /// Coefficients of the model with which the gait was optimised.
         pub parameters: ByParameter<f64>,
-        /// Whether the model fits the trials that its coefficients are from.
+        /// Whether the model is adequate for the trials to which it was fitted; missing if it was not fitted
+        /// or not tested.
         pub adequate: Option<bool>,
-        /// Whether the gait is beyond those trials.
+        /// Whether the gait lies outside the range of the trials to which the model was fitted.
         #[serde(flatten)]
         pub extrapolation: Extrapolation as "{}",
         pub objective: Objective,
         pub value: f64,
-        /// Of a front the other objective, and its value.
+        /// Second objective of a Pareto front; missing for a single objective.
         pub other_objective: Option<Objective>,
+        /// Value of the second objective; missing for a single objective.
         pub other_value: f64,
         pub omega_rad_s: f64,
         pub offset_rad: [f64; 2] as "phi{}_offset_rad",
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
         pub phase_rad: [f64; 2] as "phi{}_phase_rad",
-        /// Of second harmonics, where commands have one.
+        /// Amplitudes of the second harmonics; missing if the commands have none.
         pub amplitude2_rad: [f64; 2] as "phi{}_amplitude2_rad",
+        /// Phases of the second harmonics; missing if the commands have none.
         pub phase2_rad: [f64; 2] as "phi{}_phase2_rad",
         pub metrics: GaitMetrics,
         pub work_j: f64,
@@ -83,39 +89,48 @@ rows! {
         pub from_rest: FromRest,
         pub at_bound: Vec<String>,
         pub starts: i64,
-        /// The objective of the campaign's own gait at the frequency that is best for it.
+        /// Value of the objective for the campaign's own gait at the best frequency for that gait.
         pub present_value: f64,
+        /// Frequency at which the campaign's own gait has the best value of the objective.
         pub present_omega_rad_s: f64,
-        /// What varied, and within which bounds.
+        /// Names of the command variables that were optimised.
         pub free: Vec<String>,
+        /// Bounds on the optimised command variables and on the motions.
         pub bounds: String,
-        /// 95 % limits of the best by what the coefficients may be off by, and why there are none.
+        /// Lower 95 % confidence limits due to the uncertainty of the coefficients; only for the best
+        /// optimum.
         pub lower: GaitNumbers as "{}_lo" after "{}",
+        /// Upper 95 % confidence limits due to the uncertainty of the coefficients; only for the best
+        /// optimum.
         pub upper: GaitNumbers as "{}_hi" after "{}_lo",
+        /// Reason why there are no confidence limits; missing if there are limits.
         pub no_interval: Option<NoInterval>,
-        /// Replicates of the fit that were searched again, and of them those in which this is the best.
+        /// Number of bootstrap replicates of the fit for which the search was repeated.
         pub replicates: Option<i64>,
+        /// Number of bootstrap replicates of the fit for which this optimum is the best one.
         pub best_in: Option<i64>,
-        /// Part of the objective that is lost with the best gait of the fit where a replicate is true: median and
-        /// 95 % quantile.
+        /// Median regret over the bootstrap replicates. The regret is the fraction of the objective that is lost if the
+        /// best gait of the fit is used although the replicate's coefficients are the true ones.
         pub regret_median: f64,
+        /// 95 % quantile, over the bootstrap replicates, of the regret whose median is `regret_median`.
         pub regret_hi: f64,
-        /// Replicates with which the robot does not get from rest into a stable motion with the best gait of the
-        /// fit, and in which that exceeds a limit.
+        /// Number of bootstrap replicates for which the best gait of the fit does not lead from rest to a stable
+        /// motion.
         pub not_reached: Option<i64>,
+        /// Number of bootstrap replicates for which the best gait of the fit exceeds a limit on power or torque.
         pub over_limit: Option<i64>,
     }
 }
 
 impl OptimumRow {
-    /// Whether the robot gets there from rest and stays.
-    pub fn counts(&self) -> bool {
+    /// Returns whether the optimal motion is stable and reached from rest.
+    pub fn is_reachable(&self) -> bool {
         self.status.is_reached_and_stays(self.from_rest)
     }
 }
 
 rows! {
-    /// What there are limits of.
+    /// Quantities of an optimal gait that have confidence limits.
     #[derive(serde::Serialize)]
     pub struct GaitNumbers {
         pub value: f64,
@@ -129,35 +144,38 @@ rows! {
 }
 
 named! {
-    /// What a point of the map of an objective is.
+    /// Kind of point on the map of an objective.
     pub enum MapPoint {
-        /// One of a grid, whose first axis changes fastest.
+        /// Point of the regular grid; the first axis varies fastest.
         Grid = "grid",
         Optimum = "optimum",
         /// The campaign's own gait at the frequency that is best for it.
         Present = "present",
-        /// The optimum by a replicate of the fit.
+        /// Optimum for a bootstrap replicate of the fit.
         Replicate = "replicate",
     }
 }
 
 rows! {
-    /// A point of the map of an objective about its optimum, over the one or two commands that it answers to
-    /// most: `optimum_maps.parquet`.
+    /// Point on the map of an objective around its optimum, as a function of the one or two command variables
+    /// to which the objective is most sensitive: row of `optimum_maps.parquet`.
     pub struct OptimumMapRow {
         pub campaign: String,
         pub model: Model,
         pub objective: Objective,
         pub point: MapPoint,
-        /// The commands of the axes, the second empty where one varies alone, and their values: omega in rad/s, angles
-        /// in degrees.
+        /// Name of the command variable on the first axis.
         pub x_command: String,
+        /// Name of the command variable on the second axis; empty if there is only one axis.
         pub y_command: String,
+        /// Value of the first command variable: omega in rad/s, angles in degrees.
         pub x: f64,
+        /// Value of the second command variable: omega in rad/s, angles in degrees.
         pub y: f64,
-        /// Of the objective; missing where there is no stable motion within the bounds, and of replicates.
+        /// Value of the objective; missing if there is no stable motion within the bounds, and for replicates.
         pub value: f64,
-        /// Whether the gait is beyond the trials that the coefficients were fitted to; missing where they were not.
+        /// Whether the gait lies outside the range of the fitted trials; missing if the coefficients do not
+        /// come from a fit or the range is unknown.
         pub extrapolated: Option<bool>,
     }
 }

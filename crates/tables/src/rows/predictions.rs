@@ -6,46 +6,55 @@ use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};
 use crate::{NoInterval, PredictionSource, rows};
 
 rows! {
-    /// What a fitted model predicts: `predictions.parquet`.
+    /// Prediction by a fitted model, for a trial or a point of a prediction curve: row of
+    /// `predictions.parquet`.
     #[derive(serde::Serialize)]
     pub struct PredictionRow {
         pub campaign: String,
         pub model: Model,
-        /// Empty on a curve.
+        /// Name of the trial that is predicted; empty for points of a prediction curve.
         pub trial: String,
         pub omega_rad_s: f64,
         pub source: PredictionSource,
         pub metrics: GaitMetrics,
-        /// 95 % confidence limits of the metrics; missing for the reason in `no_interval`.
+        /// Lower 95 % confidence limits of the metrics; if they are missing, `no_interval` states the reason.
         pub lower: GaitMetrics as "{}_lo" after "{}",
+        /// Upper 95 % confidence limits of the metrics; if they are missing, `no_interval` states the reason.
         pub upper: GaitMetrics as "{}_hi" after "{}_lo",
+        /// Reason why there are no confidence limits; missing if there are limits.
         pub no_interval: Option<NoInterval>,
-        /// Contribution of this frequency to the objective; only for `trial`.
+        /// Contribution of the trial to the objective; missing for points of a prediction curve.
         pub j: f64,
-        /// `stable`, `symmetry-broken` (stable, and one of two that are each other's mirror image),
-        /// `unstable`, `singular` or `diverged`; `failed` where the gait was not measured.
+        /// Status of the predicted motion: `stable`, `symmetry-broken` (stable, and one of a mirror-image
+        /// pair), `unstable`, `singular` or `diverged`; `failed` if the gait was not measured.
         pub status: MotionStatus,
-        /// Where the robot goes from rest. Only for `trial`, and where there is a motion.
+        /// Attractor that the robot reaches from rest; missing for points of a prediction curve, and for
+        /// trials for which the model has no steady-state motion.
         pub from_rest: Option<FromRest>,
     }
 }
 
 rows! {
-    /// What a fitted model leaves of a trial's metric: `residuals.parquet`.
+    /// Residual of a fitted model in one metric of one trial: row of `residuals.parquet`.
     pub struct ResidualRow {
         pub campaign: String,
         pub model: Model,
         pub trial: String,
         pub omega_rad_s: f64,
-        /// A column of `predictions.parquet`.
+        /// Name of the metric, which is a column of `predictions.parquet`.
         pub metric: String,
-        /// What was fitted, and what the model makes of it; in the unit of the metric.
+        /// Measured value, in the unit of the metric.
         pub measured: f64,
+        /// Predicted value, in the unit of the metric.
         pub predicted: f64,
-        /// Measured less predicted.
+        /// Measured minus predicted value.
         pub residual: f64,
+        /// Standard error of the measured value.
         pub standard_error: f64,
-        /// The residual over the standard error.
+        /// Standard deviation of the metric in such trials: noise of the cycles, and variation between trials and days.
+        /// 0 if the noise is not known.
+        pub noise: f64,
+        /// Residual divided by the standard error of the measured value.
         pub residual_standard_errors: f64,
     }
 }

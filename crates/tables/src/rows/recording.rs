@@ -1,6 +1,6 @@
 //! Tables of one trial, frame by frame and cycle by cycle, written by the ingest stage.
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -9,47 +9,48 @@ use trilink_robot::metrics::GaitMetrics;
 
 use crate::{FrameTexts, frames, rows};
 
-/// `derived/poses/<trial>.parquet`.
+/// Returns the path of `poses/<trial>.parquet` in the folder `derived`.
 pub fn poses_path(derived: &Path, trial: &str) -> PathBuf {
     derived.join("poses").join(format!("{trial}.parquet"))
 }
 
-/// `derived/wheels/<trial>.parquet`.
+/// Returns the path of `wheels/<trial>.parquet` in the folder `derived`.
 pub fn wheels_path(derived: &Path, trial: &str) -> PathBuf {
     derived.join("wheels").join(format!("{trial}.parquet"))
 }
 
-/// `derived/cycles/<trial>.parquet`.
+/// Returns the path of `cycles/<trial>.parquet` in the folder `derived`.
 pub fn cycles_path(derived: &Path, trial: &str) -> PathBuf {
     derived.join("cycles").join(format!("{trial}.parquet"))
 }
 
-/// Between the labels of markers in a text.
+/// Separator between marker labels in a cell.
 pub const LABELS_APART: &str = ", ";
 
 frames! {
-    /// The frames of a table, and when each was, after the first, s.
+    /// Frame numbers and times of a recording.
     pub struct Clock {
         pub frame: Vec<i64>,
+        /// Time since the first frame, s.
         pub time_s: Vec<f64>,
     }
 }
 
 frames! {
-    /// The robot's five coordinates over time; NaN where missing.
+    /// The robot's five coordinates as functions of time; NaN where missing.
     pub struct Coordinates {
-        /// Link 0's wheel axle.
+        /// x coordinate of link 0's wheel axle, m.
         pub x_m: Vec<f64>,
         pub y_m: Vec<f64>,
-        /// Heading of link 0, without jumps.
+        /// Unwrapped heading of link 0, rad.
         pub theta_rad: Vec<f64>,
-        /// Joint angles phi1 and phi2.
+        /// Joint angles phi1 and phi2, rad.
         pub phi_rad: [Vec<f64>; 2] as "phi{}_rad",
     }
 }
 
 frames! {
-    /// Velocities of wheels 0, 1, 2 over time; NaN where missing.
+    /// Roll and skid velocities of wheels 0, 1, 2 as functions of time; NaN where missing.
     pub struct WheelVelocities {
         pub roll_m_s: [Vec<f64>; 3] as "roll{}_m_s",
         pub skid_m_s: [Vec<f64>; 3] as "skid{}_m_s",
@@ -57,23 +58,25 @@ frames! {
 }
 
 frames! {
-    /// Where the robot was, and what the cameras saw of links 0, 1, 2: `poses/<trial>.parquet`.
+    /// Poses as functions of time, with the quality of the marker data for links 0, 1, 2:
+    /// `poses/<trial>.parquet`.
     pub struct PoseFrames {
         pub clock: Clock,
         pub coordinates: Coordinates,
-        /// RMS misfit of the link's markers; NaN where there is no fit.
+        /// RMS residual of the rigid fit to each link's markers, mm; NaN in frames without a fit.
         pub residual_mm: [Vec<f64>; 3] as "residual{}_mm",
         pub fill: [Vec<Fill>; 3] as "fill{}",
         pub outlier: [Vec<LabelFault>; 3] as "outlier{}",
-        /// Labels of the markers that the cameras did not see, and of those that were corrected, with
-        /// [`LABELS_APART`].
+        /// Labels of the occluded markers on each link, separated by [`LABELS_APART`].
         pub unseen: [FrameTexts; 3] as "unseen{}",
+        /// Labels of the markers on each link that were rejected as outliers or whose swapped labels were
+        /// restored, separated by [`LABELS_APART`].
         pub corrected: [FrameTexts; 3] as "corrected{}",
     }
 }
 
 frames! {
-    /// How the wheels moved: `wheels/<trial>.parquet`.
+    /// Wheel velocities as functions of time: `wheels/<trial>.parquet`.
     pub struct WheelFrames {
         pub clock: Clock,
         pub velocities: WheelVelocities,
@@ -81,33 +84,33 @@ frames! {
 }
 
 named! {
-    /// Where a link's pose in a frame comes from.
+    /// Source of a link's pose in a frame.
     pub enum Fill {
-        /// All its markers were seen.
+        /// The pose is fitted to all markers of the link.
         Measured = "measured",
-        /// Some were not, or one had jumped; the pose is that of the others.
+        /// The pose is fitted to the remaining markers of the link, because some were occluded or rejected.
         Rigid = "rigid",
-        /// The frame lies in a short gap.
+        /// The pose is interpolated across a short gap.
         Interpolated = "interpolated",
         Missing = "missing",
     }
 }
 
 named! {
-    /// What was wrong with a link's markers in a frame.
+    /// Fault in the marker labels of a link in a frame.
     pub enum LabelFault {
         None = "none",
-        /// One marker had jumped, and is left out.
+        /// One marker is an outlier and is left out.
         Jumped = "jumped",
-        /// Two labels were swapped, and are swapped back.
+        /// Two labels were swapped and have been restored.
         Swapped = "swapped",
-        /// Which marker is wrong is not clear: the link's pose is thrown out.
+        /// It is ambiguous which marker is wrong, so the link's pose is discarded.
         Ambiguous = "ambiguous",
     }
 }
 
 impl Clock {
-    /// Frames without gaps from the first one on.
+    /// Creates the frame numbers and times of `frames` consecutive frames.
     pub fn new(first_frame: i64, frames: usize, rate_hz: f64) -> Self {
         let frame = (first_frame..).take(frames).collect();
         Self { frame, time_s: (0..frames).map(|i| i as f64 / rate_hz).collect() }
@@ -115,7 +118,7 @@ impl Clock {
 }
 
 impl Coordinates {
-    /// The same for each of the five series.
+    /// Returns the coordinates after applying a function to each of the five time series.
     #[must_use]
     pub fn map(&self, change: impl Fn(&[f64]) -> Vec<f64>) -> Self {
         Self {
@@ -126,12 +129,23 @@ impl Coordinates {
         }
     }
 
-    /// Number of frames.
+    /// Returns the direction from the first to the last visible position of link 0 in a range of frames, from the x
+    /// axis, rad; NaN if link 0 is visible in fewer than two frames.
+    pub fn direction_rad(&self, mut frames: Range<usize>) -> f64 {
+        let is_visible = |i: &usize| !self.x_m[*i].is_nan() && !self.y_m[*i].is_nan();
+        let (Some(first), Some(last)) = (frames.find(is_visible), frames.rfind(is_visible)) else {
+            return f64::NAN;
+        };
+        let [dx, dy] = [&self.x_m, &self.y_m].map(|series| series[last] - series[first]);
+        dy.atan2(dx)
+    }
+
+    /// Returns the number of frames.
     pub fn frames(&self) -> usize {
         self.x_m.len()
     }
 
-    /// Makes these frames missing.
+    /// Sets the coordinates in a range of frames to missing (NaN).
     pub fn leave_out(&mut self, frames: RangeInclusive<usize>) {
         let Self { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = self;
         for series in [x_m, y_m, theta_rad, phi1_rad, phi2_rad] {
@@ -141,24 +155,26 @@ impl Coordinates {
 }
 
 rows! {
-    /// One cycle of a trial: `cycles/<trial>.parquet`.
+    /// One gait cycle of a trial: row of `cycles/<trial>.parquet`.
     #[derive(Serialize)]
     pub struct CycleRow {
         pub trial: String,
         pub cycle: i64,
-        /// When the cycle starts, after the first frame, s.
+        /// Time from the first frame to the start of the cycle, s.
         pub start_s: f64,
         pub metrics: GaitMetrics,
-        /// What the joints do in it.
+        /// Measured motion of the joints in the cycle.
         pub gait: [JointCycle; 2] as "phi{}_{}",
-        /// Whether the cycle counts towards the trial's means, and where it does not, why.
+        /// Whether the cycle is used for the trial means.
         pub used: bool,
+        /// Reason why the cycle is not used; otherwise empty.
         pub reason: String,
     }
 }
 
 rows! {
-    /// What a joint does in a cycle: as [`JointGait`](crate::JointGait).
+    /// Motion of a joint in a cycle: `phi = offset + amplitude cos(omega t + phase)`, as in
+    /// [`JointGait`](crate::JointGait).
     #[derive(Copy, Serialize)]
     pub struct JointCycle {
         pub offset_rad: f64,

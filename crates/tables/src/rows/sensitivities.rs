@@ -1,4 +1,4 @@
-//! The table of sensitivities.
+//! Table of the metrics' sensitivities to parameters.
 
 use trilink_base::named;
 use trilink_robot::Model;
@@ -6,9 +6,11 @@ use trilink_robot::metrics::Metric;
 
 use crate::{Extrapolation, rows};
 
-/// The metrics of which there are sensitivities: those that are fitted, and the actuators' work a cycle.
+/// Names of the metrics for which sensitivities are computed: the fitted metrics, and the work of the
+/// actuators per cycle.
 pub const SENSITIVE_METRICS: [&str; Metric::FITTED.len() + 1] = {
-    let (mut metrics, mut i) = (["work_j"; Metric::FITTED.len() + 1], 0);
+    let mut metrics = ["work_j"; Metric::FITTED.len() + 1];
+    let mut i = 0;
     while i < Metric::FITTED.len() {
         metrics[i] = Metric::FITTED[i].column();
         i += 1;
@@ -17,7 +19,7 @@ pub const SENSITIVE_METRICS: [&str; Metric::FITTED.len() + 1] = {
 };
 
 named! {
-    /// Who says how well a number is known.
+    /// Source of a parameter's standard deviation.
     pub enum KnownFrom {
         Configured = "configured",
         Measured = "measured",
@@ -26,36 +28,42 @@ named! {
 }
 
 rows! {
-    /// How one metric answers to one number of the robot, the gait or the frequency: what
-    /// `simulate --sensitivities` gives.
+    /// Sensitivity of a metric to a parameter of the robot or the gait, or to the frequency: row of the table
+    /// that `simulate --sensitivities` writes.
     #[derive(serde::Serialize)]
     pub struct SensitivityRow {
         pub model: Model,
         pub omega_rad_s: f64,
-        /// Whether the motion is beyond the trials that its coefficients were fitted to.
+        /// Whether the motion lies outside the range of the fitted trials.
         #[serde(flatten)]
         pub extrapolation: Extrapolation as "{}",
-        /// As `--set` has it, and its value, in the unit of its name.
+        /// Name of the parameter, as in the option `--set` of `simulate`.
         pub parameter: String,
+        /// Value of the parameter, in the unit that the parameter's name states.
         pub parameter_value: f64,
-        /// As columns have it, and its value.
+        /// Name of the metric, as in table columns.
         pub metric: String,
+        /// Value of the metric, in the unit that the metric's name states.
         pub metric_value: f64,
-        /// In the metric's unit per unit of the parameter, and how far it may be off where it is a
-        /// difference and not the solver's own.
+        /// Derivative of the metric with respect to the parameter, in the unit of the metric per unit of the
+        /// parameter.
         pub derivative: f64,
+        /// Estimated error of the derivative if it is a finite difference; missing if the solver computed the
+        /// derivative.
         pub derivative_error: f64,
-        /// Relative change of the metric per relative change of the parameter; missing where either is
+        /// Relative change in the metric per relative change in the parameter; missing if either value is
         /// zero.
         pub elasticity: f64,
-        /// How well the parameter is known, and who says so; missing of what is taken as exact.
+        /// Standard deviation of the parameter; missing if the parameter is exact.
         pub standard_deviation: f64,
+        /// Source of the parameter's standard deviation; missing if the parameter is exact.
         pub known_from: Option<KnownFrom>,
-        /// What it makes of the metric: standard deviation in the metric's unit, and part of the variance
-        /// of all together. Parts of what varies together can be below zero.
+        /// Standard deviation of the metric due to this parameter, in the unit of the metric.
         pub contribution: f64,
+        /// Fraction of the metric's variance that is due to this parameter; can be negative for correlated
+        /// parameters.
         pub variance_part: f64,
-        /// Standard deviation of the metric by all together.
+        /// Standard deviation of the metric due to all parameters.
         pub metric_deviation: f64,
     }
 }

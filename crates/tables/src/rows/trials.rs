@@ -10,43 +10,51 @@ use crate::trial::TrialKind;
 use crate::{Severity, TrialStatus, rows};
 
 rows! {
-    /// One trial: `trials.parquet`. Standard errors end in `_se`.
+    /// Results of one trial: row of `trials.parquet`. Names of columns with standard errors end in `_se`.
     #[derive(Serialize)]
     pub struct TrialRow {
-        /// Its id, with its folder's name in front where another folder has the same.
+        /// Unique name of the trial: its id, prefixed with the name of its folder if a trial in another folder has the
+        /// same id.
         pub trial: String,
-        /// Where it is: its folder as seen from the configuration, and its id and its marker file in
-        /// the folder's list.
+        /// Folder of the trial, relative to the configuration file.
         pub folder: String,
+        /// Day of the recording: as listed, or the folder.
+        pub day: String,
+        /// Id of the trial in the folder's trial list.
         pub id: String,
+        /// Name of the trial's marker file in the folder.
         pub file: String,
-        /// Empty for trials that are not of kind `gait`.
+        /// Campaign of the trial; empty for trials that are not of kind `gait`.
         pub campaign: String,
         pub kind: TrialKind,
         pub omega_commanded_rad_s: f64,
-        /// Measured, by harmonic regression on the commanded joints.
+        /// Frequency measured by harmonic regression on the angles of the commanded joints, rad/s.
         pub omega_rad_s: f64,
         pub omega_rad_s_se: f64,
-        /// Cycles that the means are taken over.
+        /// Number of cycles that are used for the trial means.
         pub cycles: i64,
-        /// Means over the cycles, and their standard errors.
+        /// Trial means of the metrics: means over the used cycles.
         pub metrics: GaitMetrics,
+        /// Standard errors of the trial means.
         pub metrics_se: GaitMetrics as "{}_se" after "{}",
-        /// Skid ratios without what the markers' noise makes of them.
+        /// Debiased skid ratios: corrected for the effects of marker noise and smoothing.
         pub sigma_debiased: [Estimate; 3] as "sigma{}_debiased{}" after "sigma2_se",
         /// Measured gait of the joints.
         pub gait: [JointGait; 2] as "phi{}_{}",
-        /// Part of all markers' frames that the cameras saw.
+        /// Direction of travel over the used cycles, from the x axis of the laboratory, rad.
+        pub heading_rad: f64,
+        /// Fraction of all marker samples that were recorded, not occluded.
         pub coverage: f64,
-        /// Mean residual of the rigid fits, mm.
+        /// Mean, over links and frames, of the RMS residual of the rigid fit to a link's markers, mm.
         pub residual_mm: f64,
-        /// Whether the markers' noise is white, as all errors take it to be; a filter before the export ends that.
-        /// Missing where too little was seen to tell.
+        /// Whether the marker noise is white, as all standard errors assume (filtering before the export
+        /// violates this); missing if there are too few frames to test it.
         pub noise_white: Option<bool>,
-        /// Width of the moving average, samples.
+        /// Width of the moving average that smooths the coordinates, samples.
         pub smoothing_window: i64,
-        /// What it leaves of the speeds of the gait's first three harmonics. Only the raw skid
-        /// ratios and the tables of smoothed coordinates and speeds lose the rest.
+        /// Fraction of the first harmonic's velocity that the moving average retains; `smoothing_left2` and
+        /// `smoothing_left3` are the fractions for the second and third harmonic. Smoothing affects only the raw skid
+        /// ratios and the tables of smoothed coordinates and velocities.
         pub smoothing_left1: f64,
         pub smoothing_left2: f64,
         pub smoothing_left3: f64,
@@ -56,8 +64,8 @@ rows! {
 }
 
 impl TrialRow {
-    /// Measured skid ratios of wheels 0, 1, 2. A debiased one of which nothing is left above the
-    /// noise is missing; the raw one replaces a debiased one that is not known.
+    /// Returns the measured skid ratios of wheels 0, 1, 2. If `kind` is debiased, a debiased ratio that is zero or
+    /// below is returned as missing, and a raw ratio is returned for a wheel without a debiased one.
     pub fn sigma(&self, kind: SigmaKind) -> [Estimate; 3] {
         std::array::from_fn(|wheel| {
             let raw = Estimate::new(self.metrics.sigma[wheel], self.metrics_se.sigma[wheel]);
@@ -70,7 +78,14 @@ impl TrialRow {
         })
     }
 
-    /// Whether [`TrialRow::sigma`] gives raw skid ratios instead of debiased ones.
+    /// Returns the commanded frequency, or else the measured one, rad/s; NaN if both are unknown.
+    pub fn frequency_rad_s(&self) -> f64 {
+        let commanded = self.omega_commanded_rad_s;
+        if commanded > 0.0 { commanded } else { self.omega_rad_s }
+    }
+
+    /// Returns whether, for at least one wheel, [`TrialRow::sigma`] has to return the raw skid ratio because there is
+    /// no debiased one.
     pub fn lacks_debiased(&self) -> bool {
         let both = self.metrics.sigma.iter().zip(&self.sigma_debiased);
         both.into_iter().any(|(raw, debiased)| raw.is_finite() && debiased.value.is_nan())
@@ -78,14 +93,14 @@ impl TrialRow {
 }
 
 rows! {
-    /// What a joint does: `phi = offset + amplitude cos(omega t + phase)`, the phase of a
-    /// commanded joint being that of its command.
+    /// Measured gait of a joint: `phi = offset + amplitude cos(omega t + phase)`, with the time origin chosen
+    /// so that a commanded joint has the phase of its command.
     #[derive(Copy, Serialize)]
     pub struct JointGait {
         pub offset_rad: f64,
         pub amplitude_rad: f64,
         pub phase_rad: f64,
-        /// What else it does in every cycle: RMS of its harmonics above the first.
+        /// RMS of the joint angle's harmonics above the first, rad.
         pub harmonics_rad: f64,
         pub offset_rad_se: f64,
         pub amplitude_rad_se: f64,
@@ -94,24 +109,24 @@ rows! {
 }
 
 impl JointGait {
-    /// The command that would give it, but for the harmonics.
+    /// Returns a joint command with the measured offset, amplitude and phase.
     pub fn command(&self) -> JointCommand {
         let Self { offset_rad, amplitude_rad, phase_rad, .. } = *self;
         JointCommand::new(offset_rad, amplitude_rad, phase_rad)
     }
 
-    /// Standard errors of offset, amplitude and phase.
+    /// Returns the standard errors of offset, amplitude and phase, rad.
     pub fn errors_rad(&self) -> [f64; 3] {
         [self.offset_rad_se, self.amplitude_rad_se, self.phase_rad_se]
     }
 }
 
 rows! {
-    /// One check of one trial: `checks.parquet`.
+    /// Result of one check of one trial: row of `checks.parquet`.
     #[derive(Serialize)]
     pub struct CheckRow {
         pub trial: String,
-        /// Code and name, such as `W003 residual`.
+        /// Code and name of the check, such as `W004 residual`.
         pub check: String,
         pub severity: Severity,
         pub value: f64,

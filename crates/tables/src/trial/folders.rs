@@ -1,4 +1,4 @@
-//! Trial folders: which there are, and what their trials are called.
+//! Trial folders that a configuration names, and unique names for their trials.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -8,47 +8,47 @@ use trilink_base::files::{absolute, is_device_name};
 use super::{TRIALS_FILE, Trial, TrialList};
 use crate::config::{ConfigError, Paths, is_pattern};
 
-/// Most characters that a trial's name has of its folder's.
-const MOST_FRONT: usize = 64;
-/// Characters of a hash that tell folders apart whose names do not.
+/// Maximum number of characters that the folder's name contributes to a trial's name.
+const MAX_PREFIX: usize = 64;
+/// Number of characters of the hash that distinguishes folders with equal names.
 const HASH_CHARACTERS: usize = 8;
-/// More ids are not named in one sentence.
-const MOST_IDS: usize = 10;
+/// Maximum number of ignored trials whose ids a message lists.
+const MAX_IDS: usize = 10;
 
-/// A trial folder.
+/// Trial folder with its list of trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialFolder {
-    /// Its path as seen from the configuration, which it is known by.
+    /// Path of the folder relative to the folder of the configuration file; identifies the trial folder.
     pub name: String,
     pub path: PathBuf,
     pub list: TrialList,
 }
 
-/// A trial of one of several folders. Its identity is its folder and its id.
+/// Trial from one of several folders, identified by its folder and its id.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ListedTrial {
-    /// Index of its folder.
+    /// Index of the folder in [`TrialFolders::folders`].
     pub folder: usize,
-    /// As in the folder's list.
+    /// Id of the trial in the folder's list.
     pub id: String,
-    /// With a name as its id that no other trial has.
+    /// The trial, with its id replaced by a name that is unique among all folders.
     pub trial: Trial,
 }
 
-/// Trial folders with all their trials.
+/// All trial folders, with their trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrialFolders {
-    /// In the order of their names.
+    /// Folders, sorted by name.
     pub folders: Vec<TrialFolder>,
-    /// In the order of folders and lists.
+    /// Trials, in the order of the folders and, within each folder, of its list.
     pub trials: Vec<ListedTrial>,
 }
 
-/// The folders that paths and patterns name, each once, in the order of their names. A pattern
-/// names folders with a list of trials.
+/// Finds the folders that match the paths and patterns in a configuration, each folder once, sorted by name.
+/// A pattern matches only folders that contain a trial list.
 ///
 /// # Errors
-/// A pattern cannot be understood or names no folder.
+/// Returns an error if a pattern is malformed or matches no folder.
 pub fn find_folders(paths: &Paths) -> Result<Vec<PathBuf>, ConfigError> {
     let mut found = BTreeMap::new();
     for path in &paths.raw {
@@ -56,10 +56,12 @@ pub fn find_folders(paths: &Paths) -> Result<Vec<PathBuf>, ConfigError> {
             found.entry(paths.name_of(&folder)).or_insert(folder);
         }
     }
-    // One folder may have several names.
+    // The same folder may be found under several names.
     let mut seen = BTreeSet::new();
-    let place = |folder: &PathBuf| folder.canonicalize().unwrap_or_else(|_| absolute(folder));
-    Ok(found.into_values().filter(|folder| seen.insert(place(folder))).collect())
+    let mut folders: Vec<PathBuf> = found.into_values().collect();
+    folders
+        .retain(|folder| seen.insert(folder.canonicalize().unwrap_or_else(|_| absolute(folder))));
+    Ok(folders)
 }
 
 fn matching(path: &Path) -> Result<Vec<PathBuf>, ConfigError> {
@@ -71,7 +73,7 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ConfigError> {
     };
     let folders = match glob::glob(&path.to_string_lossy()) {
         Ok(folders) => folders,
-        Err(problem) => return error(problem.to_string(), "a pattern of folders"),
+        Err(problem) => return error(problem.to_string(), "a valid pattern of folder names"),
     };
     let mut found = Vec::new();
     for folder in folders {
@@ -84,133 +86,153 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ConfigError> {
             }
         }
     }
-    match found.is_empty() {
-        true => error("nothing".to_owned(), "folders with a trials.toml that match it"),
-        false => Ok(found),
+    if found.is_empty() {
+        return error(
+            "nothing".to_owned(),
+            "folders that match this pattern and have a trials.toml",
+        );
     }
+    Ok(found)
 }
 
 impl TrialFolders {
     /// Reads the lists of all trial folders.
     ///
     /// # Errors
-    /// As [`find_folders`] and [`TrialList::load`], or a trial would have the name of another.
+    /// Returns an error in the same cases as [`find_folders`] and [`TrialList::load`], or if two trials would have the
+    /// same name.
     pub fn load(paths: &Paths) -> Result<Self, ConfigError> {
-        let with_list = |path: PathBuf| {
+        let mut folders = Vec::new();
+        let mut trials = Vec::new();
+        for (folder, path) in find_folders(paths)?.into_iter().enumerate() {
             let list = TrialList::load(&path)?;
-            Ok(TrialFolder { name: paths.name_of(&path), path, list })
-        };
-        let folders = find_folders(paths)?.into_iter().map(with_list);
-        let folders: Vec<TrialFolder> = folders.collect::<Result<_, _>>()?;
-        let listed = folders.iter().enumerate().flat_map(|(folder, TrialFolder { list, .. })| {
-            let listed = move |trial: &Trial| {
-                let trial = trial.clone();
-                ListedTrial { folder, id: trial.id.clone(), trial }
-            };
-            list.trial.iter().map(listed)
-        });
-        let mut all = Self { trials: listed.collect(), folders };
-        all.tell_apart()?;
+            for trial in &list.trial {
+                trials.push(ListedTrial { folder, id: trial.id.clone(), trial: trial.clone() });
+            }
+            folders.push(TrialFolder { name: paths.name_of(&path), path, list });
+        }
+        let mut all = Self { folders, trials };
+        all.make_names_unique()?;
         Ok(all)
     }
 
-    /// Gives trials of one id their folders' names in front of it. Which trials there are decides
-    /// on that, not their order.
-    fn tell_apart(&mut self) -> Result<(), ConfigError> {
+    /// Prefixes each id that occurs in several folders with the name of its folder; the result does not depend on the
+    /// order of the trials. Returns an error if two trials then still have the same name.
+    fn make_names_unique(&mut self) -> Result<(), ConfigError> {
         let Self { folders, trials } = self;
-        let mut same: BTreeMap<String, Vec<&mut ListedTrial>> = BTreeMap::new();
+        let mut by_id: BTreeMap<String, Vec<&mut ListedTrial>> = BTreeMap::new();
         for trial in trials.iter_mut() {
-            same.entry(trial.id.to_ascii_lowercase()).or_default().push(trial);
+            by_id.entry(trial.id.to_ascii_lowercase()).or_default().push(trial);
         }
-        for same in same.into_values().filter(|same| same.len() > 1) {
+        for same in by_id.into_values().filter(|same| same.len() > 1) {
             let names: Vec<&str> =
                 same.iter().map(|trial| folders[trial.folder].name.as_str()).collect();
-            for (trial, front) in same.into_iter().zip(fronts(&names)) {
-                trial.trial.id = format!("{front}_{}", trial.id);
+            for (trial, prefix) in same.into_iter().zip(distinct_prefixes(&names)) {
+                trial.trial.id = format!("{prefix}_{}", trial.id);
             }
         }
         let mut names = BTreeMap::new();
         for ListedTrial { folder, id, trial } in trials {
             if let Some(other) = names.insert(trial.id.to_ascii_lowercase(), (*folder, &*id)) {
-                let (other, other_id) = (&folders[other.0].name, other.1);
-                let needed = format!("another id, because `{other_id}` of {other} is called so");
+                let (other_folder, other_id) = other;
+                let other = &folders[other_folder].name;
                 let path = folders[*folder].path.join(TRIALS_FILE);
-                let (key, found) = ("trial.id".to_owned(), format!("{id:?}"));
-                return Err(ConfigError::Value { path, key, found, needed });
+                let needed = format!(
+                    "another id, because trial `{other_id}` of folder {other} has the same name"
+                );
+                return Err(ConfigError::Value {
+                    path,
+                    key: "trial.id".to_owned(),
+                    found: format!("{id:?}"),
+                    needed,
+                });
             }
         }
         Ok(())
     }
 
-    /// A sentence on the trials whose files their lists ignore.
+    /// Returns a sentence that names the trials left out because a pattern in `ignore` of `trials.toml` matches their
+    /// files; `None` if there are no such trials.
     pub fn ignored(&self) -> Option<String> {
         let ids: Vec<&str> =
-            self.folders.iter().flat_map(|of| &of.list.ignored).map(String::as_str).collect();
-        let more = match ids.len().saturating_sub(MOST_IDS) {
+            self.folders.iter().flat_map(|one| &one.list.ignored).map(String::as_str).collect();
+        if ids.is_empty() {
+            return None;
+        }
+        let more = match ids.len().saturating_sub(MAX_IDS) {
             0 => String::new(),
             more => format!(" and {more} more"),
         };
-        let shown = ids.iter().take(MOST_IDS).copied().collect::<Vec<_>>().join(", ");
-        let sentence =
-            || format!("left out, because `ignore` of trials.toml names the file: {shown}{more}");
-        (!ids.is_empty()).then(sentence)
+        let shown = ids.iter().take(MAX_IDS).copied().collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "trials left out because `ignore` in trials.toml matches their files: {shown}{more}"
+        ))
     }
 
-    /// A sentence on the ids that several folders have.
+    /// Returns a sentence about the ids that occur in several folders; `None` if there are none.
     pub fn told_apart(&self) -> Option<String> {
-        let apart = || self.trials.iter().filter(|listed| listed.id != listed.trial.id);
-        let ListedTrial { folder, id, trial } = apart().next()?;
-        let ids: BTreeSet<String> = apart().map(|listed| listed.id.to_ascii_lowercase()).collect();
+        let renamed: Vec<&ListedTrial> =
+            self.trials.iter().filter(|listed| listed.id != listed.trial.id).collect();
+        let ListedTrial { folder, id, trial } = renamed.first()?;
+        let ids: BTreeSet<String> =
+            renamed.iter().map(|listed| listed.id.to_ascii_lowercase()).collect();
         let more = match ids.len() - 1 {
             0 => String::new(),
             others => format!(" (and {others} other ids)"),
         };
-        let (count, name, folder) = (apart().count(), &trial.id, &self.folders[*folder].name);
         Some(format!(
-            "several folders have a trial `{id}`{more}: each of these {count} trials has its folder's \
-             name in front, as `{name}` of {folder}"
+            "several folders contain a trial `{id}`{more}: the names of these {} trials are prefixed with the names \
+             of their folders, such as `{}` in {}",
+            renamed.len(),
+            trial.id,
+            self.folders[*folder].name
         ))
     }
 }
 
-/// What tells folders apart in front of an id: as many of the last parts of their paths as it
-/// takes.
-fn fronts(folders: &[&str]) -> Vec<String> {
-    let parts = |folder: &str| -> Vec<String> {
-        let is_name = |part: &Component| matches!(part, Component::Normal(_));
-        let names = Path::new(folder).components().filter(is_name);
-        names.map(|part| plain(&part.as_os_str().to_string_lossy())).collect()
-    };
-    let parts: Vec<Vec<String>> = folders.iter().map(|folder| parts(folder)).collect();
-    let longest = parts.iter().map(Vec::len).max().unwrap_or(0);
-    for count in 1..=longest {
-        let last = |parts: &Vec<String>| parts[parts.len().saturating_sub(count)..].join("-");
-        let fronts: Vec<String> = parts.iter().map(last).collect();
+/// Returns, for each folder, a prefix that distinguishes it from the others: as many of the last components of its path
+/// as necessary, or its name and a hash if those components do not suffice or are too long.
+fn distinct_prefixes(folders: &[&str]) -> Vec<String> {
+    let parts: Vec<Vec<String>> = folders.iter().map(|folder| id_parts(folder)).collect();
+    let max_parts = parts.iter().map(Vec::len).max().unwrap_or(0);
+    for count in 1..=max_parts {
+        let prefixes: Vec<String> = parts
+            .iter()
+            .map(|parts| parts[parts.len().saturating_sub(count)..].join("-"))
+            .collect();
         let mut seen = BTreeSet::new();
-        let mut tells =
-            |front: &String| !front.is_empty() && seen.insert(front.to_ascii_lowercase());
-        if fronts.iter().all(|front| front.len() <= MOST_FRONT) && fronts.iter().all(&mut tells) {
-            return fronts;
+        if prefixes.iter().all(|prefix| {
+            (1..=MAX_PREFIX).contains(&prefix.len()) && seen.insert(prefix.to_ascii_lowercase())
+        }) {
+            return prefixes;
         }
     }
-    let hashed = |(folder, parts): (&&str, &Vec<String>)| {
-        let mut front = parts.last().cloned().unwrap_or_default();
-        front.truncate(MOST_FRONT - 1 - HASH_CHARACTERS);
+    let mut prefixes = Vec::new();
+    for (folder, parts) in folders.iter().zip(&parts) {
+        let mut name = parts.last().cloned().unwrap_or_default();
+        name.truncate(MAX_PREFIX - 1 - HASH_CHARACTERS);
         let hash = blake3::hash(folder.as_bytes()).to_hex();
-        format!("{front}-{}", &hash[..HASH_CHARACTERS])
-    };
-    folders.iter().zip(&parts).map(hashed).collect()
+        prefixes.push(format!("{name}-{}", &hash[..HASH_CHARACTERS]));
+    }
+    prefixes
 }
 
-/// A folder's name in the characters of an id.
-fn plain(name: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    let plain = |(i, c): (usize, char)| match is_plain(c) && (i > 0 || c != '.') {
-        true => c,
-        false => '_',
-    };
-    let name: String = name.chars().enumerate().map(plain).collect();
-    if is_device_name(&name) { format!("_{name}") } else { name }
+/// Splits a path into its components, and replaces the characters in them that are not valid in an id.
+fn id_parts(folder: &str) -> Vec<String> {
+    let components = Path::new(folder).components();
+    let names = components.filter(|part| matches!(part, Component::Normal(_)));
+    names.map(|part| to_id(&part.as_os_str().to_string_lossy())).collect()
+}
+
+/// Makes a name valid as part of an id: replaces invalid characters by `_`, and prepends `_` to a name that Windows
+/// reserves for a device.
+fn to_id(name: &str) -> String {
+    let mut id = String::new();
+    for c in name.chars() {
+        let is_valid = c.is_ascii_alphanumeric() || "_-".contains(c) || c == '.' && !id.is_empty();
+        id.push(if is_valid { c } else { '_' });
+    }
+    if is_device_name(&id) { format!("_{id}") } else { id }
 }
 
 #[cfg(test)]
@@ -240,11 +262,12 @@ mod tests {
     }
 
     #[test]
-    fn trials_of_one_id_have_as_much_of_their_folder_in_front_as_tells_them_apart() {
+    fn equal_ids_are_prefixed_with_as_much_of_their_folders_as_necessary() {
         assert_eq!(names(&[("raw/b", &["x", "y"]), ("raw/a", &["X"])]), ["a_X", "b_x", "y"]);
         let same = [("a/d", &["x", "y"][..]), ("b/d", &["x"]), ("c", &["y"])];
         assert_eq!(names(&same), ["a-d_x", "d_y", "b-d_x", "c_y"]);
-        // Their characters are those of ids, and two of such names may be the same.
+        // Prefixes contain only characters that are valid in ids, so different folders may have equal
+        // prefixes.
         assert_eq!(names(&[("first night", &["x"]), (".2", &["x"])]), ["_2_x", "first_night_x"]);
         assert_eq!(names(&[("con.d", &["x"]), ("n", &["x"])]), ["_con.d_x", "n_x"]);
         let [one, other] = &names(&[("a b", &["x"]), ("a_b", &["x"])])[..] else { panic!() };
@@ -256,24 +279,25 @@ mod tests {
     }
 
     #[test]
-    fn an_id_that_windows_takes_for_a_device_is_an_error_everywhere() {
+    fn an_id_that_windows_reserves_for_a_device_is_an_error_on_every_system() {
         let (_home, paths) = folders(&[("a", &["x", "Nul.1"])]);
         let message = TrialFolders::load(&paths).unwrap_err().to_string();
         let expected =
-            "found \"Nul.1\", needed another id, because Windows takes this one for a device";
+            "found \"Nul.1\", needed another id, because Windows reserves this name for a device";
         assert!(message.ends_with(expected), "{message}");
     }
 
     #[test]
-    fn a_name_that_another_trial_has_is_an_error() {
+    fn two_trials_with_the_same_name_are_an_error() {
         let (_home, paths) = folders(&[("a", &["x"]), ("b", &["x"]), ("c", &["a_x"])]);
         let message = TrialFolders::load(&paths).unwrap_err().to_string();
-        let expected = "found \"a_x\", needed another id, because `x` of a is called so";
+        let expected =
+            "found \"a_x\", needed another id, because trial `x` of folder a has the same name";
         assert!(message.ends_with(expected), "{message}");
     }
 
     #[test]
-    fn patterns_name_folders_with_lists_each_once_and_in_order() {
+    fn patterns_find_each_folder_with_a_list_once_and_in_order() {
         let (home, mut paths) = folders(&[("raw/11-10", &["y"]), ("raw/11-03", &["x"])]);
         std::fs::create_dir(home.path().join("raw/notes")).unwrap();
         let first = paths.raw[1].clone();
@@ -289,6 +313,8 @@ mod tests {
         assert_eq!(found(&["*/11-03"]).unwrap(), [first]);
         let message = found(&["raw/12-*"]).unwrap_err().to_string();
         assert!(message.contains("raw/12-*: found nothing, needed folders"), "{message}");
-        assert!(found(&["raw/[*"]).unwrap_err().to_string().contains("a pattern of folders"));
+        assert!(
+            found(&["raw/[*"]).unwrap_err().to_string().contains("a valid pattern of folder names")
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! What a trial of another kind tells against a model or the configuration.
+//! Contradictions of a model or of the configuration by a joint-release or coast-down trial.
 
 use trilink_base::named;
 use trilink_base::text::known;
@@ -7,17 +7,17 @@ use trilink_robot::Model;
 use super::verdict;
 
 named! {
-    /// What a contradiction is.
+    /// Kind of contradiction between a trial and the model or the configuration.
     pub enum ContradictionKind {
-        /// The trial shows resistances that the model has not.
+        /// The trial shows a resistance that the model lacks.
         MissingLaw = "missing-law",
-        /// It measures something else than is configured.
+        /// The trial measures a value that differs from the configured one.
         WrongNumber = "wrong-number",
     }
 }
 
 named! {
-    /// What resists a motion.
+    /// Kind of resistance to a motion.
     pub enum Resistance {
         ViscousRoll = "viscous roll resistance",
         DryRoll = "dry friction of rolling",
@@ -26,16 +26,16 @@ named! {
 }
 
 verdict! {
-    /// What a joint-release or coast-down tells of its robot that the model has not, or that is not what is
-    /// configured.
+    /// Contradiction of a model or of the robot's configuration by a joint-release or coast-down trial.
     #[derive(serde::Serialize)]
     pub struct Contradiction {
         pub kind: ContradictionKind as "",
         pub trial: String as "_trial",
-        /// What the model lacks.
+        /// Kinds of resistance that the model lacks.
         pub missing: Vec<Resistance> as "_missing",
-        /// The robot of the configuration of which a number is off, and which: its symbol and unit.
+        /// Name of the configured robot whose value is contradicted.
         pub robot: String as "_robot",
+        /// Symbol of the contradicted quantity.
         pub quantity: String as "_quantity",
         pub unit: String as "_unit",
         pub measured: f64 as "_measured",
@@ -44,20 +44,23 @@ verdict! {
 }
 
 impl Contradiction {
-    /// The sentence on it beside a model; empty where its numbers are missing.
+    /// Formats this contradiction of `model` as a sentence; empty if a number that the sentence would state is missing.
     pub fn sentence(&self, model: Model) -> String {
         let Self { kind, trial, missing, robot, quantity, unit, measured, configured } = self;
         match kind {
             ContradictionKind::MissingLaw => {
-                let missing: Vec<&str> = missing.iter().map(|of| of.name()).collect();
-                format!("{trial} shows {}, and {model} has none", missing.join(" and "))
+                let missing: Vec<&str> = missing.iter().map(|one| one.name()).collect();
+                format!("trial {trial} shows {}, which model {model} lacks", missing.join(" and "))
             }
-            ContradictionKind::WrongNumber => known([*measured, *configured], |[found, known]| {
-                format!(
-                    "{trial} measures {quantity} {found:.4} {unit} where {known:.4} is configured: \
-                     that, the masses or the moments of inertia of robot.{robot} may be wrong"
-                )
-            }),
+            ContradictionKind::WrongNumber => {
+                known([*measured, *configured], |[measured, configured]| {
+                    format!(
+                        "trial {trial} measures {quantity} = {measured:.4} {unit}, but {configured:.4} {unit} is \
+                         configured: the configured value, the masses or the moments of inertia of robot.{robot} may \
+                         be wrong"
+                    )
+                })
+            }
         }
     }
 }
@@ -68,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_contradiction_is_read_as_it_was_written_and_said_in_a_sentence() {
+    fn every_contradiction_survives_a_round_trip_and_has_a_sentence() {
         let all = ContradictionKind::ALL.map(|kind| Contradiction {
             kind,
             trial: "push".to_owned(),
@@ -82,13 +85,14 @@ mod tests {
         let [missing, wrong] = all.each_ref().map(|one| one.sentence(Model::SKID_ROLL));
         assert_eq!(
             missing,
-            "push shows viscous roll resistance and dry friction of rolling and dry friction of \
-             the joint, and skid-roll has none"
+            "trial push shows viscous roll resistance and dry friction of rolling and dry friction of \
+             the joint, which model skid-roll lacks"
         );
         assert_eq!(
             wrong,
-            "push measures sum c_R 1.3750 kg/s where 1.2000 is configured: that, the masses or the \
-             moments of inertia of robot.ours may be wrong"
+            "trial push measures sum c_R = 1.3750 kg/s, but 1.2000 kg/s is configured: the configured value, the \
+             masses \
+             or the moments of inertia of robot.ours may be wrong"
         );
         stored(&all.into_iter().map(Some).chain([None]).collect::<Vec<_>>());
     }

@@ -1,4 +1,4 @@
-//! A law that the trials do not tell from another one.
+//! Simpler law from which the trials cannot distinguish a law with dry friction.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -7,24 +7,26 @@ use trilink_base::text::known;
 
 use super::{serialize_as_sentence, verdict};
 
-/// Part of the transition speed v_t up to which tanh is within 5 % of its argument.
+/// Fraction of the transition speed v_t up to which tanh(v / v_t) is within 5 % of its argument.
 pub const LINEAR_PART: f64 = 0.4;
 
 named! {
-    /// What a law with dry friction comes to where no wheel skids faster than [`LINEAR_PART`] of its
-    /// transition speed.
+    /// Simpler law to which a law with dry friction reduces if no wheel skids faster than the fraction
+    /// [`LINEAR_PART`] of the transition speed.
     pub enum LawKind {
-        /// Its friction moves no metric by its noise.
+        /// Practically no skidding: the dry friction is so large that changing it affects every metric by less than the
+        /// noise.
         Constrained = "constrained",
         Viscous = "viscous",
     }
 }
 
 verdict! {
-    /// The law that a law with dry friction is like at all of the trials' motions.
+    /// Simpler law that is equivalent to a law with dry friction in the motions of all trials.
     pub struct LawLike {
         pub kind: LawKind as "",
-        /// F / v_t of the wheels.
+        /// Equivalent viscous skid coefficients F / v_t of wheels 0, 1, 2, where F is the dry or static friction and
+        /// v_t the transition speed.
         pub viscous_kg_s: [f64; 3] as "{}_kg_s",
     }
 }
@@ -34,13 +36,16 @@ impl Display for LawLike {
         let below = format!("no wheel skids faster than {LINEAR_PART} times the transition speed");
         match self.kind {
             LawKind::Constrained => {
-                write!(f, "constrained: {below}, and F moves nothing by its noise")
+                write!(
+                    f,
+                    "constrained: {below}, and the effect of the dry friction F is below the noise"
+                )
             }
             LawKind::Viscous => {
-                let same = known(self.viscous_kg_s, |[of0, of1, of2]| {
-                    format!(" with F / v_t = {of0:.4}, {of1:.4}, {of2:.4} kg/s")
+                let coefficients = known(self.viscous_kg_s, |[wheel0, wheel1, wheel2]| {
+                    format!(" with F / v_t = {wheel0:.4}, {wheel1:.4}, {wheel2:.4} kg/s")
                 });
-                write!(f, "viscous{same}: {below}")
+                write!(f, "viscous{coefficients}: {below}")
             }
         }
     }
@@ -54,15 +59,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_law_is_read_as_it_was_written_and_said_in_a_sentence() {
+    fn every_law_survives_a_round_trip_and_has_a_sentence() {
         let all = LawKind::ALL.map(|kind| Some(LawLike { kind, viscous_kg_s: [1.5, 2.0, 300.0] }));
         let [constrained, viscous] = all.clone().map(|law| law.expect("a law").to_string());
         let table = stored(&[&all[..], &[None]].concat());
         let names = ["of", "of0_kg_s", "of1_kg_s", "of2_kg_s"];
         assert_eq!(table.frame.get_column_names(), names);
         let below = "no wheel skids faster than 0.4 times the transition speed";
-        assert_eq!(constrained, format!("constrained: {below}, and F moves nothing by its noise"));
-        let same = "1.5000, 2.0000, 300.0000";
-        assert_eq!(viscous, format!("viscous with F / v_t = {same} kg/s: {below}"));
+        let no_effect = "and the effect of the dry friction F is below the noise";
+        assert_eq!(constrained, format!("constrained: {below}, {no_effect}"));
+        let coefficients = "1.5000, 2.0000, 300.0000";
+        assert_eq!(viscous, format!("viscous with F / v_t = {coefficients} kg/s: {below}"));
     }
 }

@@ -1,4 +1,4 @@
-//! Where and by how much a model is off the measurements.
+//! Misfit: where and by how much a model deviates from the measurements.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -10,24 +10,27 @@ use super::{serialize_as_sentence, verdict};
 use crate::{Column, Columns, StoreError, Table, fill, rows};
 
 named! {
-    /// On which side of the model the measurements are.
+    /// Side of the model's predictions on which the measurements lie.
     pub enum Side {
         Above = "above",
         Below = "below",
-        /// The model has no such metric.
+        /// The model does not predict the metric.
         Absent = "absent",
     }
 }
 
 verdict! {
-    /// Residuals of a metric of one sign at neighbouring frequencies.
+    /// Run of residuals with the same sign in one metric at neighbouring frequencies.
     pub struct MisfitRun {
         pub side: Side as "_side",
         pub metric: Metric as "_metric",
-        /// Where several campaigns are fitted together.
+        /// Campaign to which the residuals belong, if several campaigns are fitted together; otherwise empty.
         pub campaign: String as "_campaign",
-        /// Least and largest size of measured / predicted - 1; missing if the model has none.
+        /// Minimum of |measured / predicted - 1| in the run; missing if the model does not predict the
+        /// metric.
         pub least: f64 as "_least",
+        /// Maximum of |measured / predicted - 1| in the run; missing if the model does not predict the
+        /// metric.
         pub most: f64 as "_most",
         pub from_rad_s: f64 as "_from_rad_s",
         pub to_rad_s: f64 as "_to_rad_s",
@@ -35,7 +38,8 @@ verdict! {
 }
 
 rows! {
-    /// RMS of predicted / measured - 1, by metric; missing of a metric without measurements.
+    /// RMS of predicted / measured - 1 over the trials for each metric; missing for a metric without
+    /// measurements.
     pub struct MisfitRms {
         pub d: f64,
         pub v: f64,
@@ -45,35 +49,37 @@ rows! {
 }
 
 impl MisfitRms {
-    fn named(&self) -> impl Iterator<Item = (Metric, f64)> {
+    /// Returns each metric whose RMS deviation is not missing, with this deviation.
+    fn by_metric(&self) -> impl Iterator<Item = (Metric, f64)> {
         let Self { d, v, sigma: [sigma0, sigma1, sigma2], alpha1 } = *self;
         let values = Metric::FITTED.into_iter().zip([d, v, sigma0, sigma1, sigma2, alpha1]);
         values.filter(|(_, value)| value.is_finite())
     }
 }
 
-/// Where a model is off the measurements.
+/// Deviation of a model from the measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Misfit {
-    /// Beyond the noise: the metrics that are furthest off, [`Misfit::MOST`] at most.
+    /// Deviations larger than noise explains: one run of residuals for each of the worst metrics, at most
+    /// [`Misfit::MAX_RUNS`] runs.
     Off(Vec<MisfitRun>),
-    /// By so much, where nothing tells the noise.
+    /// RMS deviations, if the noise is unknown.
     Rms(MisfitRms),
 }
 
 impl Misfit {
-    /// Metrics that are named at most.
-    pub const MOST: usize = 3;
+    /// Maximum number of runs of residuals in [`Misfit::Off`].
+    pub const MAX_RUNS: usize = 3;
 
-    /// `None` if no metric is off.
+    /// Creates a misfit from runs of residuals; `None` if there are none.
     pub fn off(runs: Vec<MisfitRun>) -> Option<Self> {
         (!runs.is_empty()).then_some(Self::Off(runs))
     }
 
-    /// `None` without any number.
+    /// Creates a misfit from RMS deviations; `None` if all of them are missing.
     pub fn rms(rms: MisfitRms) -> Option<Self> {
-        let is_known = rms.named().next().is_some();
-        is_known.then_some(Self::Rms(rms))
+        let has_value = rms.by_metric().next().is_some();
+        has_value.then_some(Self::Rms(rms))
     }
 }
 
@@ -85,27 +91,29 @@ impl Columns for Option<Misfit> {
     }
 
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        let runs = |value: &&Self| -> [Option<MisfitRun>; Misfit::MOST] {
-            let Some(Misfit::Off(runs)) = value else { return Columns::blank() };
-            std::array::from_fn(|nth| runs.get(nth).cloned())
-        };
-        let rms = |value: &&Self| match value {
-            Some(Misfit::Rms(rms)) => rms.clone(),
-            _ => MisfitRms::blank(),
-        };
-        let runs: Vec<_> = values.iter().map(runs).collect();
-        Columns::write_all(runs, &fill(pattern, "{}{}"), columns);
-        Columns::write_all(values.iter().map(rms).collect(), &fill(pattern, "_rms_{}"), columns);
+        let mut all_runs = Vec::new();
+        let mut all_rms = Vec::new();
+        for value in values {
+            let runs = if let Some(Misfit::Off(runs)) = value { &runs[..] } else { &[] };
+            all_runs
+                .push(std::array::from_fn::<_, { Misfit::MAX_RUNS }, _>(|i| runs.get(i).cloned()));
+            all_rms.push(match value {
+                Some(Misfit::Rms(rms)) => rms.clone(),
+                _ => MisfitRms::blank(),
+            });
+        }
+        Columns::write_all(all_runs, &fill(pattern, "{}{}"), columns);
+        Columns::write_all(all_rms, &fill(pattern, "_rms_{}"), columns);
     }
 
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let runs = <[Option<MisfitRun>; Misfit::MOST]>::read(table, &fill(pattern, "{}{}"))?;
+        let runs = <[Option<MisfitRun>; Misfit::MAX_RUNS]>::read(table, &fill(pattern, "{}{}"))?;
         let rms = MisfitRms::read(table, &fill(pattern, "_rms_{}"))?;
         let both = runs.into_iter().zip(rms);
-        let misfit = |(runs, rms): ([Option<MisfitRun>; Misfit::MOST], MisfitRms)| {
+        let misfits = both.map(|(runs, rms)| {
             Misfit::off(runs.into_iter().flatten().collect()).or_else(|| Misfit::rms(rms))
-        };
-        Ok(both.map(misfit).collect())
+        });
+        Ok(misfits.collect())
     }
 }
 
@@ -115,17 +123,16 @@ impl Display for MisfitRun {
         if !campaign.is_empty() {
             write!(f, "{campaign}: ")?;
         }
-        let by = known([*least, *most], |ends| {
-            let [least, most] = ends.map(|part| two_digits(100.0 * part));
+        let by = known([*least, *most], |limits| {
+            let [least, most] = limits.map(|fraction| two_digits(100.0 * fraction));
             if least == most { format!("{most} % ") } else { format!("{least} to {most} % ") }
         });
-        let at = known([*from_rad_s, *to_rad_s], |[from, to]| match from == to {
-            true => format!(" at {to} rad/s"),
-            false => format!(" at {from} to {to} rad/s"),
+        let at = known([*from_rad_s, *to_rad_s], |[from, to]| {
+            if from == to { format!(" at {to} rad/s") } else { format!(" at {from} to {to} rad/s") }
         });
         match side {
-            Side::Absent => write!(f, "the model has no {metric}{at}"),
-            _ => write!(f, "{metric} is measured {by}{side} the model{at}"),
+            Side::Absent => write!(f, "the model predicts no {metric}{at}"),
+            _ => write!(f, "the measured {metric} is {by}{side} that of the model{at}"),
         }
     }
 }
@@ -137,9 +144,11 @@ impl Display for Misfit {
                 f.write_str(&runs.iter().map(MisfitRun::to_string).collect::<Vec<_>>().join("; "))
             }
             Self::Rms(rms) => {
-                let percent = |(name, part)| format!("{} % in {name}", two_digits(100.0 * part));
-                let parts: Vec<String> = rms.named().map(percent).collect();
-                write!(f, "the model is off by {} (RMS)", parts.join(", "))
+                let errors = rms.by_metric();
+                let errors: Vec<String> = errors
+                    .map(|(metric, error)| format!("{} % in {metric}", two_digits(100.0 * error)))
+                    .collect();
+                write!(f, "the RMS error of the model is {}", errors.join(", "))
             }
         }
     }
@@ -147,7 +156,8 @@ impl Display for Misfit {
 
 serialize_as_sentence!(Misfit);
 
-/// A positive number with two digits, or all of those before the point.
+/// Formats a positive number with two significant digits, or with all digits of its integer part if these are
+/// more.
 fn two_digits(value: f64) -> String {
     let decimals = (1.0 - value.abs().max(1e-9).log10().floor()).max(0.0) as usize;
     format!("{value:.decimals$}")
@@ -159,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_misfit_is_read_as_it_was_written_and_said_in_a_sentence() {
+    fn every_misfit_survives_a_round_trip_and_has_a_sentence() {
         let run = |side, metric, [least, most, from_rad_s, to_rad_s]: [f64; 4]| MisfitRun {
             side,
             metric,
@@ -182,22 +192,24 @@ mod tests {
             Misfit::rms(MisfitRms { v: 0.1, alpha1: 0.03, d: 2.0, sigma }),
         ];
         stored(&all);
-        // A number that is missing is not equal to itself.
+        // A missing number (NaN) does not equal itself, so values with missing numbers are compared by their
+        // sentences.
         let table = Option::<Misfit>::to_table(&[Misfit::rms(rms)]);
         let [with_gaps] = &Option::<Misfit>::from_table(&table).expect("columns")[..] else {
             panic!("one")
         };
-        let said = |of: &Option<Misfit>| of.as_ref().map_or(String::new(), Misfit::to_string);
+        let sentence =
+            |misfit: &Option<Misfit>| misfit.as_ref().map_or(String::new(), Misfit::to_string);
         assert_eq!(
-            said(with_gaps),
-            "the model is off by 12 % in d, 29 % in sigma0, 50 % in sigma1, 0.20 % in sigma2 (RMS)"
+            sentence(with_gaps),
+            "the RMS error of the model is 12 % in d, 29 % in sigma0, 50 % in sigma1, 0.20 % in sigma2"
         );
         assert_eq!(
-            said(&all[1]),
-            "d is measured 7.0 to 119 % above the model at 4.5 to 6 rad/s; sigma0 is measured \
-             3.1 % below the model at 0.5 rad/s; the model has no alpha1 at 1 to 3 rad/s"
+            sentence(&all[1]),
+            "the measured d is 7.0 to 119 % above that of the model at 4.5 to 6 rad/s; the measured sigma0 is 3.1 % \
+             below that of the model at 0.5 rad/s; the model predicts no alpha1 at 1 to 3 rad/s"
         );
-        assert!(said(&all[2]).starts_with("ours: d is measured"));
+        assert!(sentence(&all[2]).starts_with("ours: the measured d is"));
         assert_eq!(Misfit::off(Vec::new()), None);
         assert_eq!(Misfit::rms(MisfitRms::blank()), None);
     }

@@ -1,5 +1,5 @@
-//! What a fit or a comparison found: values that tables keep in columns, and of each the one function that
-//! makes the sentence which people read.
+//! Findings from fits and comparisons: values that tables store in columns, each with one function that
+//! formats it as a sentence.
 
 mod contradiction;
 mod law_like;
@@ -13,17 +13,20 @@ pub use law_like::{LINEAR_PART, LawKind, LawLike};
 pub use misfit::{Misfit, MisfitRms, MisfitRun, Side};
 pub use notes::FitNotes;
 pub use outcome::{Comparison, Outcome};
-pub use why::{NoInterval, NoIntervalReason, NotTested, NotTestedReason, Reason, Why};
+pub use why::{
+    NoInterval, NoIntervalReason, NoPrecisionReason, NotTested, NotTestedReason, Reason, Undecided,
+    UndecidedReason, Why,
+};
 
-/// Defines a verdict that there may be none of: what it is, by a name, and its numbers. Its columns are those of
-/// an `Option`, each named by the row's field and an end.
+/// Defines a finding: a struct whose first field is the kind of finding. Tables store it as an `Option`, in
+/// columns whose names are the name of the row's field followed by the given suffixes.
 macro_rules! verdict {
     (
         $(#[$meta:meta])*
         pub struct $name:ident {
             $(#[$key_meta:meta])*
-            pub $key:ident: $key_type:ty as $key_end:literal,
-            $($(#[$field_meta:meta])* pub $field:ident: $type:ty as $end:literal,)*
+            pub $key:ident: $key_type:ty as $key_suffix:literal,
+            $($(#[$field_meta:meta])* pub $field:ident: $type:ty as $suffix:literal,)*
         }
     ) => {
         $(#[$meta])*
@@ -44,14 +47,16 @@ macro_rules! verdict {
             fn write(values: &[&Self], pattern: &str, columns: &mut Vec<$crate::Column>) {
                 use $crate::{Columns, fill};
                 let keys = values.iter().map(|value| value.as_ref().map(|value| value.$key));
-                Columns::write_all(keys.collect::<Vec<_>>(), &fill(pattern, $key_end), columns);
+                Columns::write_all(keys.collect::<Vec<_>>(), &fill(pattern, $key_suffix), columns);
                 $({
-                    let part = |value: &&Self| match value {
-                        Some(value) => value.$field.clone(),
-                        None => <$type>::blank(),
-                    };
-                    let parts: Vec<$type> = values.iter().map(part).collect();
-                    Columns::write_all(parts, &fill(pattern, $end), columns);
+                    let mut parts = Vec::new();
+                    for value in values {
+                        parts.push(match value {
+                            Some(value) => value.$field.clone(),
+                            None => <$type>::blank(),
+                        });
+                    }
+                    Columns::write_all(parts, &fill(pattern, $suffix), columns);
                 })*
             }
 
@@ -60,19 +65,19 @@ macro_rules! verdict {
                 pattern: &str,
             ) -> Result<Vec<Self>, $crate::StoreError> {
                 use $crate::fill;
-                let keys = Option::<$key_type>::read(table, &fill(pattern, $key_end))?;
-                $(let mut $field = <$type>::read(table, &fill(pattern, $end))?.into_iter();)*
-                let row = |$key: Option<$key_type>| {
+                let keys = Option::<$key_type>::read(table, &fill(pattern, $key_suffix))?;
+                $(let mut $field = <$type>::read(table, &fill(pattern, $suffix))?.into_iter();)*
+                let rows = keys.into_iter().map(|$key| {
                     $(let $field = $field.next().unwrap_or_else(<$type>::blank);)*
                     $key.map(|$key| $name { $key, $($field,)* })
-                };
-                Ok(keys.into_iter().map(row).collect())
+                });
+                Ok(rows.collect())
             }
         }
     };
 }
 
-/// JSON and pages have the sentence.
+/// Implements serialization of a finding as a sentence, for JSON and report pages.
 macro_rules! serialize_as_sentence {
     ($($name:ty),+) => {$(
         impl serde::Serialize for $name {
@@ -91,9 +96,10 @@ mod tests {
 
     use crate::{Columns, Table};
 
-    /// Writes the columns of values, and reads them again.
+    /// Checks that values are read from a table as they were written to it, and returns the table.
     pub(super) fn stored<T: Columns + Debug + PartialEq>(values: &[T]) -> Table {
-        let (pattern, mut columns) = (T::PATTERN.replace("{field}", "of"), Vec::new());
+        let pattern = T::PATTERN.replace("{field}", "of");
+        let mut columns = Vec::new();
         T::write(&values.iter().collect::<Vec<_>>(), &pattern, &mut columns);
         let table = Table::new(columns);
         assert_eq!(T::read(&table, &pattern).expect("the columns"), values);

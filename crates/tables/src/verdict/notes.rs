@@ -1,4 +1,4 @@
-//! What a fit did without.
+//! Notes on data and uncertainties that are missing in a fit.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -7,30 +7,35 @@ use trilink_robot::metrics::Metric;
 use super::serialize_as_sentence;
 use crate::columns;
 
-/// What was fitted instead of what is missing, and what the objective and the intervals lack.
+/// Notes on a fit: substitutes for missing data, and what the objective and the confidence intervals do not
+/// include.
 #[derive(Debug, Clone, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct FitNotes {
-    /// Trials of which raw skid ratios are fitted, since debiased ones are not known.
+    /// Trials whose raw skid ratios are fitted because debiased ones are not available.
     pub raw_skid_trials: Vec<String>,
-    /// Metrics that the objective weighs and no trial has.
+    /// Trials that are left out because they are unlike their repeats.
+    pub unlike_repeats: Vec<String>,
+    /// Metrics that have a weight in the objective but no measurement in any trial.
     pub missing_metrics: Vec<Metric>,
-    /// Whether intervals hold nothing of what the model leaves out, for fewer than [`FitNotes::LEAST_FREQUENCIES`].
+    /// Whether the confidence intervals ignore model error, because there are fewer than
+    /// [`FitNotes::MIN_FREQUENCIES`] frequencies.
     pub few_frequencies: bool,
 }
 
 columns! {
     FitNotes as "{}" {
         raw_skid_trials: Vec<String>,
+        unlike_repeats: Vec<String>,
         missing_metrics: Vec<Metric>,
         few_frequencies: bool,
     }
 }
 
 impl FitNotes {
-    /// Fewer do not tell what the model leaves out.
-    pub const LEAST_FREQUENCIES: usize = 3;
+    /// Minimum number of frequencies from which model error can be estimated.
+    pub const MIN_FREQUENCIES: usize = 3;
 
-    /// Whether there is nothing to say.
+    /// Returns whether the fit has no notes.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
@@ -38,23 +43,32 @@ impl FitNotes {
 
 impl Display for FitNotes {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
-        let Self { raw_skid_trials, missing_metrics, few_frequencies } = self;
+        let Self { raw_skid_trials, unlike_repeats, missing_metrics, few_frequencies } = self;
         let mut notes = Vec::new();
         if !raw_skid_trials.is_empty() {
             notes.push(format!(
-                "raw skid ratios are fitted, since debiased ones are not known: trial {}",
+                "raw skid ratios are fitted for the trials that have no debiased ones: {}",
                 raw_skid_trials.join(", ")
             ));
         }
+        if !unlike_repeats.is_empty() {
+            notes.push(format!(
+                "trials that are unlike their repeats are left out (W028 in `trilink explain`): {}",
+                unlike_repeats.join(", ")
+            ));
+        }
         if !missing_metrics.is_empty() {
-            let lacking: Vec<&str> = missing_metrics.iter().map(|of| of.name()).collect();
-            let lacking = lacking.join(", ");
-            notes.push(format!("the objective lacks {lacking}: no trial has it"));
+            let missing: Vec<&str> = missing_metrics.iter().map(|metric| metric.name()).collect();
+            notes.push(format!(
+                "the objective needs metrics that no trial provides: {}",
+                missing.join(", ")
+            ));
         }
         if *few_frequencies {
             notes.push(format!(
-                "no interval holds what the model leaves out: that takes {} frequencies",
-                Self::LEAST_FREQUENCIES
+                "the confidence intervals ignore model error, because at least {} frequencies are needed to estimate \
+                 it",
+                Self::MIN_FREQUENCIES
             ));
         }
         f.write_str(&notes.join("; "))
@@ -69,16 +83,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn notes_are_read_as_they_were_written_and_said_in_a_sentence() {
+    fn notes_survive_a_round_trip_and_have_a_sentence() {
         let all = FitNotes {
             raw_skid_trials: vec!["one".to_owned(), "a, b".to_owned()],
+            unlike_repeats: vec!["two".to_owned()],
             missing_metrics: vec![Metric::Sigma0, Metric::Sigma1],
             few_frequencies: true,
         };
-        let said = "raw skid ratios are fitted, since debiased ones are not known: trial one, a, b; \
-                    the objective lacks sigma0, sigma1: no trial has it; no interval holds what the \
-                    model leaves out: that takes 3 frequencies";
-        assert_eq!(all.to_string(), said);
+        let sentence = "raw skid ratios are fitted for the trials that have no debiased ones: one, a, b; trials \
+                        that are unlike their repeats are left out (W028 in `trilink explain`): two; the objective needs metrics that no trial provides: sigma0, sigma1; the confidence intervals \
+                        ignore model error, because at least 3 frequencies are needed to estimate it";
+        assert_eq!(all.to_string(), sentence);
         assert_eq!(FitNotes::default().to_string(), "");
         stored(&[all, FitNotes::default()]);
     }

@@ -1,4 +1,4 @@
-//! Why something is not there.
+//! Reasons why a result is missing.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -6,24 +6,25 @@ use serde::{Serialize, Serializer};
 
 use crate::{Column, Columns, NamedCell, StoreError, Table, fill};
 
-/// A reason that tables have by its name.
+/// Reason why a result is missing. Tables store the name of the reason.
 pub trait Reason: NamedCell + Copy {
-    /// What people read, with `{of}` in the place of what it is about.
+    /// Returns a sentence that states the reason; `{of}` in the sentence is a placeholder for the subjects
+    /// ([`Why::of`]).
     fn sentence(self) -> &'static str;
 }
 
-/// Why something is not there.
+/// Reason why a result is missing, with its subjects, such as the metrics or the campaign concerned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Why<R> {
     pub reason: R,
-    /// What it is about, such as metrics or a campaign.
+    /// Subjects of the reason, such as metrics or a campaign.
     pub of: Vec<String>,
 }
 
 impl<R> Why<R> {
-    /// For a reason that is about one thing.
-    pub fn of(reason: R, one: &str) -> Self {
-        Self { reason, of: vec![one.to_owned()] }
+    /// Creates a reason with a single subject.
+    pub fn new(reason: R, subject: &str) -> Self {
+        Self { reason, of: vec![subject.to_owned()] }
     }
 }
 
@@ -67,7 +68,7 @@ impl<R: Reason> Columns for Option<Why<R>> {
     }
 }
 
-/// Defines reasons by their names and sentences.
+/// Defines an enumeration of reasons with their names and sentences.
 macro_rules! reasons {
     ($(#[$meta:meta])* pub enum $type:ident { $($value:ident = $name:literal: $sentence:literal,)* }) => {
         trilink_base::named! { $(#[$meta])* pub enum $type { $($value = $name,)* } }
@@ -80,48 +81,87 @@ macro_rules! reasons {
     };
 }
 
-/// Why there are no confidence limits.
+/// Reason why a result has no confidence limits, with its subjects, such as the metrics concerned.
 pub type NoInterval = Why<NoIntervalReason>;
 
 reasons! {
-    /// What keeps a fit, a prediction or an optimum from having confidence limits.
+    /// Reason why a fit, a prediction or an optimum has no confidence limits.
     pub enum NoIntervalReason {
-        UnknownNoise = "unknown-noise": "no cycles, repeats or standard errors tell the noise of {of}",
-        NotAskedFor = "not-asked-for": "neither replicates nor profiles were asked for",
+        UnknownNoise = "unknown-noise": "there are no cycles, repeats or standard errors from which to estimate the noise of {of}",
+        NotAskedFor = "not-asked-for": "neither replicates nor profiles were requested",
         Inadequate = "inadequate": "the model does not fit",
+        UnknownVariation = "unknown-variation": "the residuals exceed the noise of the cycles, and there are too few \
+                                                 trials to estimate how much trials differ from each other",
         FitFailed = "fit-failed": "the fit has failed",
         NothingFitted = "nothing-fitted": "no coefficient is fitted",
-        NoReplicates = "no-replicates": "no replicates were asked for",
-        NoMotion = "no-motion": "there is no motion",
-        ResampleSingular = "resample-singular": "the fit to a resample has no motion at this frequency: the gait crosses det W_b = 0 without meeting condition (5)",
-        ResampleDiverged = "resample-diverged": "the fit to a resample has no motion at this frequency: no periodic motion was found",
-        ResampleGaitUnknown = "resample-gait-unknown": "the fit to a resample has no motion at this frequency: the offset, amplitude and phase of the commanded joints were not measured; gait_input = \"commanded\" under [fit] does without",
-        OtherSettings = "other-settings": "the settings are not those of the fit; `trilink fit` fits anew",
-        OtherTrials = "other-trials": "the trials are not those of the fit; `trilink fit` fits anew",
-        ParameterSet = "parameter-set": "{of} was set by hand: the uncertainty of the fit does not apply",
+        NoReplicates = "no-replicates": "no replicates were requested",
+        NoMotion = "no-motion": "no periodic motion was found for the model",
+        ResampleSingular = "resample-singular": "the model fitted to a resample has no periodic solution at this \
+                                                 frequency: the gait passes through a singular shape (det W_b = 0, \
+                                                 eq. 4), where condition (5) of the paper fails",
+        ResampleDiverged = "resample-diverged": "no periodic motion at this frequency was found for the model fitted \
+                                                 to a resample",
+        ResampleGaitUnknown = "resample-gait-unknown": "the motion at this frequency cannot be computed for the model \
+                                                        fitted to a resample, because the offset, amplitude and phase \
+                                                        of the commanded joints were not measured; set gait_input = \
+                                                        \"commanded\" under [fit] to fit without them",
+        OtherSettings = "other-settings": "the settings have changed since the fit; run `trilink fit` again",
+        OtherTrials = "other-trials": "the trials have changed since the fit; run `trilink fit` again",
+        ParameterSet = "parameter-set": "{of} was set by hand, so the uncertainty of the fit does not apply to it",
         NotFitted = "not-fitted": "the coefficients are not fitted",
         NoOptimum = "no-optimum": "no valid optimum was found",
-        NotTheBest = "not-the-best": "computed for the best optimum only",
-        Front = "front": "not computed for Pareto fronts",
+        NotTheBest = "not-the-best": "confidence limits are computed for the best optimum only",
+        Front = "front": "confidence limits are not computed for Pareto fronts",
     }
 }
 
-/// Why sharing is neither kept nor refused.
+/// Reason why it is not known whether a model is adequate, with its subjects, such as the frequencies at which repeats
+/// would settle the question.
+pub type Undecided = Why<UndecidedReason>;
+
+reasons! {
+    /// Reason why it is not known whether a model is adequate.
+    pub enum UndecidedReason {
+        FewMeasurements = "few-measurements": "there are no more measurements than free parameters",
+        Filtered = "filtered": "coordinates were filtered before the export in {of} (W026: export unfiltered \
+                                coordinates), so the noise is unknown",
+        UnknownNoise = "unknown-noise": "the noise is unknown",
+        NoRepeats = "no-repeats": "the misfit exceeds the noise of the cycles, but the trials may differ from each \
+                                   other by as much; repeated trials at {of} would show whether they do",
+    }
+}
+
+reasons! {
+    /// Reason why the repeatability or the reproducibility of a metric is not known.
+    pub enum NoPrecisionReason {
+        NotMeasured = "not-measured": "no trial has this metric",
+        UnknownDay = "unknown-day": "the table of trials does not state the day of every trial",
+        NoRepeats = "no-repeats": "no frequency was measured twice on one day",
+        OneDay = "one-day": "all trials are of one day",
+        NoCommonFrequency = "no-common-frequency": "no frequency was measured on two days",
+    }
+}
+
+/// Reason why it was not tested whether campaigns share their coefficients, with its subjects, such as the campaign
+/// concerned.
 pub type NotTested = Why<NotTestedReason>;
 
 reasons! {
-    /// What keeps anybody from knowing whether campaigns share their coefficients.
+    /// Reason why it was not tested whether campaigns share their coefficients.
     pub enum NotTestedReason {
         NoTrials = "no-trials": "campaign {of} has no trial with metrics",
-        PartOfFree = "part-of-free": "one campaign leaves a sum free, and another a part of it: {of}",
-        NoWholeModel = "no-whole-model": "in one of the campaigns no model has a motion for every trial",
+        PartOfFree = "part-of-free": "a sum of coefficients is a free parameter in one campaign, and a term of this \
+                                      sum is a free parameter in another: {of}",
+        NoWholeModel = "no-whole-model": "in one of the campaigns, no model yields a periodic motion for every trial",
         SharedFitFailed = "shared-fit-failed": "the shared fit has failed",
         FitFailed = "fit-failed": "the fit of campaign {of} has failed",
-        OtherFree = "other-free": "campaign {of} does not leave free what the others do",
-        NothingLeft = "nothing-left": "the fits leave nothing that would tell the noise",
-        NotLowest = "not-lowest": "a separate fit has not converged to its lowest objective",
+        OtherFree = "other-free": "campaign {of} does not have the same free parameters as the others",
+        NothingLeft = "nothing-left": "the fits leave no residual degrees of freedom to estimate the noise",
+        NotLowest = "not-lowest": "a fit to one campaign alone has not reached its lowest objective",
         FewBlocks = "few-blocks": "campaign {of} has too few blocks of frequencies",
-        NoMotion = "no-motion": "a motion of the shared fit does not exist",
+        NoMotion = "no-motion": "no periodic motion was found for one of the trials in the shared fit",
+        OtherDays = "other-days": "the coefficients differ, but so may the floors of the different days on which the \
+                                   campaigns were recorded; record them on the same days or state fit.day_sd",
     }
 }
 
@@ -135,18 +175,20 @@ mod tests {
     fn check<R: Reason + fmt::Debug + PartialEq>(reasons: &[R]) {
         let of = vec!["d".to_owned(), "sigma0".to_owned()];
         let all = reasons.iter().map(|reason| Why { reason: *reason, of: of.clone() });
-        let said: BTreeSet<String> = all.clone().map(|why| why.to_string()).collect();
-        assert_eq!(said.len(), reasons.len());
-        assert!(said.iter().all(|said| !said.contains('{')), "{said:?}");
+        let sentences: BTreeSet<String> = all.clone().map(|why| why.to_string()).collect();
+        assert_eq!(sentences.len(), reasons.len());
+        assert!(sentences.iter().all(|sentence| !sentence.contains('{')), "{sentences:?}");
         let table = stored(&all.map(Some).chain([None]).collect::<Vec<_>>());
         assert_eq!(table.frame.get_column_names(), ["of", "of_of"]);
     }
 
     #[test]
-    fn every_reason_is_read_as_it_was_written_and_said_in_a_sentence() {
+    fn every_reason_survives_a_round_trip_and_has_a_sentence() {
         check(&NoIntervalReason::ALL);
         check(&NotTestedReason::ALL);
-        let why = NoInterval::of(NoIntervalReason::UnknownNoise, "d");
-        assert_eq!(why.to_string(), "no cycles, repeats or standard errors tell the noise of d");
+        check(&UndecidedReason::ALL);
+        let why = NoInterval::new(NoIntervalReason::ParameterSet, "d");
+        let sentence = "d was set by hand, so the uncertainty of the fit does not apply to it";
+        assert_eq!(why.to_string(), sentence);
     }
 }

@@ -1,56 +1,58 @@
-//! What the uncertainty of each number contributes to a prediction, to first order.
+//! First-order uncertainty budget of a prediction.
 //!
-//! What the configuration or trials of other kinds say of the robot is independent; where the coefficients
-//! are fitted, each also moves the fit, so that a part of it cancels. The fitted coefficients vary
-//! together, as in the replicates of the bootstrap.
+//! Errors of robot parameters from the configuration or from other kinds of trials are independent, except that
+//! parameters that were measured with one instrument share its error (GUM, F.1.2.3), of whose variance each is assigned
+//! an equal part. If coefficients are
+//! fitted, each such error also shifts the fit, which cancels part of the error's effect. The errors of the fitted
+//! coefficients are correlated; their covariance is that of the bootstrap replicates.
 //!
 //! Reference: JCGM 100:2008, *Guide to the expression of uncertainty in measurement*, section 5.
 
 use trilink_mechanics::Problem;
-use trilink_robot::{Gait, Laws, Parameter, Robot};
+use trilink_robot::{Gait, Laws, Parameter, Quantity as RobotQuantity, Robot};
 use trilink_tables::KnownFrom;
 use trilink_tables::config::RobotConfig;
 
 use super::quantity::Quantity;
 use crate::PredictionBands;
 
-/// What is known of how far numbers are off.
+/// Uncertainties of the quantities that influence the metrics.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Uncertain {
-    independent: Vec<Independent>,
-    fitted: Option<Together>,
+pub(crate) struct InputUncertainty {
+    independent: Vec<IndependentError>,
+    fitted: Option<FittedCoefficients>,
 }
 
-/// A number that is off by itself.
+/// Error that is independent of all others.
 #[derive(Debug, Clone)]
-struct Independent {
-    quantity: Quantity,
-    deviation: f64,
+struct IndependentError {
+    /// Quantities that share the error, with their standard deviations in SI units.
+    quantities: Vec<(Quantity, f64)>,
     source: KnownFrom,
-    /// What else one standard deviation of it changes: the fitted coefficients, by their logarithms.
+    /// Shifts of the logarithms of the fitted coefficients if the quantities change by one standard deviation.
     refit: Vec<f64>,
 }
 
-/// Fitted coefficients, and the covariance of their logarithms.
+/// Fitted coefficients and the covariance of their logarithms.
 #[derive(Debug, Clone)]
-struct Together {
+struct FittedCoefficients {
     coefficients: Vec<Parameter>,
     covariance: Vec<Vec<f64>>,
 }
 
-impl Uncertain {
-    /// By the standard deviations of the configuration, of what a motion knows.
+impl InputUncertainty {
+    /// Takes the standard deviations from the configuration, for all parameters that influence the metrics.
     pub(in crate::simulate) fn configured(robot: &RobotConfig, laws: Laws, gait: &Gait) -> Self {
-        let independent = |(parameter, deviation)| {
-            let (quantity, source) = (Quantity::Robot(parameter), KnownFrom::Configured);
-            Independent { quantity, deviation, source, refit: Vec::new() }
-        };
-        let independent = robot.deviations(laws, gait).into_iter().map(independent).collect();
-        Self { independent, fitted: None }
+        let independent = robot.errors(laws, gait).into_iter().map(|shared| {
+            let quantities = shared.into_iter().map(|(of, sd)| (Quantity::Robot(of), sd));
+            let quantities = quantities.collect();
+            IndependentError { quantities, source: KnownFrom::Configured, refit: Vec::new() }
+        });
+        Self { independent: independent.collect(), fitted: None }
     }
 
-    /// By the replicates of a fit, and what it assumed of the robot. `measured` are coefficients that
-    /// trials of other kinds gave.
+    /// Takes the uncertainties from a fit: the covariance of its bootstrap replicates, and the standard deviations of
+    /// the robot's assumed parameters. `measured` lists coefficients that are known from other kinds of trials.
     pub(in crate::simulate) fn fitted(
         bands: &PredictionBands,
         problem: &Problem,
@@ -59,130 +61,160 @@ impl Uncertain {
         let (coefficients, replicates) = bands.replicates();
         let covariance = covariance(replicates, coefficients.len());
         let independent = bands.assumed().filter_map(|(robot, shifts)| {
-            let quantity = changed(problem, bands.robot(), robot)?;
-            let is_measured = |of: &Parameter| quantity == Quantity::Robot(*of);
-            let is_measured = measured.iter().any(is_measured);
+            let parameters = changed_parameters(problem, bands.robot(), robot);
+            let is_measured = measured.contains(parameters.first()?);
             let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
-            let at =
-                |robot: &Robot| quantity.of(&Problem { robot: robot.clone(), ..problem.clone() });
-            let deviation = at(robot) - at(bands.robot());
-            Some(Independent { quantity, deviation, source, refit: shifts.to_vec() })
+            let quantities = parameters
+                .into_iter()
+                .map(|of| (Quantity::Robot(of), of.value_in(robot) - of.value_in(bands.robot())));
+            let quantities = quantities.collect();
+            Some(IndependentError { quantities, source, refit: shifts.to_vec() })
         });
         Self {
             independent: independent.collect(),
-            fitted: Some(Together { coefficients: coefficients.to_vec(), covariance }),
+            fitted: Some(FittedCoefficients { coefficients: coefficients.to_vec(), covariance }),
         }
     }
 
-    /// All that it is about.
+    /// Returns all uncertain quantities.
     pub(super) fn quantities(&self) -> impl Iterator<Item = Quantity> {
-        let own = self.independent.iter().map(|of| of.quantity);
+        let own = self.independent.iter().flat_map(|of| of.quantities.iter().map(|(of, _)| *of));
         let fitted = self.fitted.iter().flat_map(|of| of.coefficients.iter().copied());
         own.chain(fitted.map(Quantity::Robot))
     }
 }
 
-/// The quantity that another robot has another value of; a sum where all of its parts do.
-fn changed(problem: &Problem, robot: &Robot, other: &Robot) -> Option<Quantity> {
-    let with = |robot: &Robot| Problem { robot: robot.clone(), ..problem.clone() };
-    let (own, other) = (with(robot), with(other));
-    let all = Quantity::all(problem).into_iter().filter(|of| of.of(&own) != of.of(&other));
-    let all: Vec<Quantity> = all.collect();
-    match all[..] {
-        [one] => Some(one),
-        [Quantity::Robot(first), ..] => first.sum().map(Quantity::Robot),
-        _ => None,
-    }
+/// Maximum relative difference that is attributed to rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Returns the parameters in which two robots differ and which affect the problem. Where several components of a
+/// quantity differ (such as the values for each wheel or joint) as a change of their sum or a common change of both
+/// joints implies, the parameter that stands for the sum or for both joints is returned.
+fn changed_parameters(problem: &Problem, robot: &Robot, other: &Robot) -> Vec<Parameter> {
+    let of_quantity = |quantity: RobotQuantity| {
+        let components = (0..quantity.count()).map(|index| quantity.parameter(index));
+        let changed: Vec<Parameter> = components
+            .filter(|parameter| {
+                problem.laws.is_relevant(*parameter, &problem.gait)
+                    && parameter.value_in(robot) != parameter.value_in(other)
+            })
+            .collect();
+        let whole = changed.first().and_then(|first| first.whole()).filter(|whole| {
+            let mut by_whole = robot.clone();
+            whole.set(&mut by_whole, whole.value_in(other));
+            let [found, needed] = [&by_whole, other].map(|of| quantity.numbers(of));
+            found.iter().zip(needed).all(|(a, b)| (a - b).abs() <= ROUNDING * b.abs())
+        });
+        match whole {
+            Some(whole) if changed.len() > 1 => vec![whole],
+            _ => changed,
+        }
+    };
+    RobotQuantity::ALL.into_iter().flat_map(of_quantity).collect()
 }
 
-/// Of the columns of shifts.
+/// Returns the sample covariance matrix of the columns of `shifts`.
 fn covariance(shifts: &[Vec<f64>], columns: usize) -> Vec<Vec<f64>> {
     let count = shifts.len() as f64;
-    let mean = |column: usize| shifts.iter().map(|of| of[column]).sum::<f64>() / count;
-    let means: Vec<f64> = (0..columns).map(mean).collect();
-    let entry = |a: usize, b: usize| {
-        let products = shifts.iter().map(|of| (of[a] - means[a]) * (of[b] - means[b]));
-        products.sum::<f64>() / (count - 1.0).max(1.0)
-    };
-    (0..columns).map(|a| (0..columns).map(|b| entry(a, b)).collect()).collect()
+    let means: Vec<f64> = (0..columns)
+        .map(|column| shifts.iter().map(|row| row[column]).sum::<f64>() / count)
+        .collect();
+    let mut covariance = vec![vec![0.0; columns]; columns];
+    for a in 0..columns {
+        for b in 0..columns {
+            let products = shifts.iter().map(|row| (row[a] - means[a]) * (row[b] - means[b]));
+            covariance[a][b] = products.sum::<f64>() / (count - 1.0).max(1.0);
+        }
+    }
+    covariance
 }
 
-/// Adds a part to those of other numbers, or to what else is known of its own.
-fn add(parts: &mut Vec<(String, Part)>, name: String, part: Part) {
-    match parts.iter_mut().find(|(known, _)| *known == name) {
-        None => parts.push((name, part)),
+/// Adds a contribution to the list; contributions with the same name are independent and are combined in quadrature.
+fn add_contribution(all: &mut Vec<(String, Contribution)>, name: String, added: Contribution) {
+    match all.iter_mut().find(|(known, _)| *known == name) {
+        None => all.push((name, added)),
         Some((_, known)) => {
-            *known = Part {
-                deviation: known.deviation.hypot(part.deviation),
-                source: part.source,
-                contribution: known.contribution.hypot(part.contribution),
-                variance_part: known.variance_part + part.variance_part,
+            *known = Contribution {
+                deviation: known.deviation.hypot(added.deviation),
+                source: added.source,
+                contribution: known.contribution.hypot(added.contribution),
+                variance_share: known.variance_share + added.variance_share,
             };
         }
     }
 }
 
-/// What everything that is known contributes to one metric.
+/// Uncertainty budget of one metric.
 pub(super) struct Budget {
-    parts: Vec<(String, Part)>,
-    /// Standard deviation of the metric; missing where nothing is known.
+    contributions: Vec<(String, Contribution)>,
+    /// Standard deviation of the metric; NaN if no uncertainty is known.
     pub deviation: f64,
 }
 
+/// Contribution of a quantity to the uncertainty of a metric.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Part {
+pub(super) struct Contribution {
+    /// Standard deviation of the quantity, in SI units.
     pub deviation: f64,
     pub source: KnownFrom,
+    /// Standard deviation of the metric due to the error of this quantity, which it may share with others.
     pub contribution: f64,
-    pub variance_part: f64,
+    /// Fraction of the metric's variance that is due to this quantity.
+    pub variance_share: f64,
 }
 
 impl Budget {
-    /// By the derivatives of the metric with respect to each quantity.
+    /// Propagates the uncertainties, given the derivatives of the metric with respect to each quantity.
     pub(super) fn new(
-        uncertain: &Uncertain,
+        uncertainty: &InputUncertainty,
         problem: &Problem,
-        by: &dyn Fn(Quantity) -> f64,
+        derivative: &dyn Fn(Quantity) -> f64,
     ) -> Self {
-        let together = uncertain.fitted.as_ref();
-        let coefficients = together.map_or(&[][..], |of| &of.coefficients);
-        // Per logarithm of each.
+        let fitted = uncertainty.fitted.as_ref();
+        let coefficients = fitted.map_or(&[][..], |fitted| &fitted.coefficients);
+        // Derivatives with respect to the coefficients' logarithms.
         let slopes: Vec<f64> = coefficients
             .iter()
-            .map(|of| by(Quantity::Robot(*of)) * of.of(&problem.robot))
+            .map(|of| derivative(Quantity::Robot(*of)) * of.value_in(&problem.robot))
             .collect();
-        let along = |shifts: &[f64]| -> f64 {
+        let change = |shifts: &[f64]| -> f64 {
             slopes.iter().zip(shifts).map(|(slope, shift)| slope * shift).sum()
         };
-        let mut parts: Vec<(String, Part)> = Vec::new();
-        for Independent { quantity, deviation, source, refit } in &uncertain.independent {
-            let change = by(*quantity) * deviation + along(refit);
-            let (deviation, contribution) = (deviation.abs(), change.abs());
-            let variance_part = change.powi(2);
-            let part = Part { deviation, source: *source, contribution, variance_part };
-            add(&mut parts, quantity.name(), part);
+        let mut contributions: Vec<(String, Contribution)> = Vec::new();
+        for IndependentError { quantities, source, refit } in &uncertainty.independent {
+            let direct = quantities.iter().map(|(of, deviation)| derivative(*of) * deviation);
+            let change = direct.sum::<f64>() + change(refit);
+            for (quantity, deviation) in quantities {
+                let contribution = Contribution {
+                    deviation: deviation.abs(),
+                    source: *source,
+                    contribution: change.abs(),
+                    variance_share: change.powi(2) / quantities.len() as f64,
+                };
+                add_contribution(&mut contributions, quantity.name(), contribution);
+            }
         }
         for (index, coefficient) in coefficients.iter().enumerate() {
-            let row = together.map_or(&[][..], |of| &of.covariance[index]);
+            let row = fitted.map_or(&[][..], |fitted| &fitted.covariance[index]);
             let deviation = row[index].sqrt();
-            let part = Part {
-                deviation: deviation * coefficient.of(&problem.robot),
+            let contribution = Contribution {
+                deviation: deviation * coefficient.value_in(&problem.robot),
                 source: KnownFrom::Fitted,
                 contribution: (slopes[index] * deviation).abs(),
-                variance_part: slopes[index] * along(row),
+                variance_share: slopes[index] * change(row),
             };
-            add(&mut parts, coefficient.name().to_owned(), part);
+            add_contribution(&mut contributions, coefficient.name().to_owned(), contribution);
         }
-        let variance: f64 = parts.iter().map(|(_, part)| part.variance_part).sum();
-        for (_, part) in &mut parts {
-            part.variance_part /= variance;
+        let variance: f64 = contributions.iter().map(|(_, of)| of.variance_share).sum();
+        for (_, contribution) in &mut contributions {
+            contribution.variance_share /= variance;
         }
-        let deviation = if parts.is_empty() { f64::NAN } else { variance.sqrt() };
-        Self { parts, deviation }
+        let deviation = if contributions.is_empty() { f64::NAN } else { variance.sqrt() };
+        Self { contributions, deviation }
     }
 
-    /// That of a quantity, if anything is known of it.
-    pub(super) fn part(&self, name: &str) -> Option<&Part> {
-        self.parts.iter().find(|(of, _)| of == name).map(|(_, part)| part)
+    /// Returns the contribution of a quantity; `None` if its uncertainty is not known.
+    pub(super) fn contribution(&self, name: &str) -> Option<&Contribution> {
+        self.contributions.iter().find(|(known, _)| known == name).map(|(_, of)| of)
     }
 }

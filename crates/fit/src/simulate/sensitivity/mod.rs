@@ -1,5 +1,4 @@
-//! How a motion's metrics answer to every number that they depend on, and what the uncertainty of each
-//! contributes to theirs.
+//! Sensitivities of the metrics to all quantities that influence them, and uncertainty budgets of the metrics.
 
 mod budget;
 mod derivative;
@@ -12,45 +11,49 @@ use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
 use super::{Setup, answer};
 
-pub(super) use budget::Uncertain;
-use derivative::{COUNT, Differentiated};
+pub(super) use budget::InputUncertainty;
+use derivative::{COUNT, MotionDerivatives};
 use quantity::Quantity;
 
-/// A number that is zero but for rounding, as a part of what it is made of.
-const NOTHING: f64 = 1e-12;
+/// Absolute value up to which a metric counts as zero, since it may be due to rounding errors.
+const EPSILON: f64 = 1e-12;
 
-/// The rows of a problem's motion: metric by metric, the parameters in the order of the robot.
+/// Computes the sensitivities at one frequency: one row for each metric and quantity, grouped by metric, with the
+/// quantities in the order of the robot's parameters.
 ///
 /// # Errors
-/// There is no such motion, or none nearby, or it has no derivatives.
-pub(super) fn of(
+/// Returns an error if the model has no periodic solution at this frequency or for neighbouring values of a quantity,
+/// or if the solution has no derivatives.
+pub(super) fn sensitivities(
     setup: &Setup,
     omega_rad_s: f64,
     from_rest: bool,
-    uncertain: &Uncertain,
+    uncertainty: &InputUncertainty,
 ) -> Result<Vec<SensitivityRow>, MotionError> {
     let problem = setup.problem(omega_rad_s);
-    let (solver, motion) = answer::solved(&problem, from_rest)?;
-    let differentiated = Differentiated::new(&problem, solver, &motion)?;
-    let quantities = with_sums(&problem, uncertain);
-    let derivatives = quantities.iter().map(|of| Ok((*of, differentiated.by(*of)?)));
+    let (solver, motion) = answer::solve_motion(&problem, from_rest)?;
+    let motion = MotionDerivatives::new(&problem, solver, &motion)?;
+    let quantities = with_sums(&problem, uncertainty);
+    let derivatives =
+        quantities.iter().map(|quantity| Ok((*quantity, motion.with_respect_to(*quantity)?)));
     let derivatives: Vec<_> = derivatives.collect::<Result<_, MotionError>>()?;
     let extrapolation = setup.extrapolation(&problem);
     let mut rows = Vec::with_capacity(COUNT * derivatives.len());
-    for (nth, metric) in SENSITIVE_METRICS.iter().enumerate() {
-        let metric_value = differentiated.values[nth];
-        let by = |quantity: Quantity| {
-            let found = derivatives.iter().find(|(of, _)| *of == quantity);
-            found.map_or(0.0, |(_, (derivative, _))| derivative[nth])
-        };
-        let budget = budget::Budget::new(uncertain, &problem, &by);
+    for (index, metric) in SENSITIVE_METRICS.iter().enumerate() {
+        let metric_value = motion.values[index];
+        let budget = budget::Budget::new(uncertainty, &problem, &|quantity| {
+            let known = derivatives.iter().find(|(known, _)| *known == quantity);
+            known.map_or(0.0, |(_, (derivative, _))| derivative[index])
+        });
         for (quantity, (derivative, error)) in &derivatives {
-            let (value, scale) = (quantity.of(&problem), quantity.scale());
+            let value = quantity.value(&problem);
+            let scale = quantity.scale();
             let name = quantity.name();
-            let part = budget.part(&name);
-            let elasticity = match value != 0.0 && metric_value.abs() > NOTHING {
-                true => derivative[nth] * value / metric_value,
-                false => f64::NAN,
+            let contribution = budget.contribution(&name);
+            let elasticity = if value != 0.0 && metric_value.abs() > EPSILON {
+                derivative[index] * value / metric_value
+            } else {
+                f64::NAN
             };
             rows.push(SensitivityRow {
                 model: setup.model,
@@ -60,13 +63,13 @@ pub(super) fn of(
                 parameter_value: value * scale,
                 metric: (*metric).to_owned(),
                 metric_value,
-                derivative: derivative[nth] / scale,
-                derivative_error: error[nth] / scale,
+                derivative: derivative[index] / scale,
+                derivative_error: error[index] / scale,
                 elasticity,
-                standard_deviation: part.map_or(f64::NAN, |part| part.deviation * scale),
-                known_from: part.map(|part| part.source),
-                contribution: part.map_or(f64::NAN, |part| part.contribution),
-                variance_part: part.map_or(f64::NAN, |part| part.variance_part),
+                standard_deviation: contribution.map_or(f64::NAN, |of| of.deviation * scale),
+                known_from: contribution.map(|of| of.source),
+                contribution: contribution.map_or(f64::NAN, |of| of.contribution),
+                variance_part: contribution.map_or(f64::NAN, |of| of.variance_share),
                 metric_deviation: budget.deviation,
             });
         }
@@ -74,10 +77,11 @@ pub(super) fn of(
     Ok(rows)
 }
 
-/// All quantities, and the sums that something is known of.
-fn with_sums(problem: &Problem, uncertain: &Uncertain) -> Vec<Quantity> {
+/// Returns all single quantities that can influence the metrics, followed by those sums of quantities (such as a total
+/// over the wheels) that have a known uncertainty.
+fn with_sums(problem: &Problem, uncertainty: &InputUncertainty) -> Vec<Quantity> {
     let mut all = Quantity::all(problem);
-    for quantity in uncertain.quantities() {
+    for quantity in uncertainty.quantities() {
         if !all.contains(&quantity) {
             all.push(quantity);
         }

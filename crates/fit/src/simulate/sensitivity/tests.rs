@@ -1,10 +1,10 @@
 use trilink_mechanics::{REFERENCE_ACCURACY, Solver};
-use trilink_robot::{Model, Parameter, Quantity as OfRobot, RollLaw, SkidLaw};
+use trilink_robot::{Model, Parameter, Quantity as RobotQuantity, RollLaw, SkidLaw};
 use trilink_tables::config::{Config, ModelConfig};
 
 use super::*;
 
-/// Dimensions of a quantity or a metric: powers of length, mass and time.
+/// Returns the dimension of a quantity or metric as exponents of length, mass and time.
 fn dimensions(name: &str) -> [f64; 3] {
     let numbers: Vec<_> = name.split(|c: char| c.is_ascii_digit()).collect();
     let name = numbers.join("");
@@ -39,15 +39,16 @@ const CASES: [(&str, &str, &[&str]); 5] = [
 fn elasticities_add_up_to_the_dimensions_of_their_metrics() {
     for (campaign, model, settings) in CASES {
         let setup = setup(campaign, model, settings);
-        let rows = of(&setup, 3.9, false, &Uncertain::default()).expect("a motion");
+        let rows =
+            sensitivities(&setup, 3.9, false, &InputUncertainty::default()).expect("a motion");
         for metric in SENSITIVE_METRICS {
             let of_metric = || rows.iter().filter(|row| row.metric == metric);
-            if of_metric().any(|row| row.metric_value.abs() < NOTHING) {
+            if of_metric().any(|row| row.metric_value.abs() < EPSILON) {
                 continue;
             }
             let known = dimensions(metric);
             for (base, known) in known.into_iter().enumerate() {
-                // Masses, moments of inertia and coefficients of all kinds: of base 1.
+                // For base 1 (mass) the sum extends over masses, moments of inertia and all coefficients.
                 let terms = of_metric()
                     .map(|row| (dimensions(&row.parameter)[base], row.elasticity))
                     .filter(|(power, _)| *power != 0.0)
@@ -60,13 +61,14 @@ fn elasticities_add_up_to_the_dimensions_of_their_metrics() {
 }
 
 #[test]
-fn derivatives_are_those_of_independent_differences() {
+fn derivatives_equal_independent_finite_differences() {
     for (campaign, model, settings) in [CASES[0], CASES[1], CASES[3]] {
         let setup = setup(campaign, model, settings);
-        let rows = of(&setup, 3.9, false, &Uncertain::default()).expect("a motion");
+        let rows =
+            sensitivities(&setup, 3.9, false, &InputUncertainty::default()).expect("a motion");
         let problem = setup.problem(3.9);
         let mut solver = Solver::default();
-        let mut at = |quantity: Quantity, value: f64| {
+        let mut metrics_at = |quantity: Quantity, value: f64| {
             let mut problem = problem.clone();
             quantity.set(&mut problem, value);
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion nearby");
@@ -74,22 +76,23 @@ fn derivatives_are_those_of_independent_differences() {
             derivative::by_metric(&metrics, work_j)
         };
         for quantity in Quantity::all(&problem) {
-            let value = quantity.of(&problem);
-            // Of fourth order, over another step than the derivatives' own.
+            let value = quantity.value(&problem);
+            // Fourth-order differences, with another step than in the derivatives under test.
             let step = 2e-3 * if value == 0.0 { 1.0 } else { value.abs() };
             let [far, near, back, behind] =
-                [2.0, 1.0, -1.0, -2.0].map(|steps| at(quantity, value + steps * step));
+                [2.0, 1.0, -1.0, -2.0].map(|steps| metrics_at(quantity, value + steps * step));
             let own = rows.iter().filter(|row| row.parameter == quantity.name());
             for (metric, row) in own.enumerate() {
                 let known = 8.0 * (near[metric] - back[metric]) - (far[metric] - behind[metric]);
                 let known = known / (12.0 * step * quantity.scale());
-                // What a tenth of the parameter's relative change would make of the metric.
+                // Scale for errors of the derivative: an elasticity of 0.1.
                 let by = if value == 0.0 { 1.0 } else { row.parameter_value };
                 let size = 0.1 * (row.metric_value / by).abs();
-                let (miss, least) = ((row.derivative - known).abs(), known.abs().max(size));
-                assert!(miss <= 1e-5 * least, "{campaign} {model} {row:?} {known}");
+                let error = (row.derivative - known).abs();
+                let scale = known.abs().max(size);
+                assert!(error <= 1e-5 * scale, "{campaign} {model} {row:?} {known}");
                 if row.derivative_error.is_finite() {
-                    assert!(row.derivative_error <= 1e-5 * least, "{row:?}");
+                    assert!(row.derivative_error <= 1e-5 * scale, "{row:?}");
                 }
             }
         }
@@ -97,18 +100,68 @@ fn derivatives_are_those_of_independent_differences() {
 }
 
 #[test]
-fn every_number_is_what_a_setting_of_its_name_gives() {
+fn errors_of_values_measured_with_one_instrument_are_added_and_others_are_combined_in_quadrature() {
+    let rows = |same: bool| {
+        let mut config = Config::default();
+        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        robot.set_deviation(RobotQuantity::H, [0.0005]);
+        robot.set_deviation(RobotQuantity::L, [0.0005]);
+        robot.set_deviation(RobotQuantity::B, [0.001]);
+        if same {
+            robot.set_same(RobotQuantity::H, "ruler");
+            robot.set_same(RobotQuantity::L, "ruler");
+        }
+        let robot = config.robot["kinematic"].clone();
+        let setup =
+            Setup::new(config, "kinematic-symmetric", "skid-roll", &[]).expect("the paper's");
+        let problem = setup.problem(4.0);
+        let uncertainty = InputUncertainty::configured(&robot, problem.laws, &problem.gait);
+        sensitivities(&setup, 4.0, false, &uncertainty).expect("a motion")
+    };
+    let [independent, shared] = [rows(false), rows(true)];
+    for metric in ["d_m", "sigma0", "work_j"] {
+        let of = |rows: &[SensitivityRow], name: &str| {
+            let mut rows = rows.iter().filter(|row| row.metric == metric);
+            rows.find(|row| row.parameter == name).expect("a row").clone()
+        };
+        let changes = [("h_m", 5e-4), ("l_m", 5e-4), ("b_m", 1e-3)]
+            .map(|(name, sd)| of(&independent, name).derivative * sd);
+        let [h, l, b] = changes;
+        let in_quadrature = h.hypot(l).hypot(b);
+        let together = (h + l).hypot(b);
+        let found = of(&independent, "h_m").metric_deviation;
+        assert!((found / in_quadrature - 1.0).abs() < 1e-9, "{metric}: {found} {in_quadrature}");
+        let h_row = of(&shared, "h_m");
+        let found = h_row.metric_deviation;
+        assert!((found / together - 1.0).abs() < 1e-9, "{metric}: {found} {together}");
+        assert!((found / in_quadrature - 1.0).abs() > 1e-4, "{metric}: {found} {in_quadrature}");
+        // Both show the common error, and an equal part of its variance.
+        assert_eq!(h_row.standard_deviation, 5e-4);
+        let l_row = of(&shared, "l_m");
+        assert_eq!(
+            [h_row.contribution, h_row.variance_part],
+            [l_row.contribution, l_row.variance_part]
+        );
+        assert!((h_row.contribution / (h + l).abs() - 1.0).abs() < 1e-9);
+        let parts = h_row.variance_part + l_row.variance_part + of(&shared, "b_m").variance_part;
+        assert!((parts - 1.0).abs() < 1e-9, "{parts}");
+    }
+}
+
+#[test]
+fn a_setting_changes_the_quantity_of_the_same_name() {
     let mut config = Config::default();
     let robot = config.robot.get_mut("kinematic").expect("the paper's");
     robot.set_load_n([8.0, 3.0, 7.0]);
     for robot in config.robot.values_mut() {
-        robot.set(OfRobot::SkidStatic, [0.3, 0.2, 0.1]);
-        robot.set(OfRobot::Stribeck, [0.02]);
-        robot.set(OfRobot::RollDry, [0.01, 0.02, 0.03]);
+        robot.set(RobotQuantity::SkidStatic, [0.3, 0.2, 0.1]);
+        robot.set(RobotQuantity::Stribeck, [0.02]);
+        robot.set(RobotQuantity::RollDry, [0.01, 0.02, 0.03]);
     }
     let gait = config.gait.get_mut("skewed").expect("the paper's");
     let joint = gait.joint2.as_mut().expect("commanded");
-    (joint.amplitude2_deg, joint.phase2_deg) = (Some(5.0), Some(20.0));
+    joint.amplitude2_deg = Some(5.0);
+    joint.phase2_deg = Some(20.0);
     let ours = ModelConfig {
         skid: SkidLaw::StribeckViscous,
         roll: RollLaw::CoulombViscous,
@@ -129,19 +182,20 @@ fn every_number_is_what_a_setting_of_its_name_gives() {
         let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum()).map(Quantity::Robot);
         let all = Quantity::all(&problem).into_iter().chain(sums);
         for quantity in all.filter(|of| *of != Quantity::Omega) {
-            let (name, value) = (quantity.name(), quantity.of(&problem) * quantity.scale());
-            // As it is printed it changes nothing, and more of it is more of it.
-            for part in [1.0, 1.01] {
-                let set = with(&[format!("{name}={}", part * value)]).problem(3.0);
+            let name = quantity.name();
+            let value = quantity.value(&problem) * quantity.scale();
+            // Setting the current value changes nothing; setting a scaled value scales only this quantity.
+            for factor in [1.0, 1.01] {
+                let set = with(&[format!("{name}={}", factor * value)]).problem(3.0);
                 for of in Quantity::all(&problem) {
-                    let known = of.of(&problem);
-                    let known = if of == quantity { part * known } else { known };
+                    let known = of.value(&problem);
+                    let known = if of == quantity { factor * known } else { known };
                     let is_part = matches!((of, quantity),
                         (Quantity::Robot(one), Quantity::Robot(all))
                             if one != all && one.is_part_of(all));
-                    let known = if is_part { part * known } else { known };
-                    let miss = (of.of(&set) - known).abs();
-                    assert!(miss <= 1e-12 * known.abs(), "{campaign} {model} {name}: {of:?}");
+                    let known = if is_part { factor * known } else { known };
+                    let error = (of.value(&set) - known).abs();
+                    assert!(error <= 1e-12 * known.abs(), "{campaign} {model} {name}: {of:?}");
                 }
             }
             names.insert(name);

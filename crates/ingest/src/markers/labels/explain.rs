@@ -1,4 +1,4 @@
-//! What may have happened to a link's markers in one row, judged by that row alone.
+//! Finds explanations for the marker positions of a link in one row, using that row alone.
 
 use trilink_mocap::Recording;
 
@@ -6,28 +6,32 @@ use super::{LinkFit, Outlier, seen};
 use crate::markers::layout::LinkMarker;
 use crate::markers::rigid::{self, LinkPose};
 
-/// Explanations that put no marker farther apart than this are one, mm.
+/// Maximum distance, mm, between the positions of any marker under two explanations that count as the same explanation.
 const SAME_MM: f64 = 2.0;
 
-/// An explanation of what was seen.
+/// Explanation of the positions of a link's markers in a row: the link's pose and a label fault.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Explanation {
     pub outlier: Outlier,
     pub pose: LinkPose,
-    /// Markers whose position it explains.
+    /// Number of markers whose positions the explanation accounts for.
     pub explained: usize,
 }
 
-/// A link's markers and which residuals are noise.
+/// Markers of a link in a file, and the residuals expected of them.
 pub(super) struct LinkMarkers<'a> {
     pub file: &'a Recording,
     pub markers: &'a [LinkMarker],
+    /// Maximum residual that is attributed to noise, mm.
     pub tolerance_mm: f64,
+    /// Maximum residual that is attributed to an inaccurate layout rather than to a fault in the frame, mm.
     pub usual_mm: f64,
 }
 
 impl LinkMarkers<'_> {
-    /// Explains a row by its markers alone; whether three markers or more agree on it.
+    /// Sets `fit` to the single best explanation of a row, using that row's markers alone; without one, rejects the
+    /// pose as ambiguous if its residual exceeds `usual_mm`. Returns whether the row is decided: at least three markers
+    /// agree on the best explanation or, without one, the residual is within `usual_mm`.
     pub(super) fn explain(&self, row: usize, fit: &mut LinkFit) -> bool {
         let found = self.explanations(row);
         let most = found.iter().map(|found| found.explained).max().unwrap_or(0);
@@ -39,8 +43,7 @@ impl LinkMarkers<'_> {
             fit.set(Some(single.pose), single.outlier);
             return most >= 3;
         }
-        // A layout that fits no frame is found by the check of residuals; only what is unusual is
-        // thrown out.
+        // A layout that fits no frame is reported by the residual check; here only exceptional frames are rejected.
         let is_usual = fit.pose().is_some_and(|pose| pose.residual_mm <= self.usual_mm);
         if !is_usual {
             fit.set(None, Outlier::Ambiguous);
@@ -48,8 +51,8 @@ impl LinkMarkers<'_> {
         is_usual
     }
 
-    /// All explanations of a row within the tolerance, those of the same kind by increasing
-    /// residual.
+    /// Lists the explanations of a row whose residuals are within the tolerance, sorted by the number of markers
+    /// explained (descending), then by residual (ascending).
     pub(super) fn explanations(&self, row: usize) -> Vec<Explanation> {
         let (indices, pairs): (Vec<usize>, Vec<_>) =
             seen(self.file.row_mm(row), self.markers).unzip();
@@ -64,7 +67,8 @@ impl LinkMarkers<'_> {
         for a in 0..n {
             for b in a + 1..n {
                 let mut swapped = pairs.clone();
-                (swapped[a].1, swapped[b].1) = (pairs[b].1, pairs[a].1);
+                swapped[a].1 = pairs[b].1;
+                swapped[b].1 = pairs[a].1;
                 let pose = rigid::fit(swapped.iter().copied());
                 offer(Outlier::Swapped(indices[a] as u16, indices[b] as u16), n, pose);
             }
@@ -82,12 +86,12 @@ impl LinkMarkers<'_> {
         found
     }
 
-    /// How far two poses put one of the link's markers apart at most, mm.
+    /// Returns the largest distance between the positions of the same marker under two poses of the link, mm.
     pub(super) fn distance_mm(&self, one: &LinkPose, other: &LinkPose) -> f64 {
-        let apart = |marker: &LinkMarker| {
+        let distances = self.markers.iter().map(|marker| {
             let [a, b] = [one, other].map(|pose| pose.at(marker.local_position_mm));
             (a[0] - b[0]).hypot(a[1] - b[1])
-        };
-        self.markers.iter().map(apart).fold(0.0, f64::max)
+        });
+        distances.fold(0.0, f64::max)
     }
 }

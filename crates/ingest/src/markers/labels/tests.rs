@@ -1,4 +1,4 @@
-//! Films of one link in which markers jump and labels are swapped.
+//! Synthetic recordings of one link in which markers jump and labels are swapped.
 
 use trilink_statistics::wrap;
 use trilink_tables::config::Config;
@@ -8,16 +8,16 @@ use crate::markers::rigid::{LinkPose, MarkerMoments};
 
 const FRAMES: usize = 60;
 
-/// Link 1's three markers over time; the link moves and turns.
-fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (Recording, Vec<LinkMarker>) {
+/// Records link 1's three markers over time while the link moves and turns; `change` alters the positions in a frame.
+fn record(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (Recording, Vec<LinkMarker>) {
     let layout = Config::default().markers.link1;
     let markers: Vec<LinkMarker> = layout
         .values()
         .enumerate()
-        .map(|(column, place)| LinkMarker {
+        .map(|(column, position_mm)| LinkMarker {
             column,
-            local_position_mm: [place[0], place[1]],
-            height_mm: place[2],
+            local_position_mm: [position_mm[0], position_mm[1]],
+            height_mm: position_mm[2],
         })
         .collect();
     let mut positions_mm = Vec::new();
@@ -25,7 +25,7 @@ fn film(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (Recording, Vec<LinkMarke
         let pose = truth(frame);
         let mut row = [0, 1, 2].map(|i: usize| {
             let [x, y] = pose.at(markers[i].local_position_mm);
-            // A little of what noise does, the same at every run.
+            // Deterministic noise.
             let noise = 0.1 * ((7 * frame + 3 * i) as f64).sin();
             [x + noise, y - noise, 55.0]
         });
@@ -54,16 +54,18 @@ fn truth(frame: usize) -> LinkPose {
     }
 }
 
-fn mended(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> Vec<LinkFit> {
-    let (file, markers) = film(change);
+/// Returns the fits, after label correction, of a recording that `change` has altered, and asserts that all their poses
+/// are right.
+fn corrected(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> Vec<LinkFit> {
+    let (file, markers) = record(change);
     let mut fits: Vec<LinkFit> =
-        (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
+        (0..FRAMES).map(|row| LinkFit::from_row(file.row_mm(row), &markers)).collect();
     correct_labels(&file, &markers, &mut fits);
     for (frame, fit) in fits.iter().enumerate() {
         let Some(pose) = fit.pose() else { continue };
         let truth = truth(frame);
-        let away = wrap(pose.theta_rad - truth.theta_rad).abs();
-        assert!(away < 0.01, "{frame}: {away} {:?}", fit.outlier());
+        let error = wrap(pose.theta_rad - truth.theta_rad).abs();
+        assert!(error < 0.01, "{frame}: {error} {:?}", fit.outlier());
         assert!((pose.origin_mm[0] - truth.origin_mm[0]).abs() < 0.5, "{frame}");
     }
     fits
@@ -76,9 +78,9 @@ fn outliers(fits: &[LinkFit]) -> Vec<(usize, Outlier)> {
 
 #[test]
 fn sound_frames_stay_as_they_are() {
-    let (file, markers) = film(|_, _| ());
+    let (file, markers) = record(|_, _| ());
     let mut fits: Vec<LinkFit> =
-        (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
+        (0..FRAMES).map(|row| LinkFit::from_row(file.row_mm(row), &markers)).collect();
     let before = format!("{fits:?}");
     correct_labels(&file, &markers, &mut fits);
     assert_eq!(format!("{fits:?}"), before);
@@ -87,7 +89,7 @@ fn sound_frames_stay_as_they_are() {
 #[test]
 fn a_marker_that_jumps_in_any_direction_is_left_out() {
     for marker in 0..3 {
-        let fits = mended(|frame, row| {
+        let fits = corrected(|frame, row| {
             if frame % 3 == 1 {
                 let (sin, cos) = (frame as f64 * 0.37).sin_cos();
                 row[marker][0] += 20.0 * cos;
@@ -105,7 +107,7 @@ fn a_marker_that_jumps_in_any_direction_is_left_out() {
 fn any_two_labels_that_are_swapped_are_swapped_back_also_in_every_frame() {
     for (a, b) in [(0, 1), (0, 2), (1, 2)] {
         for every in [1, 4] {
-            let fits = mended(|frame, row| {
+            let fits = corrected(|frame, row| {
                 if frame % every == 0 {
                     row.swap(a, b);
                 }
@@ -120,18 +122,17 @@ fn any_two_labels_that_are_swapped_are_swapped_back_also_in_every_frame() {
 }
 
 #[test]
-fn two_markers_are_checked_by_the_frames_about_them() {
-    // Only markers 0 and 1 are seen for a while: too long to follow from one side.
-    let unseen = |frame: usize| (20..32).contains(&frame);
-    let fits = mended(|frame, row| {
-        if unseen(frame) {
+fn two_markers_are_checked_against_neighbouring_frames() {
+    let fits = corrected(|frame, row| {
+        // Only markers 0 and 1 are visible, for too many frames to extrapolate from one side.
+        if (20..32).contains(&frame) {
             row[2] = [f64::NAN; 3];
         }
         if frame == 24 {
             row.swap(0, 1);
         }
         if frame == 27 {
-            // About the other marker, so that their distance stays.
+            // Rotated about the other marker, so that their distance stays the same.
             let (sin, cos) = 0.3_f64.sin_cos();
             let [dx, dy] = [row[1][0] - row[0][0], row[1][1] - row[0][1]];
             row[1][0] = row[0][0] + cos * dx - sin * dy;
@@ -145,7 +146,7 @@ fn two_markers_are_checked_by_the_frames_about_them() {
 
 #[test]
 fn a_link_of_two_markers_is_checked_by_its_motion_alone() {
-    let fits = mended(|frame, row| {
+    let fits = corrected(|frame, row| {
         row[2] = [f64::NAN; 3];
         if frame == 30 {
             let apart = [row[1][0] - row[0][0], row[1][1] - row[0][1]];
@@ -161,9 +162,9 @@ fn a_link_of_two_markers_is_checked_by_its_motion_alone() {
 }
 
 #[test]
-fn a_layout_that_is_wrong_in_every_frame_throws_no_pose_out() {
-    // Two markers of a link whose layout has them 6 mm too near: no frame is worse.
-    let (mut file, markers) = film(|_, row| row[2] = [f64::NAN; 3]);
+fn a_layout_that_is_wrong_in_every_frame_rejects_no_pose() {
+    // Two markers on a link whose layout places them 6 mm too close together, in all frames.
+    let (mut file, markers) = record(|_, row| row[2] = [f64::NAN; 3]);
     for row in 0..FRAMES {
         let [a, b] = [0, 1].map(|i| file.positions_mm[3 * row + i]);
         for axis in 0..2 {
@@ -171,19 +172,19 @@ fn a_layout_that_is_wrong_in_every_frame_throws_no_pose_out() {
         }
     }
     let mut fits: Vec<LinkFit> =
-        (0..FRAMES).map(|row| LinkFit::of(file.row_mm(row), &markers)).collect();
+        (0..FRAMES).map(|row| LinkFit::from_row(file.row_mm(row), &markers)).collect();
     correct_labels(&file, &markers, &mut fits);
     assert!(fits.iter().all(|fit| fit.is_sound()));
 }
 
 #[test]
 fn a_jump_in_the_first_frames_is_found_although_only_two_markers_were_seen_in_them() {
-    let fits = mended(|frame, row| {
+    let fits = corrected(|frame, row| {
         if frame < 45 {
             row[2] = [f64::NAN; 3];
         }
         if frame == 3 {
-            // About the other marker, so that their distance stays.
+            // Rotated about the other marker, so that their distance stays the same.
             let (sin, cos) = 0.3_f64.sin_cos();
             let [dx, dy] = [row[1][0] - row[0][0], row[1][1] - row[0][1]];
             row[1][0] = row[0][0] + cos * dx - sin * dy;
@@ -194,8 +195,8 @@ fn a_jump_in_the_first_frames_is_found_although_only_two_markers_were_seen_in_th
 }
 
 #[test]
-fn what_the_frames_after_a_jump_contradict_those_before_a_gap_do_not_excuse() {
-    let fits = mended(|frame, row| {
+fn a_jump_contradicted_by_later_frames_is_not_excused_by_those_before_a_gap() {
+    let fits = corrected(|frame, row| {
         if (20..40).contains(&frame) {
             *row = [[f64::NAN; 3]; 3];
         }

@@ -1,4 +1,4 @@
-//! Files whose header, parameters and size contradict each other, in every way.
+//! Files in which header, parameters and size contradict each other in all possible ways.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use crate::LengthUnit;
 use crate::{Recording, parse_markers, sections};
 
 const BLOCK: usize = 512;
-/// What analog values are; no marker is there.
+/// Value of all analog samples, far from the position of any marker.
 const ANALOG: f32 = 7777.0;
 
-/// What is in a file, and what it states of it; without a change both are the same.
+/// Content of a synthetic file and its stated metadata, which agree unless a test changes them.
 #[derive(Debug, Clone)]
 struct File {
     points: usize,
@@ -17,9 +17,9 @@ struct File {
     frames: usize,
     is_float: bool,
     is_big_endian: bool,
-    /// Bytes after the padded data.
+    /// Number of bytes that follow the frames and the zeros with which the frames are padded to whole blocks.
     more_bytes: usize,
-    // What is stated; of parameters `None` leaves them out.
+    // Stated metadata; parameters that are `None` are not written.
     used: Option<u16>,
     word2: u16,
     channels: Option<u16>,
@@ -38,7 +38,7 @@ struct File {
     range: Option<[u32; 2]>,
     data_start: Option<u16>,
     unit: Option<&'static str>,
-    /// Points that are listed as outputs of models.
+    /// Number of points that are listed as model outputs.
     angles: usize,
     rotations: Option<u16>,
     is_full: bool,
@@ -46,7 +46,7 @@ struct File {
 }
 
 impl File {
-    /// Two channels with three samples each where there are analog values at all.
+    /// Creates a file with consistent metadata. If `has_analog`, each frame has three samples of each of two channels.
     fn new(points: usize, frames: usize, is_float: bool, has_analog: bool) -> Self {
         let scale = if is_float { -0.1 } else { 0.05 };
         let analog_values = if has_analog { 6 } else { 0 };
@@ -144,13 +144,13 @@ impl File {
             let at = to.windows(6).rposition(|bytes| bytes == b"LABELS").unwrap() + 6;
             to.splice(at..at + 2, self.word(pointer));
         }
-        // Of a text without its letters.
-        const LEAST_RECORD: usize = 12;
-        let length = (to.len() + LEAST_RECORD).next_multiple_of(BLOCK);
+        // Size of a text record without its characters.
+        const MIN_RECORD: usize = 12;
+        let length = (to.len() + MIN_RECORD).next_multiple_of(BLOCK);
         while self.is_full && to.len() < length {
             let letters = match length - to.len() {
                 rest @ 251.. => rest.min(120),
-                rest => rest - LEAST_RECORD,
+                rest => rest - MIN_RECORD,
             };
             self.texts(&mut to, "PAD", &["x".repeat(letters)]);
         }
@@ -159,7 +159,7 @@ impl File {
         to
     }
 
-    /// Where a point is in a frame, mm.
+    /// Returns the position of a point in a frame, mm.
     fn position(point: usize, frame: usize) -> [f64; 3] {
         [100.0 + (frame % 1000) as f64, 20.0 * (point + 1) as f64, 50.0]
     }
@@ -199,7 +199,7 @@ impl File {
         parse_markers(path, &bytes, LengthUnit::Mm).map_err(|error| error.to_string())
     }
 
-    /// Markers and frames as they are in the file.
+    /// Asserts that the markers and frames that were read are those of this file.
     fn assert_right(&self, read: &Recording) {
         assert_eq!(read.frames.len(), self.frames, "{self:?}");
         assert_eq!(read.labels.len(), self.points, "{self:?}");
@@ -212,15 +212,16 @@ impl File {
         }
     }
 
-    /// Right, without a doubt.
+    /// Asserts that the file is read correctly and without notes.
     fn assert_read(&self) {
         let read = self.read().unwrap();
         assert_eq!(read.doubts, [""; 0]);
         self.assert_right(&read);
     }
 
-    /// Right, and said with all numbers; or refused with all of them.
-    fn assert_told(&self, numbers: &[&str]) {
+    /// Asserts that the file is either read correctly, with notes that contain all of `numbers`, or rejected with an
+    /// error that contains them.
+    fn assert_reported(&self, numbers: &[&str]) {
         let message = match self.read() {
             Ok(read) => {
                 self.assert_right(&read);
@@ -233,14 +234,14 @@ impl File {
         }
     }
 
-    /// As [`File::assert_told`], and not refused.
-    fn assert_right_and_told(&self, numbers: &[&str]) {
+    /// Asserts that the file is read correctly, with a note that contains all of `numbers`.
+    fn assert_read_with_note(&self, numbers: &[&str]) {
         assert!(self.read().is_ok(), "{:?}", self.read());
-        self.assert_told(numbers);
+        self.assert_reported(numbers);
     }
 }
 
-/// Short files, which fill a block whatever they state, and long ones.
+/// Returns short files, which fit into one block whatever counts they state, and long ones.
 fn all() -> impl Iterator<Item = File> {
     let sizes = [(2, 6), (3, 600), (10, 900)];
     sizes.into_iter().flat_map(|(points, frames)| {
@@ -251,7 +252,7 @@ fn all() -> impl Iterator<Item = File> {
 }
 
 #[test]
-fn a_file_that_agrees_with_itself_is_read_without_a_doubt() {
+fn a_consistent_file_is_read_without_a_note() {
     for file in all() {
         file.assert_read();
         File { used: None, frames_stated: None, scale: None, channels: None, ..file.clone() }
@@ -259,12 +260,12 @@ fn a_file_that_agrees_with_itself_is_read_without_a_doubt() {
         File { analog_rate: None, range: Some([1, file.frames as u32]), ..file.clone() }
             .assert_read();
         File { is_big_endian: true, ..file.clone() }.assert_read();
-        // Blocks of zeros hold nothing.
+        // Blocks of zeros are ignored.
         let bytes = [file.bytes(), vec![0; 3 * BLOCK]].concat();
         let read = parse_markers(Path::new("a.c3d"), &bytes, LengthUnit::Mm).unwrap();
         assert_eq!(read.doubts, [""; 0]);
         file.assert_right(&read);
-        // The scale of floating-point numbers scales nothing.
+        // The scale does not apply to floating-point data.
         if file.is_float {
             File { header_scale: -1.0, ..file }.assert_read();
         }
@@ -272,7 +273,7 @@ fn a_file_that_agrees_with_itself_is_read_without_a_doubt() {
 }
 
 #[test]
-fn every_contradiction_is_settled_by_the_size_or_refused_with_all_numbers() {
+fn every_contradiction_is_resolved_by_the_size_or_rejected_with_all_numbers() {
     for file in all() {
         let is_long = file.frames > 100;
         for other in [1, 5, file.points + 1, 2 * file.points, 40] {
@@ -286,9 +287,9 @@ fn every_contradiction_is_settled_by_the_size_or_refused_with_all_numbers() {
                 [File { used: Some(other), ..file.clone() }, File { word2: other, ..file.clone() }];
             for file in files {
                 if is_long {
-                    file.assert_right_and_told(&numbers)
+                    file.assert_read_with_note(&numbers)
                 } else {
-                    file.assert_told(&numbers)
+                    file.assert_reported(&numbers)
                 }
             }
         }
@@ -299,60 +300,64 @@ fn every_contradiction_is_settled_by_the_size_or_refused_with_all_numbers() {
             if usize::from(other) != file.analog_values {
                 let file = File { word3: other, ..file.clone() };
                 if is_long {
-                    file.assert_right_and_told(&numbers)
+                    file.assert_read_with_note(&numbers)
                 } else {
-                    file.assert_told(&numbers)
+                    file.assert_reported(&numbers)
                 }
             }
             if usize::from(product) != file.analog_values {
                 let numbers = [numbers[0], &format!("{product} (ANALOG:USED")];
                 let file = File { channels: Some(other), ..file.clone() };
                 if is_long {
-                    file.assert_right_and_told(&numbers)
+                    file.assert_read_with_note(&numbers)
                 } else {
-                    file.assert_told(&numbers)
+                    file.assert_reported(&numbers)
                 }
             }
         }
         if file.analog_values > 0 {
             let numbers = ["2 (ANALOG:USED", "6 (header word 3"];
-            File { samples: 1, ..file.clone() }.assert_right_and_told(&numbers);
+            File { samples: 1, ..file.clone() }.assert_read_with_note(&numbers);
             // Header word 3 counts the channels.
             let numbers = ["6 (ANALOG:USED", "2 (header word 3"];
-            File { word3: 2, ..file.clone() }.assert_right_and_told(&numbers);
+            File { word3: 2, ..file.clone() }.assert_read_with_note(&numbers);
         }
         for other in [1, file.frames - 1, file.frames + 1, 2 * file.frames, 40_000] {
             let numbers = [format!("{} (", file.frames), format!("{other} (")];
             let numbers = numbers.each_ref().map(String::as_str);
             let (frames, last) = (Some(other as u16), other as u16);
-            File { frames_stated: frames, ..file.clone() }.assert_right_and_told(&numbers);
-            File { last, ..file.clone() }.assert_right_and_told(&numbers);
+            File { frames_stated: frames, ..file.clone() }.assert_read_with_note(&numbers);
+            File { last, ..file.clone() }.assert_read_with_note(&numbers);
             let long_frames = Some(other as f32);
-            File { long_frames, ..file.clone() }.assert_right_and_told(&numbers);
+            File { long_frames, ..file.clone() }.assert_read_with_note(&numbers);
             let range = Some([1, other as u32]);
-            File { range, ..file.clone() }.assert_right_and_told(&numbers);
+            File { range, ..file.clone() }.assert_read_with_note(&numbers);
         }
-        // Of the other format, by the header or by the parameter.
+        // Scale of the other number format, in the header or in the parameter.
         let (own, other) = (file.header_scale, if file.is_float { 0.05 } else { -0.1 });
         let numbers = [format!("{own} ("), format!("{other} (")];
         let numbers = numbers.each_ref().map(String::as_str);
         let files = [File { scale: Some(other), ..file.clone() }];
         for file in files {
-            if is_long { file.assert_right_and_told(&numbers) } else { file.assert_told(&numbers) }
+            if is_long {
+                file.assert_read_with_note(&numbers)
+            } else {
+                file.assert_reported(&numbers)
+            }
         }
         if !file.is_float {
             let message = File { scale: Some(0.02), ..file.clone() }.read().unwrap_err();
             assert!(message.contains("0.02 (POINT:SCALE) and 0.05 (header"), "{message}");
         }
-        File { rate: 120.0, ..file.clone() }.assert_right_and_told(&["120 (", "100 (header"]);
-        // The place of the data is where they fill the file.
+        File { rate: 120.0, ..file.clone() }.assert_read_with_note(&["120 (", "100 (header"]);
+        // The position at which the data match the size of the file is used.
         File { data_start: Some(2), ..file.clone() }.assert_read();
     }
 }
 
-/// Header and parameters are wrong alike: only the size can say it.
+/// Header and parameters agree on a wrong count: only the size of the data reveals it.
 #[test]
-fn what_only_the_size_contradicts_is_told_with_the_bytes_or_refused() {
+fn counts_that_only_the_size_contradicts_are_noted_with_the_bytes_or_rejected() {
     for file in all().filter(|file| file.frames > 100) {
         let told = |file: File, number: &str| {
             let message = match file.read() {
@@ -373,28 +378,28 @@ fn what_only_the_size_contradicts_is_told_with_the_bytes_or_refused() {
         }
         let (frames, more) = ((file.frames / 2) as u16, (file.frames + 100) as u16);
         let fewer = File { last: frames, frames_stated: Some(frames), ..file.clone() };
-        told(fewer, &format!("{frames} of "));
+        told(fewer, &format!("{frames} frames of "));
         let more = File { last: more, frames_stated: Some(more), ..file.clone() };
-        told(more, " frames, needed all of them; is the copy complete?");
+        told(more, " frames, needed all frames; is the copy of the file complete?");
         let scale = if file.is_float { 0.05 } else { -0.1 };
         told(File { scale: Some(scale), header_scale: scale, ..file.clone() }, "frames");
-        // What follows the data, as in files of which a part was cut off in the header.
+        // Data after the frames, as in files that were trimmed in the header.
         let message = File { more_bytes: 2000, ..file.clone() }.read().unwrap().doubts.join("; ");
-        assert!(message.contains(&format!("{} of ", file.frames)), "{message}");
+        assert!(message.contains(&format!("{} frames of ", file.frames)), "{message}");
     }
 }
 
 #[test]
-fn the_values_a_frame_are_those_of_all_samples_where_the_header_counts_channels() {
+fn values_per_frame_include_all_samples_where_the_header_counts_channels() {
     let file = File { word3: 2, ..File::new(2, 6, true, true) };
     let read = file.read().unwrap();
     file.assert_right(&read);
-    let told = "analog values a frame: found 6 (ANALOG:USED x header word 10) and 2 (header word 3), took 6";
+    let told = "analog values per frame: found 6 (ANALOG:USED x header word 10) and 2 (header word 3), used 6";
     assert_eq!(read.doubts, [told]);
     let listed = sections(Path::new("a.c3d"), &file.bytes()).unwrap();
     let analog = listed.iter().find(|section| section.name == "Analog").unwrap();
     assert_eq!((analog.rate_hz, analog.rows), (Some(300.0), 18));
-    // Of a few frames without a rate nobody knows.
+    // A few frames without a rate do not determine the number.
     let unknown = File { analog_rate: None, ..file }.read().unwrap_err();
     assert!(unknown.contains("counts that contradict each other"), "{unknown}");
 }
@@ -402,14 +407,14 @@ fn the_values_a_frame_are_those_of_all_samples_where_the_header_counts_channels(
 #[test]
 fn recordings_beyond_65535_frames_are_read_to_their_end() {
     for is_float in [false, true] {
-        // Counts that end there, that are counted from 0 again, and that are whole elsewhere.
+        // Counts that are capped, that wrap around to 0, and that another parameter states in full.
         let ends = File::new(1, 70_000, is_float, false);
         ends.assert_read();
         File { frames_stated: None, ..ends.clone() }.assert_read();
         File { last: 4_464, frames_stated: Some(65_535), ..ends.clone() }
-            .assert_right_and_told(&["4464 (header words 4 and 5)", "took 70000"]);
+            .assert_read_with_note(&["4464 (header words 4 and 5)", "used 70000"]);
         File { last: 4_464, frames_stated: Some(4_464), ..ends.clone() }
-            .assert_right_and_told(&["4464 (POINT:FRAMES)", "took 70000"]);
+            .assert_read_with_note(&["4464 (POINT:FRAMES)", "used 70000"]);
         File { range: Some([1, 70_000]), frames_stated: Some(4_464), ..ends.clone() }.assert_read();
         File { long_frames: Some(70_000.0), last: 4_464, ..ends.clone() }.assert_read();
         let (frames_stated, frames_as_float) = (None, Some(70_000.0));
@@ -434,7 +439,7 @@ fn a_parameter_section_may_be_full_and_its_last_record_lead_anywhere() {
 }
 
 #[test]
-fn units_are_understood_and_a_missing_one_is_told() {
+fn units_are_understood_and_a_missing_one_is_noted() {
     let file = File::new(2, 6, true, false);
     for (unit, mm) in [
         ("mm", 1.0),
@@ -456,18 +461,18 @@ fn units_are_understood_and_a_missing_one_is_told() {
     for unit in LengthUnit::ALL {
         let read = parse_markers(Path::new("a.c3d"), &none.bytes(), unit).unwrap();
         assert_eq!(read.position_mm(5, 0), [105.0, 20.0, 50.0].map(|x: f64| x * unit.mm()));
-        let told = format!("unit: found none (POINT:UNITS), took {unit} (vicon.unit)");
+        let told = format!("unit: found none (POINT:UNITS), used {unit} (vicon.unit)");
         assert_eq!(read.doubts, [told]);
     }
 }
 
 #[test]
-fn a_file_without_markers_says_what_it_has_instead() {
+fn a_file_without_markers_is_rejected_with_its_other_content() {
     let plain = File::new(2, 6, true, false);
     let outputs = File { angles: 2, ..plain.clone() }.read().unwrap_err();
     assert_eq!(
         outputs,
-        "a.c3d: found 2 points that are outputs of models (POINT:ANGLES) and no markers, needed at \
+        "a.c3d: found 2 points that are model outputs (POINT:ANGLES) instead of markers, needed at \
          least one marker in POINT:LABELS; export the labelled trajectories"
     );
     let none = File { points: 0, used: Some(0), word2: 0, ..plain };
@@ -475,7 +480,7 @@ fn a_file_without_markers_says_what_it_has_instead() {
     let found = "found no points (POINT:USED is 0)";
     assert_eq!(
         none.read().unwrap_err(),
-        format!("a.c3d: {found}, as in a file of rotations or events only, {needed}")
+        format!("a.c3d: {found}, as in files that contain only rotations or events, {needed}")
     );
     let rotations = File { rotations: Some(3), ..none.clone() };
     let message = rotations.read().unwrap_err();

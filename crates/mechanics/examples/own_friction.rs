@@ -1,0 +1,64 @@
+//! User-defined friction law: the dry friction F s / sqrt(1 + s^2) with s = v / v_t reverses its sign more
+//! gradually than the built-in F tanh(s).
+//!
+//! `cargo run -p trilink-mechanics --example own_friction` prints the displacement per cycle under both
+//! laws.
+
+use trilink_mechanics::{Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use trilink_robot::{Friction, Gait, Number, Parameter, Quantity, Robot};
+
+/// Dry friction `F s / sqrt(1 + s^2)` across the wheels' rolling direction, where s is the skid velocity over
+/// the transition speed, with the coefficients of [`Laws::COULOMB`]; the wheels roll freely.
+#[derive(Debug, Clone, Copy)]
+pub struct Algebraic;
+
+impl Friction for Algebraic {
+    const SKID: &'static [Parameter] = &Quantity::SkidDry.of_each();
+    const ROLL: &'static [Parameter] = &[Quantity::Transition.one()];
+    const IS_LINEAR: bool = false;
+
+    fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
+        let dry_n = robot.skid_dry_n[wheel];
+        let per_m_s = 1.0 / robot.transition_m_s;
+        let relative = velocity * T::splat(per_m_s);
+        let root = inverse_root(relative);
+        [T::splat(dry_n) * relative * root, T::splat(dry_n * per_m_s) * root * root * root]
+    }
+
+    fn roll<T: Number>(_: &Robot, _: usize, _: T) -> [T; 2] {
+        [T::splat(0.0); 2]
+    }
+
+    fn skid_slopes<T: Number>(
+        robot: &Robot,
+        wheel: usize,
+        velocity: T,
+        mut add: impl FnMut(usize, T),
+    ) {
+        let relative = velocity * T::splat(1.0 / robot.transition_m_s);
+        let [_, slope] = Self::skid(robot, wheel, velocity);
+        add(wheel, relative * inverse_root(relative));
+        add(Self::SKID.len(), -(slope * relative));
+    }
+
+    fn roll_slopes<T: Number>(_: &Robot, _: usize, _: T, _: impl FnMut(usize, T)) {}
+}
+
+/// Returns 1 / sqrt(1 + s^2) for the relative velocity s.
+fn inverse_root<T: Number>(relative: T) -> T {
+    (T::splat(-0.5) * (T::splat(1.0) + relative * relative).ln()).exp()
+}
+
+fn main() -> Result<(), MotionError> {
+    let laws = Laws { roll: trilink_robot::RollLaw::None, ..Laws::COULOMB };
+    let robot = Robot { skid_dry_n: [0.5, 0.3, 0.3], ..Robot::kinematic() };
+    let problem = Problem { robot, gait: Gait::symmetric(), laws, omega_rad_s: 3.9 };
+    let tanh = Solver::default().solve(&problem, REFERENCE_ACCURACY)?;
+    let algebraic = Solver::with_friction::<Algebraic>().solve(&problem, REFERENCE_ACCURACY)?;
+    println!(
+        "d = {:.2} mm with tanh, {:.2} mm with the algebraic law",
+        1e3 * tanh.d_m,
+        1e3 * algebraic.d_m
+    );
+    Ok(())
+}
