@@ -106,7 +106,7 @@ impl<'r> Comparison<'r> {
         if first.wins.is_finite() {
             let won = (first.wins * first.replicates as f64).round();
             text += &format!(
-                "; the first-named model has the lowest Schwarz criterion in {won} of {} replicates",
+                "; it has the lowest criterion in {won} of {} replicates",
                 first.replicates
             );
         }
