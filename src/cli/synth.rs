@@ -70,6 +70,10 @@ pub(super) struct Synth {
     /// Number of trials of each campaign with 1.5 times the friction of the others.
     #[arg(long, value_name = "N", default_value_t = 0)]
     unlike: u8,
+    /// Make robots that are off their configured values by errors drawn from the standard deviations in pipeline.toml;
+    /// `truth.json` contains the true values.
+    #[arg(long)]
+    declared_errors: bool,
     /// Slope of the floor, 0 to 2 degrees, and the direction in which the floor rises, degrees from the x axis
     /// [default: 0], such as `0.3,45`. Each robot then coasts in four directions on this floor. Gaits stay on a level
     /// floor, because the equations of motion in the frame of the robot do not contain its heading.
@@ -104,6 +108,7 @@ impl Synth {
             repeated_rad_s: self.repeat_omega.concat(),
             days: self.days.into(),
             servo: Servo { lag_s: self.servo_lag, compliance_rad_nm: self.servo_compliance },
+            declared_errors: self.declared_errors,
             slope: self.slope,
             friction_variation: self.friction_variation,
             trial_variation: self.trial_variation,

@@ -345,3 +345,28 @@ fn every_name_that_sensitivities_print_is_one_that_settings_take() {
         assert!(text(&output.stderr).contains(named), "{}", text(&output.stderr));
     }
 }
+
+#[test]
+fn a_monte_carlo_method_confirms_the_budget_where_the_metrics_are_almost_linear() {
+    let arguments = ["--omega", "3", "--monte-carlo", "4000"];
+    for fitted in [&[][..], &["--fitted"]] {
+        let (found, printed) = rows(folder(), &[&arguments[..], fitted].concat());
+        assert!(printed.contains("lower limit (95 %) of draws"), "{printed}");
+        for metric in SENSITIVE_METRICS.iter().filter(|metric| **metric != "alpha1_rad") {
+            let row = found.iter().find(|row| row.metric == *metric).unwrap();
+            assert_eq!((row.draws, row.unsolved_draws), (Some(4000), Some(0)));
+            // Sampling error of a standard deviation: 1.1 %; of a limit: 2.6 % of a standard deviation.
+            let ratio = row.draws_deviation / row.metric_deviation;
+            let width = (row.draws_upper - row.draws_lower) / (2.0 * 1.96 * row.metric_deviation);
+            println!("{fitted:?} {metric}: {ratio:.4} {width:.4}");
+            assert!((ratio - 1.0).abs() < 0.06 && (width - 1.0).abs() < 0.08, "{metric}");
+            assert!(row.draws_lower < row.metric_value && row.metric_value < row.draws_upper);
+        }
+    }
+    let (again, _) = rows(folder(), &arguments);
+    let (first, _) = rows(folder(), &[&arguments[..], &["--threads", "1"]].concat());
+    let draws = |rows: &[SensitivityRow]| -> Vec<u64> {
+        rows.iter().map(|row| row.draws_deviation.to_bits()).collect()
+    };
+    assert_eq!(draws(&again), draws(&first), "the same for any number of threads");
+}

@@ -627,3 +627,35 @@ fn trials_with_more_friction_are_flagged_and_not_fitted() {
     let left_out = fits.values::<String>("unlike_repeats").unwrap();
     assert!(left_out.iter().all(|of| *of == unlike.join(", ")), "{left_out:?}");
 }
+
+#[test]
+fn robots_are_off_their_configured_values_by_their_standard_deviations() {
+    let folder = kinematic("symmetric");
+    let config = folder.path().join("pipeline.toml");
+    let exact = std::fs::read_to_string(&config).unwrap();
+    let synth = ["synth", "trials", "--omega", "1,2,3,4", "--seed", "4", "--declared-errors"];
+    succeed(folder.path(), &synth);
+    assert!(truth_in(folder.path())["off_configured"].is_null(), "no value has an error");
+    let deviations = "[robot.kinematic]\nh_m = 0.144\nl_m = 0.112\nb_m = 0.0685\n\
+                      mass_kg = [1.04, 0.2, 0.2]\ninertia_kg_m2 = [86e-4, 5e-4, 5e-4]\n\
+                      roll_kg_s = [0.6, 0.3, 0.3]\nskid_kg_s = [100.0, 50.0, 50.0]\n\
+                      [robot.kinematic.standard_deviation]\nh_m = 0.002\nl_m = 0.001\n\
+                      mass_kg = \"3 %\"\ninertia_kg_m2 = \"5 %\"\n\
+                      [robot.kinematic.same]\nh_m = \"ruler\"\nl_m = \"ruler\"\n";
+    std::fs::write(&config, exact + deviations).unwrap();
+    succeed(folder.path(), &synth);
+    let truth = truth_in(folder.path());
+    let off = &truth["off_configured"]["kinematic"];
+    let error = |name: &str, value: f64, sd: f64| (off[name].as_f64().unwrap() - value) / sd;
+    let [h, l] = [error("h_m", 0.144, 0.002), error("l_m", 0.112, 0.001)];
+    let mass = error("mass0_kg", 1.04, 0.0312);
+    println!("errors in standard deviations: {h}, {l}, {mass}");
+    assert!((h - l).abs() < 1e-9, "one ruler");
+    assert!((h - mass).abs() > 1e-3, "a scale is no ruler");
+    assert!([h, mass].iter().all(|error| (1e-3..3.0).contains(&error.abs())));
+    assert!(off["b_m"].is_null(), "exact");
+    succeed(folder.path(), &["ingest"]);
+    succeed(folder.path(), &["fit"]);
+    let fits = Table::read(&folder.path().join("derived/fits.parquet")).unwrap();
+    assert_eq!(fits.values::<bool>("adequate").unwrap(), [true]);
+}

@@ -33,6 +33,8 @@ pub(crate) struct Truth {
     /// Friction on each day relative to the nominal friction of the synthetic trials, keyed by day.
     pub days: BTreeMap<String, f64>,
     pub servo: Option<PlantedServo>,
+    /// True values of robot parameters that are off their configured values, by robot and parameter.
+    pub off_configured: BTreeMap<String, BTreeMap<String, f64>>,
     /// Campaigns that were generated without servo errors and with constant friction, that is, the same friction in all
     /// cycles and on all days.
     pub tidy: Vec<String>,
@@ -169,6 +171,7 @@ impl Truth {
         self.seed = self.seed.filter(|seed| other.seed == Some(*seed));
         self.friction_variation = self.friction_variation.max(other.friction_variation);
         self.servo = self.servo.or(other.servo);
+        self.off_configured.extend(other.off_configured);
         self.tidy.extend(other.tidy);
         let days = other.days.into_iter();
         self.days.extend(days.map(|(day, floor)| (format!("{folder}/{day}"), floor)));
@@ -321,7 +324,11 @@ fn unmodelled_effects(truth: &Truth) -> Option<String> {
             fixed(compliance_rad_nm, 3)
         )
     });
-    let effects: Vec<String> = [cycles, days, servo].into_iter().flatten().collect();
+    let robots = (!truth.off_configured.is_empty()).then(|| {
+        let robots = truth.off_configured.keys().map(String::as_str).collect::<Vec<_>>();
+        format!("the true parameters of {} are off the configured ones", robots.join(", "))
+    });
+    let effects: Vec<String> = [cycles, days, servo, robots].into_iter().flatten().collect();
     let sentence = match &truth.tidy[..] {
         _ if effects.is_empty() => return None,
         [] => effects.join(", "),

@@ -157,6 +157,8 @@ pub struct Recipe {
     /// Number of days, each with its own floor friction, over which the trials of a campaign are distributed.
     pub days: usize,
     pub servo: Servo,
+    /// Whether the robots are off their configured values by errors drawn from the configured standard deviations.
+    pub declared_errors: bool,
     /// Slope of the floor on which the robots coast; gaits are always simulated on a level floor.
     pub slope: Option<Slope>,
     /// Relative standard deviation of the wheels' friction from cycle to cycle.
@@ -185,6 +187,7 @@ impl Recipe {
             repeated_rad_s: Vec::new(),
             days: 1,
             servo: Servo::default(),
+            declared_errors: false,
             slope: None,
             friction_variation: 0.0,
             trial_variation: 0.0,
@@ -265,6 +268,10 @@ pub fn synthesise(
     on_trial: &(dyn Fn(&str) -> Result<(), Cancelled> + Sync),
 ) -> Result<Vec<Trial>, SynthError> {
     plan::check(config, recipe)?;
+    let configured = config;
+    let with_errors =
+        recipe.declared_errors.then(|| plan::with_declared_errors(configured, recipe.seed));
+    let config = with_errors.as_ref().unwrap_or(configured);
     let (mut plans, campaigns, days) = plan::gaits(config, recipe);
     plans.extend(plan::decays(config, recipe));
     let mut ids = BTreeSet::new();
@@ -305,6 +312,7 @@ pub fn synthesise(
         seed: recipe.seed,
         servo: recipe.servo.if_any(),
         slope: recipe.slope,
+        off_configured: truth::off_configured(configured, config),
         friction_variation: recipe.friction_variation,
         days,
         tidy,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, LogNormal};
+use rand_distr::{Distribution, LogNormal, StandardNormal};
 use trilink_mechanics::{Laws, Problem};
 use trilink_robot::{Model, Robot};
 use trilink_tables::config::{Config, one_of};
@@ -18,6 +18,8 @@ use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, planted};
 const DECAY_STREAMS: u64 = 1 << 32;
 /// First random-number stream for the robots' coefficients.
 const ROBOT_STREAMS: u64 = 1 << 33;
+/// First random-number stream for the errors of the robots' configured values.
+const ERROR_STREAMS: u64 = 1 << 35;
 /// Random-number stream for the floor friction of each day.
 const DAYS_STREAM: u64 = 1 << 34;
 /// Offset between the random-number streams for repeated trials at the same frequency.
@@ -88,6 +90,18 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
         Some(&omega_rad_s) => Err(SynthError::Repeat { omega_rad_s, known: known.clone() }),
         None => Ok(()),
     }
+}
+
+/// Returns the configuration with robots that are off their configured values by errors drawn from the configured
+/// standard deviations. An error of more than three standard deviations is drawn again.
+pub(super) fn with_declared_errors(config: &Config, seed: u64) -> Config {
+    let mut config = config.clone();
+    for (stream, robot) in (ERROR_STREAMS..).zip(config.robot.values_mut()) {
+        let mut random = random(seed, stream);
+        let mut normal = StandardNormal.sample_iter(&mut random).filter(|z: &f64| z.abs() < 3.0);
+        *robot = robot.with_errors(|| normal.next().unwrap_or_default());
+    }
+    config
 }
 
 /// Returns the model that the recipe assigns to a robot, with the model's laws; `None` if it assigns none.

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use trilink_base::files;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, JointCommand, Laws, Model, Quantity, Robot, RollLaw, SkidLaw};
+use trilink_tables::config::Config;
 use trilink_tables::trial::TRUTH_FILE;
 
 use super::cameras::LabelError;
@@ -44,6 +45,10 @@ pub struct Truth {
     /// Slope of the floor in the coast-downs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slope: Option<Slope>,
+    /// True values of those parameters that are off their configured values, by robot and parameter, in the units that
+    /// the parameters' names state.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub off_configured: BTreeMap<String, BTreeMap<&'static str, f64>>,
     /// Relative standard deviation of friction from cycle to cycle.
     #[serde(skip_serializing_if = "is_none")]
     pub friction_variation: f64,
@@ -57,6 +62,26 @@ pub struct Truth {
     pub trials: BTreeMap<String, TrialTruth>,
     /// True robot parameters, by id of the joint-release or coast-down trial.
     pub robots: BTreeMap<String, DecayTruth>,
+}
+
+/// Returns the true values of those robot parameters that differ from the configured ones.
+pub(super) fn off_configured(
+    configured: &Config,
+    truth: &Config,
+) -> BTreeMap<String, BTreeMap<&'static str, f64>> {
+    let mut off = BTreeMap::new();
+    for (name, robot) in &truth.robot {
+        let (own, other) = (robot.to_robot(), configured.robot[name].to_robot());
+        let parameters = Quantity::ALL.into_iter().flat_map(|one| one.parameters_of(&own));
+        let changed = parameters.filter(|of| of.value_in(&own) != of.value_in(&other));
+        let values = changed
+            .map(|of| (of.name(), of.value_in(&own) / of.quantity().definition().unit.in_si()));
+        let values: BTreeMap<_, _> = values.collect();
+        if !values.is_empty() {
+            off.insert(name.clone(), values);
+        }
+    }
+    off
 }
 
 /// Model that generated a campaign's trials, with the model's laws.

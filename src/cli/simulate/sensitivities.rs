@@ -1,6 +1,6 @@
 //! Output of `simulate --sensitivities`.
 
-use trilink_fit::simulate::{KnownFits, Setup};
+use trilink_fit::simulate::{Draws, KnownFits, Setup};
 use trilink_report::sensitivities_drawing;
 use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
@@ -20,6 +20,10 @@ pub(super) struct Sensitivities {
     /// robot and the gait, and the contribution of each parameter's uncertainty.
     #[arg(long, conflicts_with_all = ["trajectory", "page", "bands"])]
     pub sensitivities: bool,
+    /// Also propagate the uncertainties by N motions with inputs drawn at random (JCGM 101), 1000 to 1000000.
+    #[arg(long, value_name = "N", requires = "sensitivities", num_args = 0..=1, default_missing_value = "10000")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1_000..=1_000_000))]
+    monte_carlo: Option<u32>,
     #[command(flatten)]
     files: Files,
 }
@@ -41,13 +45,21 @@ impl Simulate {
             return Err(format!("--figure: found {motions} motions, needed one").into());
         }
         files.check()?;
+        let seed = context.config.fit.seed;
+        let draws = self.sensitivities.monte_carlo;
+        let draws = draws.map(|count| Draws { count: count as usize, seed });
         let mut all = Vec::new();
         let mut outcome = Outcome::Well;
-        let mut input = String::new();
+        let mut input = format!("{draws:?}");
         for setup in setups {
             let model = setup.model;
-            let found =
-                setup.sensitivities(omegas_rad_s, self.from_rest, fits, interrupt::token())?;
+            let found = setup.sensitivities(
+                omegas_rad_s,
+                self.from_rest,
+                fits,
+                draws,
+                interrupt::token(),
+            )?;
             if let Some(why) = found.unknown {
                 note!("{campaign} {model}: the fitted coefficients are taken as exact: {why}");
             }
@@ -142,6 +154,17 @@ fn print(rows: &[SensitivityRow]) {
     }
     lines.push(total_line("standard deviation", known[0].iter().map(|row| row.metric_deviation)));
     lines.push(total_line("of", known[0].iter().map(|row| row.metric_value)));
+    if let Some(draws) = known[0][0].draws {
+        let mut add = |name: &str, of_draws: fn(&SensitivityRow) -> f64| {
+            lines.push(total_line(name, known[0].iter().map(|row| of_draws(row))));
+        };
+        add("standard deviation of draws", |row| row.draws_deviation);
+        add("lower limit (95 %) of draws", |row| row.draws_lower);
+        add("upper limit (95 %) of draws", |row| row.draws_upper);
+        if let Some(unsolved @ 1..) = known[0][0].unsolved_draws {
+            note!("{unsolved} of {draws} draws have no periodic solution");
+        }
+    }
     let headings = ["parameter", "deviation", "from"].into_iter().chain(SENSITIVE_METRICS);
     let mut table = Table::new(&lines);
     for (i, name) in headings.enumerate() {

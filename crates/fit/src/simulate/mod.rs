@@ -25,6 +25,7 @@ pub use answer::{Answer, Interval, SimulationRow};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
+pub use sensitivity::Draws;
 use sensitivity::InputUncertainty;
 use settings::with_settings;
 pub use settings::{campaign_of, number_names, with_number};
@@ -197,7 +198,7 @@ impl Setup {
 
     /// Computes the sensitivities of the metrics to all quantities that influence them, and the uncertainty budgets.
     /// The budgets include fitted coefficients only if `fits` are given, which must come from [`KnownFits::read`] with
-    /// `bands`.
+    /// `bands`. With `draws`, the uncertainties are also propagated by a Monte Carlo method.
     ///
     /// # Errors
     /// Returns an error if the computation is cancelled.
@@ -206,6 +207,7 @@ impl Setup {
         omegas_rad_s: &[f64],
         from_rest: bool,
         fits: Option<&KnownFits>,
+        draws: Option<Draws>,
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
         let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
@@ -221,7 +223,14 @@ impl Setup {
         };
         let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
             cancel.check()?;
-            let rows = sensitivity::sensitivities(self, omega_rad_s, from_rest, &uncertainty);
+            let mut rows = sensitivity::sensitivities(self, omega_rad_s, from_rest, &uncertainty);
+            if let (Some(draws), Ok(rows)) = (draws, &mut rows) {
+                let problem = self.problem(omega_rad_s);
+                if let Ok((solver, _)) = answer::solve_motion(&problem, from_rest) {
+                    let motion = (&problem, &solver);
+                    sensitivity::add_monte_carlo(rows, motion, &uncertainty, draws, cancel)?;
+                }
+            }
             Ok((omega_rad_s, rows))
         });
         Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })

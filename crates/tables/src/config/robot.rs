@@ -127,8 +127,27 @@ impl RobotConfig {
     /// Returns the independent errors of those uncertain parameters on which the motion under the given friction laws
     /// and gait depends: for each error, the parameters that share it with their standard deviations in SI units.
     pub fn errors(&self, laws: Laws, gait: &Gait) -> Vec<Vec<(Parameter, f64)>> {
-        let all = self.all_deviations();
-        let uncertain = all.filter(|(of, sd)| *sd > 0.0 && laws.is_relevant(*of, gait));
+        self.errors_of(|parameter| laws.is_relevant(parameter, gait))
+    }
+
+    /// Returns a copy whose values are off by their errors: `draw` returns the next error in standard deviations.
+    pub fn with_errors(&self, mut draw: impl FnMut() -> f64) -> Self {
+        let mut robot = self.to_robot();
+        for error in self.errors_of(|_| true) {
+            let in_deviations = draw();
+            for (parameter, sd) in error {
+                let value = parameter.value_in(&robot) + in_deviations * sd;
+                parameter.set(&mut robot, value);
+            }
+        }
+        let mut changed = self.clone();
+        Quantity::ALL.into_iter().for_each(|quantity| changed.copy_quantity(quantity, &robot));
+        changed
+    }
+
+    /// Returns the independent errors of the uncertain parameters for which `is_wanted`, as [`Self::errors`] does.
+    fn errors_of(&self, is_wanted: impl Fn(Parameter) -> bool) -> Vec<Vec<(Parameter, f64)>> {
+        let uncertain = self.all_deviations().filter(|(of, sd)| *sd > 0.0 && is_wanted(*of));
         let mut names: Vec<Option<&String>> = Vec::new();
         let mut errors: Vec<Vec<(Parameter, f64)>> = Vec::new();
         for (parameter, sd) in uncertain {

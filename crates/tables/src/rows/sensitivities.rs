@@ -65,5 +65,15 @@ rows! {
         pub variance_part: f64,
         /// Standard deviation of the metric due to all parameters.
         pub metric_deviation: f64,
+        /// Number of motions with inputs drawn at random (JCGM 101:2008), if requested.
+        pub draws: Option<i64>,
+        /// Number of those draws that have no periodic solution.
+        pub unsolved_draws: Option<i64>,
+        /// Standard deviation of the metric over the draws; missing if more than 0.1 % have no periodic solution.
+        pub draws_deviation: f64,
+        /// Lower limit of the probabilistically symmetric 95 % interval of the draws.
+        pub draws_lower: f64,
+        /// Upper limit of that interval.
+        pub draws_upper: f64,
     }
 }

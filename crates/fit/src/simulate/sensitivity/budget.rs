@@ -19,25 +19,25 @@ use crate::PredictionBands;
 /// Uncertainties of the quantities that influence the metrics.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct InputUncertainty {
-    independent: Vec<IndependentError>,
-    fitted: Option<FittedCoefficients>,
+    pub(super) independent: Vec<IndependentError>,
+    pub(super) fitted: Option<FittedCoefficients>,
 }
 
 /// Error that is independent of all others.
 #[derive(Debug, Clone)]
-struct IndependentError {
+pub(super) struct IndependentError {
     /// Quantities that share the error, with their standard deviations in SI units.
-    quantities: Vec<(Quantity, f64)>,
+    pub(super) quantities: Vec<(Quantity, f64)>,
     source: KnownFrom,
     /// Shifts of the logarithms of the fitted coefficients if the quantities change by one standard deviation.
-    refit: Vec<f64>,
+    pub(super) refit: Vec<f64>,
 }
 
 /// Fitted coefficients and the covariance of their logarithms.
 #[derive(Debug, Clone)]
-struct FittedCoefficients {
-    coefficients: Vec<Parameter>,
-    covariance: Vec<Vec<f64>>,
+pub(super) struct FittedCoefficients {
+    pub(super) coefficients: Vec<Parameter>,
+    pub(super) covariance: Vec<Vec<f64>>,
 }
 
 impl InputUncertainty {

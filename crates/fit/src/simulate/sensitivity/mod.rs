@@ -2,6 +2,7 @@
 
 mod budget;
 mod derivative;
+mod monte_carlo;
 mod quantity;
 #[cfg(test)]
 mod tests;
@@ -13,6 +14,8 @@ use super::{Setup, answer};
 
 pub(super) use budget::InputUncertainty;
 use derivative::{COUNT, MotionDerivatives};
+pub use monte_carlo::Draws;
+pub(super) use monte_carlo::add_monte_carlo;
 use quantity::Quantity;
 
 /// Absolute value up to which a metric counts as zero, since it may be due to rounding errors.
@@ -71,6 +74,11 @@ pub(super) fn sensitivities(
                 contribution: contribution.map_or(f64::NAN, |of| of.contribution),
                 variance_part: contribution.map_or(f64::NAN, |of| of.variance_share),
                 metric_deviation: budget.deviation,
+                draws: None,
+                unsolved_draws: None,
+                draws_deviation: f64::NAN,
+                draws_lower: f64::NAN,
+                draws_upper: f64::NAN,
             });
         }
     }
