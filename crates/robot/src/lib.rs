@@ -54,6 +54,9 @@ pub use number::{LANES, Lanes, Number};
 pub use parameter::{ByParameter, Parameter};
 pub use quantity::{Definition, Per, Quantity, Unit};
 
+/// Standard gravity, m/s^2.
+pub const GRAVITY_M_S2: f64 = 9.80665;
+
 /// Parameters of a robot (Tables I and II of the paper).
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Robot {

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use trilink_robot::Robot;
 use trilink_robot::decay::Coast;
+use trilink_robot::{GRAVITY_M_S2, Robot};
 
 /// Range of the passive joint's initial deflection from its rest angle, rad.
 const RELEASED_RAD: std::ops::Range<f64> = 0.45..0.55;
@@ -22,8 +22,6 @@ const PUSH_S: f64 = 0.5;
 const SWING_LEFT: f64 = 0.002;
 /// Speed at the end of the recording, relative to the initial speed.
 const SPEED_LEFT: f64 = 0.05;
-/// Standard gravity, m/s^2.
-const GRAVITY_M_S2: f64 = 9.80665;
 /// Maximum duration of a recording, s.
 const MAX_DURATION_S: f64 = 30.0;
 /// Damping ratio from which on the release of a joint is not simulated, because the joint would barely swing.

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use trilink_base::numbers::with_error;
+use trilink_robot::GRAVITY_M_S2;
 use trilink_robot::decay::DecayLaw;
 use trilink_statistics::{Estimate, c4, fisher, mean, normal_tail};
 use trilink_tables::trial::TrialKind;
@@ -24,8 +25,6 @@ use crate::Ingested;
 use crate::checks::{Check, Finding};
 use crate::diagnosis::restate;
 
-/// Standard gravity, m/s^2.
-const GRAVITY_M_S2: f64 = 9.80665;
 /// Standard deviation of either component of the slope before any coast-down, rad. It has no effect where the
 /// coast-downs determine the slope; it keeps noise in the direction of travel from being explained by a steep floor
 /// across it.
