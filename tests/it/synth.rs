@@ -639,7 +639,7 @@ fn robots_are_off_their_configured_values_by_their_standard_deviations() {
     let deviations = "[robot.kinematic]\nh_m = 0.144\nl_m = 0.112\nb_m = 0.0685\n\
                       mass_kg = [1.04, 0.2, 0.2]\ninertia_kg_m2 = [86e-4, 5e-4, 5e-4]\n\
                       roll_kg_s = [0.6, 0.3, 0.3]\nskid_kg_s = [100.0, 50.0, 50.0]\n\
-                      [robot.kinematic.standard_deviation]\nh_m = 0.002\nl_m = 0.001\n\
+                      [robot.kinematic.standard_deviation]\nh_m = 0.0004\nl_m = 0.0002\n\
                       mass_kg = \"3 %\"\ninertia_kg_m2 = \"5 %\"\n\
                       [robot.kinematic.same]\nh_m = \"ruler\"\nl_m = \"ruler\"\n";
     std::fs::write(&config, exact + deviations).unwrap();
@@ -647,7 +647,7 @@ fn robots_are_off_their_configured_values_by_their_standard_deviations() {
     let truth = truth_in(folder.path());
     let off = &truth["off_configured"]["kinematic"];
     let error = |name: &str, value: f64, sd: f64| (off[name].as_f64().unwrap() - value) / sd;
-    let [h, l] = [error("h_m", 0.144, 0.002), error("l_m", 0.112, 0.001)];
+    let [h, l] = [error("h_m", 0.144, 0.0004), error("l_m", 0.112, 0.0002)];
     let mass = error("mass0_kg", 1.04, 0.0312);
     println!("errors in standard deviations: {h}, {l}, {mass}");
     assert!((h - l).abs() < 1e-9, "one ruler");
