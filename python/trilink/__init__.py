@@ -208,11 +208,12 @@ def simulate(
     Returns a dictionary (for several frequencies, a list with one dictionary per frequency) with these keys: `d_m`
     (displacement per cycle), `v_m_s` (mean speed), `sigma` (skid ratios), `alpha1_rad` (amplitude of a passive joint),
     `dtheta_rad` (rotation per cycle), `work_j` (work of the actuators per cycle), `work_j_m` (work per metre),
-    `status` (kind of motion), `floquet` (modulus of the largest Floquet multiplier), `from_rest`, `cycles_to_settle`,
-    `sharp_limit` (for dry friction), `model`, `parameters` (of the robot) and `gait`. If the motion does not exist,
-    `reason` says why, and the values are None. With `samples`, `trajectory` is a dictionary of NumPy arrays named like
-    the numeric columns of `trilink simulate --trajectory`: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, ... (NaN for
-    missing values); it is None if the motion does not exist.
+    `cost_of_transport` (work over weight and displacement), `status` (kind of motion), `floquet` (modulus of the
+    largest Floquet multiplier), `from_rest`, `cycles_to_settle`, `sharp_limit` (for dry friction), `model`,
+    `parameters` (of the robot) and `gait`. If the motion does not exist, `reason` says why, and the values are None.
+    With `samples`, `trajectory` is a dictionary of NumPy arrays named like the numeric columns of `trilink simulate
+    --trajectory`: `time_s`, `x_m`, `phi1_rad`, `skid0_m_s`, ... (NaN for missing values); it is None if the motion does
+    not exist.
 
     Raises ConfigError if the campaign, the model or a parameter does not exist.
     """

@@ -96,6 +96,7 @@ fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
             "dtheta_rad",
             "work_j",
             "work_j_m",
+            "cost_of_transport",
             "status",
             "floquet",
             "from_rest",
@@ -108,6 +109,10 @@ fn simulate_answers_with_the_documented_keys_in_order_of_frequency() {
     for answer in &answers {
         let answer = answer.as_object().expect("an object");
         assert_eq!(answer.keys().cloned().collect::<BTreeSet<_>>(), expected);
+        // The links weigh 1.04, 0.34 and 0.34 kg.
+        let [cost, work_j, d_m] =
+            ["cost_of_transport", "work_j", "d_m"].map(|name| answer[name].as_f64().unwrap());
+        assert!((cost * d_m * 1.72 * 9.80665 / work_j - 1.0).abs() < 1e-12, "{cost}");
         assert_eq!(answer["sigma"].as_array().map(Vec::len), Some(3));
     }
 }
@@ -198,6 +203,7 @@ fn several_models_are_solved_for_at_once_and_csv_has_what_json_has() {
             ("d_m", &answer["d_m"]),
             ("sigma1", &answer["sigma"][1]),
             ("work_j_m", &answer["work_j_m"]),
+            ("cost_of_transport", &answer["cost_of_transport"]),
             ("floquet", &answer["floquet"]),
             ("sharp_limit_d_m", &limit["d_m"]),
         ] {

@@ -110,6 +110,11 @@ impl Robot {
         0.5 * (self.l_m[0] + self.l_m[1])
     }
 
+    /// Returns the weight of the robot, N.
+    pub fn weight_n(&self) -> f64 {
+        GRAVITY_M_S2 * self.mass_kg.iter().sum::<f64>()
+    }
+
     /// Returns the distances of the side links' wheels from the middle wheel when the robot is straight, m.
     pub fn reach_m(&self) -> [f64; 2] {
         [0, 1].map(|joint| self.h_m[joint] + self.l_m[joint])

@@ -24,6 +24,8 @@ pub struct Answer<'a> {
     pub work_j: f64,
     /// Work done by the actuators per metre of displacement, J/m.
     pub work_j_m: f64,
+    /// Work done by the actuators over a cycle, divided by weight and displacement.
+    pub cost_of_transport: f64,
     pub status: MotionStatus,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
@@ -100,6 +102,7 @@ rows! {
         pub extrapolation: Extrapolation as "{}",
         pub work_j: f64,
         pub work_j_m: f64,
+        pub cost_of_transport: f64,
         pub status: MotionStatus,
         pub reason: String,
         pub floquet: f64,
@@ -137,12 +140,14 @@ impl<'a> Answer<'a> {
             motion.and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
         let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
         let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
+        let work_j_m = if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN };
         Self {
             model: setup.model,
             omega_rad_s: problem.omega_rad_s,
             metrics,
             work_j,
-            work_j_m: if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN },
+            work_j_m,
+            cost_of_transport: work_j_m / problem.robot.weight_n(),
             status,
             reason,
             floquet: motion.and_then(|motion| motion.floquet),
@@ -177,6 +182,7 @@ impl<'a> Answer<'a> {
             metrics: self.metrics,
             work_j: self.work_j,
             work_j_m: self.work_j_m,
+            cost_of_transport: self.cost_of_transport,
             status: self.status,
             reason: self.reason.clone().unwrap_or_default(),
             floquet: self.floquet.unwrap_or(f64::NAN),
