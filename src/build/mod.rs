@@ -98,8 +98,8 @@ pub enum RunError {
     #[error("something has changed")]
     Outdated,
     #[error(
-        "{}: this trial folder has no trials.toml, but {} still contains tables of its trials; restore the trial \
-         folder, or use --only to remove the results of all folders that are not named",
+        "{}: this trial folder has no trials.toml, but {} still contains tables of its trials; restore trials.toml, \
+         or name the folders to keep with --only, which removes the results of all others",
         folder.display(),
         derived.display()
     )]

@@ -337,23 +337,23 @@ const MISTAKES: &[Mistake] = &[
         "a slow frequency in Hz",
         |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 0.006"),
         &[
-            "found 0.006, needed a frequency from 0.01 to 1000 rad/s (is the value in Hz? then 0.0377",
+            "found 0.006, needed a frequency from 0.01 to 1000 rad/s (if the value is in Hz, write 0.0377",
         ],
     ),
     mistake(
         "a frequency in degrees per second",
         |night| list(night, "omega_rad_s = 4.0", "omega_rad_s = 2291.83"),
-        &["found 2291.83", "(is the value in degrees per second? then 40.0000 is correct)"],
+        &["found 2291.83", "(if the value is in degrees per second, write 40.0000)"],
     ),
     mistake(
         "the rate in kHz",
         |night| configure(night, "rate_hz = 120.0", "rate_hz = 0.12"),
-        &["vicon.rate_hz", "needed 1 to 10000 Hz (is the value in kHz? then 120"],
+        &["vicon.rate_hz", "needed 1 to 10000 Hz (if the value is in kHz, write 120"],
     ),
     mistake(
         "a gap in milliseconds",
         |night| configure(night, "max_gap_s = 0.1", "max_gap_s = 100"),
-        &["ingest.max_gap_s", "needed 0 to 60 seconds (is the value in milliseconds? then 0.1"],
+        &["ingest.max_gap_s", "needed 0 to 60 seconds (if the value is in milliseconds, write 0.1"],
     ),
     mistake(
         "the frequency of one trial",
@@ -557,7 +557,7 @@ const MISTAKES: &[Mistake] = &[
         },
         &[
             "campaign kinematic-symmetric: 3 of 3 trials: joint 1: measured offset",
-            "are the positions in markers.link0 or markers.link1 rotated?",
+            "the positions in markers.link0 or markers.link1 are rotated",
         ],
     ),
     mistake(
@@ -611,7 +611,7 @@ const MISTAKES: &[Mistake] = &[
         |night| configure(night, "h_m = 0.144", "h_m = 144"),
         &[
             "robot.kinematic.h_m",
-            "found 144.0, needed 0.001 to 100 metres (is the value in millimetres? then 0.144",
+            "found 144.0, needed 0.001 to 100 metres (if the value is in millimetres, write 0.144",
         ],
     ),
     mistake(
@@ -646,7 +646,7 @@ const MISTAKES: &[Mistake] = &[
             let centimetres = "inertia_kg_m2 = [86.0, 5.0, 5.0]";
             configure(night, "inertia_kg_m2 = [86e-4, 5e-4, 5e-4]", centimetres);
         },
-        &["(is the value in kg cm^2? then 0.0086", "robot.kinematic.inertia_kg_m2"],
+        &["(if the value is in kg cm^2, write 0.0086", "robot.kinematic.inertia_kg_m2"],
     ),
     mistake(
         "a standard deviation in millimetres",

@@ -241,7 +241,7 @@ impl Trial {
                 let units = [("Hz", omega * TAU), ("degrees per second", omega.to_radians())];
                 let unit = units.into_iter().find(|(_, right)| OMEGA_RAD_S.contains(right));
                 let unit = unit.map_or(String::new(), |(unit, right)| {
-                    format!(" (is the value in {unit}? then {right:.4} is correct)")
+                    format!(" (if the value is in {unit}, write {right:.4})")
                 });
                 error("omega_rad_s", omega.to_string(), &format!("{NEEDED_OMEGA}{unit}"))
             }

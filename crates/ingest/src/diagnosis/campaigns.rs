@@ -124,10 +124,10 @@ pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, 
             let count = of_campaign.len();
             let link = joint + 1;
             let message = format!(
-                "joint {link}: measured offset {:+.1} deg in all {count} trials, configured {configured}: is \
-                 offset_deg correct, or are the positions in markers.link0 or markers.link{link} rotated? `trilink \
-                 ingest --calibrate` with a trial whose gait oscillates about the straight configuration shows which \
-                 of the two is wrong",
+                "joint {link}: measured offset {:+.1} deg in all {count} trials, configured {configured}: \
+                 either offset_deg is wrong, or the positions in markers.link0 or markers.link{link} are rotated. \
+                 `trilink ingest --calibrate` with a trial whose gait oscillates about the straight configuration \
+                 shows which",
                 configured + off_deg
             );
             found.push((campaign.clone(), message));

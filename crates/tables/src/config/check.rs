@@ -354,7 +354,7 @@ impl Checker<'_> {
             let mut hints = Vec::new();
             for (unit, factor) in INERTIA_UNITS {
                 let right = factor * inertia_kg_m2;
-                let hint = format!("is the value in {unit}? then {right:.6} is correct");
+                let hint = format!("if the value is in {unit}, write {right:.6}");
                 hints.push((hint, factor.sqrt()));
             }
             hints.push(("is mass_kg in grams?".to_owned(), 1e3_f64.sqrt()));
@@ -480,7 +480,7 @@ fn unit_hint(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
     };
     let right = number * factor;
     if range.contains(&right) {
-        format!(" {unit} (is the value in {other}? then {right:.6} is correct)")
+        format!(" {unit} (if the value is in {other}, write {right:.6})")
     } else {
         format!(" {unit}")
     }

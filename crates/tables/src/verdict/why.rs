@@ -90,8 +90,8 @@ reasons! {
         UnknownNoise = "unknown-noise": "there are no cycles, repeats or standard errors from which to estimate the noise of {of}",
         NotAskedFor = "not-asked-for": "neither replicates nor profiles were requested",
         Inadequate = "inadequate": "the model does not fit",
-        UnknownVariation = "unknown-variation": "the residuals exceed the noise of the cycles, and there are too few \
-                                                 trials to estimate how much trials differ from each other",
+        UnknownVariation = "unknown-variation": "the residuals exceed the noise between cycles, and there are too few \
+                                                 trials to estimate the variation between trials",
         FitFailed = "fit-failed": "the fit has failed",
         NothingFitted = "nothing-fitted": "no coefficient is fitted",
         NoReplicates = "no-replicates": "no replicates were requested",
