@@ -1,6 +1,6 @@
-//! Determines the layout of the frames in a file. The header and the parameters both state every count, and the counts
-//! must agree with the size of the data to within a block. If counts contradict each other, those that match the size
-//! of the data are used, with a note; if several do, the file is rejected.
+//! Determines the layout of the frames in a file. Several places state each count: words of the header, parameters,
+//! and the size of the data, which the frames must fill to within a block. If places contradict each other, the counts
+//! that fill the data are used, with a note; if none or several do, the file is rejected with all stated values.
 
 #[cfg(test)]
 mod tests;
@@ -9,10 +9,9 @@ use std::fmt;
 
 use super::BLOCK;
 use super::parameters::{Parameters, bytes_at, shortest_decimal};
+use super::stated::{FrameCount, MAX_U16, Stated};
 use crate::FileProblem;
 
-/// Maximum 16-bit count, which files state in place of a count that does not fit into 16 bits.
-const MAX_U16: usize = 65_535;
 /// Maximum relative difference at which two stated scales, or two stated rates, are considered equal.
 const RELATIVE_TOLERANCE: f64 = 1e-4;
 
@@ -29,47 +28,12 @@ pub(super) struct Layout {
 }
 
 impl Layout {
+    fn value_bytes(&self) -> usize {
+        if self.is_float { 4 } else { 2 }
+    }
+
     pub(super) fn frame_bytes(&self) -> usize {
-        let value = if self.is_float { 4 } else { 2 };
-        value * (4 * self.points + self.analog_values)
-    }
-
-    fn bytes(&self) -> usize {
-        self.frame_bytes().saturating_mul(self.frame_count)
-    }
-}
-
-/// Values that a file states for one quantity, each with the place that states it, the most reliable place first.
-#[derive(Default)]
-struct Stated<T>(Vec<(T, &'static str)>);
-
-impl<T: Copy + PartialEq> Stated<T> {
-    fn new<const N: usize>(places: [(Option<T>, &'static str); N]) -> Self {
-        let stated = places.into_iter().filter_map(|(value, place)| Some((value?, place)));
-        Self(stated.collect())
-    }
-
-    /// Returns the distinct values.
-    fn values(&self) -> Vec<T> {
-        let mut values = Vec::new();
-        for (value, _) in &self.0 {
-            if !values.contains(value) {
-                values.push(*value);
-            }
-        }
-        values
-    }
-
-    fn is_contradictory(&self) -> bool {
-        self.values().len() > 1
-    }
-}
-
-impl<T: fmt::Display> fmt::Display for Stated<T> {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let texts: Vec<String> =
-            self.0.iter().map(|(value, place)| format!("{value} ({place})")).collect();
-        f.write_str(&if texts.is_empty() { "none".to_owned() } else { texts.join(" and ") })
+        self.value_bytes() * (4 * self.points + self.analog_values)
     }
 }
 
@@ -84,13 +48,11 @@ pub(super) struct Counts {
     /// Scale of the coordinates: negative if they are floats, otherwise the length of one step of the integers.
     scale: Stated<f64>,
     rate_hz: Stated<f64>,
+    analog_rate_hz: Option<f64>,
+    /// Positions of the first byte of the data in the file.
     data_start: Stated<usize>,
-    frames: Stated<usize>,
-    /// Whether the file states a frame count in a form that is not limited to 16 bits.
-    has_long_counts: bool,
-    /// Minimum number of frames if all stated counts are capped at [`MAX_U16`]; otherwise `None`.
-    min_frames: Option<usize>,
-    pub first_frame: i64,
+    frames: Stated<FrameCount>,
+    first_frame: Stated<i64>,
     /// Latest possible position of the end of the data, bytes from the start of the file.
     data_end: usize,
 }
@@ -106,20 +68,23 @@ impl Counts {
             Some(shortest_decimal(parameters.order.f32(bytes)))
                 .filter(|x| x.is_finite() && *x != 0.0)
         };
+        let rate = |group: &str, name: &str| {
+            parameters.number(group, name).filter(|rate_hz| rate_hz.is_finite() && *rate_hz > 0.0)
+        };
         let rate_hz = Stated::new([
-            (nonzero(parameters, "RATE").filter(|rate_hz| *rate_hz > 0.0), "POINT:RATE"),
+            (rate("POINT", "RATE"), "POINT:RATE"),
             (real(11).filter(|rate_hz| *rate_hz > 0.0), "header words 11 and 12"),
+            (rate("TRIAL", "CAMERA_RATE"), "TRIAL:CAMERA_RATE"),
         ]);
+        let analog_rate_hz = rate("ANALOG", "RATE");
 
         let channels = parameters.whole("ANALOG", "USED");
         let by_samples = channels.filter(|channels| *channels == 0 || word(10) > 0);
-        let samples = parameters
-            .number("ANALOG", "RATE")
+        let samples = analog_rate_hz
             .zip(rate_hz.0.first())
+            .filter(|_| rate_hz.0.windows(2).all(|pair| is_same(pair[0].0, pair[1].0)))
             .map(|(analog_hz, (rate_hz, _))| analog_hz / rate_hz)
-            .filter(|samples| {
-                *samples >= 1.0 && (samples.round() / samples - 1.0).abs() < RELATIVE_TOLERANCE
-            });
+            .filter(|samples| *samples >= 1.0 && is_same(samples.round(), *samples));
         let by_rates = channels
             .zip(samples)
             .map(|(channels, samples)| channels * (samples.round() as u16 as usize));
@@ -128,35 +93,33 @@ impl Counts {
             (parameters.whole("POINT", "DATA_START").and_then(block_start), "POINT:DATA_START"),
         ]);
         let rotations = parameters.whole("ROTATION", "DATA_START").and_then(block_start);
+        let parameter_section = block_start(header.first().copied().unwrap_or_default().into());
         let begins = data_start.0.first().map_or(0, |(start, _)| *start);
-        let data_end = rotations.filter(|end| *end > begins).unwrap_or(usize::MAX).min(file_bytes);
+        let data_end = [rotations, parameter_section].into_iter().flatten();
+        let data_end = data_end.filter(|end| *end > begins).fold(file_bytes, usize::min);
 
-        let first = word(4);
-        let last = word(5);
-        let range = long_number(parameters, "ACTUAL_START_FIELD")
-            .zip(long_number(parameters, "ACTUAL_END_FIELD"));
-        let of_range = range.and_then(|(first, last)| usize::try_from(last - first + 1).ok());
-        let long_frames =
-            parameters.number("POINT", "LONG_FRAMES").map(|frames| frames as u32 as usize);
-        let frames = parameters.number("POINT", "FRAMES").map(|frames| frames as u32 as usize);
-        // Modulo 65536, because the number of the last frame may have wrapped around.
-        let of_header = ![0, MAX_U16].contains(&last);
-        let of_header = of_header.then(|| (last + 65536 - first) % 65536 + 1);
-        let longest = of_range.or(long_frames);
-        // A count equal to the lower 16 bits of a longer count does not contradict it.
-        let is_whole = |count: &usize| match longest {
-            Some(long) if long % 65536 == count % 65536 => long == *count,
-            _ => *count < MAX_U16,
-        };
-        let stated = Stated::new([
-            (of_range, "TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD"),
-            (long_frames, "POINT:LONG_FRAMES"),
-            (frames.filter(|frames| *frames > MAX_U16 || is_whole(frames)), "POINT:FRAMES"),
-            (of_header.filter(is_whole), "header words 4 and 5"),
-        ]);
-        let stated = Stated(stated.0.into_iter().filter(|(count, _)| *count > 0).collect());
-        let ends_at_most = last == MAX_U16 || frames == Some(MAX_U16);
+        let (first, last) = (word(4), word(5));
+        let start = parameters.long_number("TRIAL", "ACTUAL_START_FIELD");
+        let end = parameters.long_number("TRIAL", "ACTUAL_END_FIELD");
+        let of_range =
+            start.zip(end).and_then(|(start, end)| usize::try_from(end - start + 1).ok());
+        let long_frames = parameters.long_number("POINT", "LONG_FRAMES");
+        let count = |frames: i64| usize::try_from(frames).ok().filter(|frames| *frames > 0);
+        let frames = parameters.long_number("POINT", "FRAMES").and_then(count);
         Self {
+            frames: Stated::new([
+                (
+                    of_range.filter(|frames| *frames > 0).map(FrameCount::Exact),
+                    "TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD",
+                ),
+                (long_frames.and_then(count).map(FrameCount::Exact), "POINT:LONG_FRAMES"),
+                (frames.and_then(FrameCount::of_parameter), "POINT:FRAMES"),
+                (FrameCount::of_header(first, last), "header words 4 and 5"),
+            ]),
+            first_frame: Stated::new([
+                (start, "TRIAL:ACTUAL_START_FIELD"),
+                (Some(first as i64), "header word 4"),
+            ]),
             points: Stated::new([
                 (parameters.whole("POINT", "USED"), "POINT:USED"),
                 (Some(word(2)), "header word 2"),
@@ -172,14 +135,8 @@ impl Counts {
                 (real(7), "header words 7 and 8"),
             ]),
             rate_hz,
+            analog_rate_hz,
             data_start,
-            has_long_counts: longest.or(frames.filter(|frames| *frames > MAX_U16)).is_some(),
-            min_frames: (stated.0.is_empty() && ends_at_most).then(|| match frames {
-                Some(frames) if last != MAX_U16 => frames,
-                _ => (MAX_U16 + 1).saturating_sub(first),
-            }),
-            frames: stated,
-            first_frame: range.map_or(first as i64, |(first, _)| first),
             data_end,
         }
     }
@@ -189,8 +146,60 @@ impl Counts {
         self.points.0.iter().all(|(points, _)| *points == 0)
     }
 
-    pub(super) fn rate_hz(&self) -> Option<f64> {
-        Some(self.rate_hz.0.first()?.0)
+    /// Returns the frame rate, Hz, that most places state; `None` if the file states none. Adds a note if places
+    /// contradict it.
+    ///
+    /// # Errors
+    /// Returns an error if no rate is stated by more places than any other: the rate affects all velocities.
+    pub(super) fn rate_hz(
+        &self,
+        layout: Layout,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<f64>, FileProblem> {
+        let mut stated = Stated(self.rate_hz.0.clone());
+        if let (Some(analog_hz), Some(channels @ 1..)) = (self.analog_rate_hz, self.channels)
+            && layout.analog_values >= channels
+        {
+            let samples = layout.analog_values / channels;
+            stated.0.push((analog_hz / samples as f64, "ANALOG:RATE over samples per frame"));
+        }
+        let votes =
+            |rate_hz: f64| stated.0.iter().filter(|(other, _)| is_same(rate_hz, *other)).count();
+        let most = stated.0.iter().map(|(rate_hz, _)| votes(*rate_hz)).max().unwrap_or(0);
+        let mut winners =
+            stated.0.iter().map(|(rate_hz, _)| *rate_hz).filter(|rate_hz| votes(*rate_hz) == most);
+        let Some(used) = winners.next() else { return Ok(None) };
+        if winners.any(|other| !is_same(used, other)) {
+            return Err(FileProblem::new(
+                format!("contradictory frame rates, Hz: {stated}"),
+                "one frame rate, because it is unknown which is correct; export the file again",
+            ));
+        }
+        if most < stated.0.len() {
+            notes.push(format!("frame rate, Hz: found {stated}, used {used}"));
+        }
+        Ok(Some(used))
+    }
+
+    /// Returns the number of the first frame. Adds a note if the file states another number, too: numbers of frames
+    /// occur only in messages and tables, so that they need not be certain.
+    pub(super) fn first_frame(&self, layout: Layout, notes: &mut Vec<String>) -> i64 {
+        let is_admitted = |place: &str| {
+            let count = self.frames.0.iter().find(|(_, name)| name.starts_with(place));
+            count.is_some_and(|(count, _)| count.admits(layout.frame_count))
+        };
+        let [(start, _), .., (word, _)] = self.first_frame.0[..] else {
+            return self.first_frame.0.first().map_or(0, |(first, _)| *first);
+        };
+        let is_range = is_admitted("TRIAL") || !is_admitted("header");
+        // The word is 16 bits long; a larger number is stated as the largest or wraps around.
+        let max = MAX_U16 as i64;
+        let is_word = start == word || start > max && (word == max || word == start % (max + 1));
+        let used = if is_range { start } else { word };
+        if !is_word {
+            notes.push(format!("first frame: found {}, used {used}", self.first_frame));
+        }
+        used
     }
 
     /// Returns the length of one step of integer data, in the file's unit.
@@ -200,13 +209,11 @@ impl Counts {
     pub(super) fn integer_scale(&self) -> Result<f64, FileProblem> {
         let positive: Vec<_> = self.scale.0.iter().filter(|(scale, _)| *scale > 0.0).collect();
         match positive[..] {
-            [(first, _), (second, _)] if (first / second - 1.0).abs() > RELATIVE_TOLERANCE => {
-                Err(FileProblem::new(
-                    format!("two scales of the positions: {}", self.scale),
-                    "one scale, because it is unknown which scale is correct; export the file again with \
-                     floating-point coordinates",
-                ))
-            }
+            [(first, _), (second, _)] if !is_same(*first, *second) => Err(FileProblem::new(
+                format!("two scales of the positions: {}", self.scale),
+                "one scale, because it is unknown which scale is correct; export the file again with \
+                 floating-point coordinates",
+            )),
             [(scale, _), ..] => Ok(*scale),
             [] => Err(FileProblem::new("no scale of the positions", "POINT:SCALE")),
         }
@@ -224,7 +231,7 @@ impl Counts {
         if self.scale.0.is_empty() {
             return Err(FileProblem::new("no scale of the positions", "POINT:SCALE"));
         }
-        if self.frames.0.is_empty() && self.min_frames.is_none() {
+        if self.frames.0.is_empty() {
             return Err(FileProblem::new("no frames", "at least one frame"));
         }
         let data = &content[..self.data_end.min(content.len())];
@@ -234,7 +241,11 @@ impl Counts {
         if filling.is_empty() {
             let by_rates = self.layouts(self.analog_values_by_rates.as_slice());
             filling = by_rates.iter().filter_map(|layout| self.filled(*layout, data)).collect();
-            filling.extend(stated.iter().filter_map(|layout| self.wrapped(*layout, data)));
+            filling.extend(stated.iter().flat_map(|layout| self.wrapped(*layout, data)));
+        }
+        filling.retain(|layout| self.is_decided(*layout));
+        if stated.len() > 1 || self.agreed_frames().is_none() && self.has_counts() {
+            filling.retain(|layout| ends_in_zeros(data, *layout));
         }
         let differs_in_counts_only = filling.windows(2).all(|pair| {
             let [one, other] = [pair[0], pair[1]].map(|layout| Layout {
@@ -248,13 +259,13 @@ impl Counts {
             // A few frames do not determine the number of analog values, but the rates may.
             filling.retain(|layout| self.is_by_rates(layout.analog_values));
         }
-        let layout = match filling[..] {
-            [only] => only,
-            [] if !self.is_settled(&stated) => return Err(self.contradiction(&stated, data)),
-            [] => self.not_filling(stated[0], data)?,
-            _ => return Err(self.contradiction(&stated, data)),
-        };
-        Ok((layout, self.notes(layout, data)))
+        match (&filling[..], &stated[..], self.agreed_frames()) {
+            (&[only], ..) => Ok((only, self.notes(only))),
+            ([], &[layout], Some(frames)) if self.filled(layout, data).is_none() => {
+                Err(self.not_filled(layout, frames, data))
+            }
+            _ => Err(self.contradiction(&stated, data)),
+        }
     }
 
     /// Returns a layout for every combination of the stated values with one of the given numbers of analog values per
@@ -282,24 +293,26 @@ impl Counts {
     }
 
     /// Returns the layout with the stated frame count that matches the size of the data, where trailing frames of zeros
-    /// count as padding. If all stated counts are capped at [`MAX_U16`], the count follows from the size. Returns
-    /// `None` if there is no such count.
+    /// count as padding. If all stated counts are lower limits, the count follows from the size. Returns `None` if
+    /// there is no such count.
     fn filled(&self, layout: Layout, data: &[u8]) -> Option<Layout> {
         let bytes = data.len().checked_sub(layout.data_start)?;
         let frame = layout.frame_bytes();
         let with = |frame_count: usize| Layout { frame_count, ..layout };
-        if let Some(min_frames) = self.min_frames {
+        if !self.has_counts() {
             // Zeros that pad the last block are not a frame.
             let mut count = bytes / frame;
-            while bytes - (count.saturating_sub(1)) * frame < BLOCK
-                && count > min_frames
+            while count > 0
+                && bytes - (count - 1) * frame < BLOCK
+                && !self.is_contradicted(count - 1)
                 && is_blank(data, with(count), count - 1)
             {
                 count -= 1;
             }
-            return Some(with(count)).filter(|_| count >= min_frames);
+            return Some(with(count)).filter(|_| !self.is_contradicted(count));
         }
-        let mut counts = self.frames.values();
+        let mut counts: Vec<usize> =
+            self.frames.0.iter().filter_map(|(count, _)| count.stated()).collect();
         counts.sort_unstable_by(|a, b| b.cmp(a));
         let largest = *counts.iter().find(|count| {
             let used = count.saturating_mul(frame);
@@ -314,16 +327,22 @@ impl Counts {
         Some(with(smallest.copied().unwrap_or(largest)))
     }
 
-    /// Returns the layout with its frame count, of which the file states only the remainder modulo 65536; `None` if no
-    /// such count matches the size of the data.
-    fn wrapped(&self, layout: Layout, data: &[u8]) -> Option<Layout> {
-        let bytes = data.len().checked_sub(layout.data_start)?;
+    /// Returns the layouts with frame counts beyond 65535 of which a place states only the remainder modulo 65536, and
+    /// that match the size of the data.
+    fn wrapped(&self, layout: Layout, data: &[u8]) -> Vec<Layout> {
+        let Some(bytes) = data.len().checked_sub(layout.data_start) else { return Vec::new() };
         let frame = layout.frame_bytes();
-        let [stated] = self.frames.values()[..] else { return None };
-        let times = (bytes / frame).checked_sub(stated)? / (MAX_U16 + 1);
-        let frame_count = stated + times * (MAX_U16 + 1);
-        let fills = times > 0 && is_padding(&data[layout.data_start + frame_count * frame..]);
-        (fills && !self.has_long_counts).then_some(Layout { frame_count, ..layout })
+        let mut counts = Vec::new();
+        for count in self.frames.values() {
+            let FrameCount::Short(count) = count else { continue };
+            let Some(more) = (bytes / frame).checked_sub(count) else { continue };
+            let count = count + more / (MAX_U16 + 1) * (MAX_U16 + 1);
+            let fills = is_padding(&data[layout.data_start + count * frame..]);
+            if count > MAX_U16 && fills && !counts.contains(&count) {
+                counts.push(count);
+            }
+        }
+        counts.into_iter().map(|frame_count| Layout { frame_count, ..layout }).collect()
     }
 
     /// Returns whether the rates of points and analog samples imply this number of analog values per frame, and the
@@ -334,22 +353,53 @@ impl Counts {
         self.analog_values_by_rates == Some(analog_values) && is_in_header
     }
 
-    /// Returns whether all places in the file state the same layout and the same frame count.
-    fn is_settled(&self, stated: &[Layout]) -> bool {
-        stated.len() == 1 && self.frames.values().len() == 1
+    /// Returns whether the size of the data decides which stated values are right. In a short recording, one value more
+    /// in each frame takes up less than a block, so that only the rates decide.
+    fn is_decided(&self, layout: Layout) -> bool {
+        let is_long = layout.frame_count * layout.value_bytes() >= BLOCK;
+        let is_analog_decided = if self.analog_values.is_contradictory() {
+            self.is_by_rates(layout.analog_values)
+        } else {
+            self.analog_values_by_rates.is_none_or(|by_rates| by_rates == layout.analog_values)
+        };
+        let formats = self.scale.0.windows(2).any(|pair| pair[0].0 * pair[1].0 < 0.0);
+        is_long || is_analog_decided && !self.points.is_contradictory() && !formats
     }
 
-    /// Returns the only stated layout with the only stated frame count, although they do not match the size of the
-    /// data, because other data may follow the frames. Returns an error if frames are missing.
-    fn not_filling(&self, layout: Layout, data: &[u8]) -> Result<Layout, FileProblem> {
-        let frame_count = self.frames.values()[0];
-        let layout = Layout { frame_count, ..layout };
-        let whole = data.len().saturating_sub(layout.data_start) / layout.frame_bytes();
-        if whole < layout.frame_count {
-            let found = format!("{whole} of {frame_count} frames");
-            return Err(FileProblem::new(found, "all frames; is the copy of the file complete?"));
+    /// Returns whether any place in the file states a number of frames that is not only a lower limit.
+    fn has_counts(&self) -> bool {
+        self.frames.0.iter().any(|(count, _)| count.stated().is_some())
+    }
+
+    /// Returns whether a place in the file states another number of frames.
+    fn is_contradicted(&self, frames: usize) -> bool {
+        self.frames.0.iter().any(|(count, _)| !count.admits(frames))
+    }
+
+    /// Returns the number of frames on which all places in the file agree; `None` if there is none.
+    fn agreed_frames(&self) -> Option<usize> {
+        let stated = self.frames.0.iter().filter_map(|(count, _)| count.stated());
+        stated.max().filter(|frames| !self.is_contradicted(*frames))
+    }
+
+    /// Returns the error for counts on which all places agree, but that the size of the data contradicts.
+    fn not_filled(&self, layout: Layout, frames: usize, data: &[u8]) -> FileProblem {
+        let Layout { points, analog_values, is_float, data_start, .. } = layout;
+        let frame = layout.frame_bytes();
+        let bytes = data.len().saturating_sub(data_start);
+        let format = if is_float { "floating-point numbers" } else { "integers" };
+        let of = format!(
+            "of {frame} bytes each ({points} points, {analog_values} analog values, {format})"
+        );
+        if bytes / frame < frames {
+            let found = format!("{} of {frames} frames {of}", bytes / frame);
+            return FileProblem::new(found, "all frames; is the copy of the file complete?");
         }
-        Ok(layout)
+        let over = bytes - frames * frame;
+        FileProblem::new(
+            format!("{frames} frames {of} and {over} bytes of data after them"),
+            "counts that account for all data up to less than a block of 512 bytes; export the file again",
+        )
     }
 
     /// Returns the error that lists the contradictory counts.
@@ -359,16 +409,19 @@ impl Counts {
             .map(|layout| data.len().saturating_sub(layout.data_start).to_string())
             .collect();
         sizes.dedup();
-        let frames = match self.min_frames {
-            Some(min_frames) => format!("{min_frames} or more"),
-            None => self.frames.to_string(),
-        };
+        let mut analog_values = Stated(self.analog_values.0.clone());
+        let by_rates = self.analog_values_by_rates;
+        analog_values
+            .0
+            .extend(by_rates.map(|values| (values, "ANALOG:USED x ANALOG:RATE / POINT:RATE")));
         let found = format!(
             "counts that contradict each other or the file's size: points {}, analog values per frame {}, \
-             scale {}, frames {frames}, in {} bytes of data",
+             scale {}, frames {}, first byte {}, in {} bytes of data",
             self.points,
-            self.analog_values,
+            analog_values,
             self.scale,
+            self.frames,
+            self.data_start,
             sizes.join(" or ")
         );
         let needed = "counts that agree in header and parameters and account for all data up to less than a block of \
@@ -377,12 +430,12 @@ impl Counts {
     }
 
     /// Lists how contradictory counts were resolved, with all stated values.
-    fn notes(&self, layout: Layout, data: &[u8]) -> Vec<String> {
+    fn notes(&self, layout: Layout) -> Vec<String> {
         let mut notes = Vec::new();
         let mut note = |quantity: &str, stated: &dyn fmt::Display, used: String| {
             notes.push(format!("{quantity}: found {stated}, used {used}"));
         };
-        let Layout { points, analog_values, is_float, frame_count, .. } = layout;
+        let Layout { points, analog_values, is_float, data_start, frame_count } = layout;
         if self.points.is_contradictory() {
             note("points", &self.points, points.to_string());
         }
@@ -395,25 +448,15 @@ impl Counts {
             let format = if is_float { "floating-point numbers" } else { "integers" };
             note("scale (negative for floating-point numbers)", &self.scale, format.into());
         }
-        if let [(first, _), (second, _), ..] = self.rate_hz.0[..]
-            && (first / second - 1.0).abs() > RELATIVE_TOLERANCE
-        {
-            note("frame rate, Hz", &self.rate_hz, first.to_string());
+        if self.data_start.is_contradictory() {
+            note("first byte of the data", &self.data_start, data_start.to_string());
         }
-        let is_other = !self.frames.values().contains(&frame_count) && self.min_frames.is_none();
-        if self.frames.is_contradictory() || is_other {
+        // A count of which only the remainder is stated has to be confirmed by a place that states all of it.
+        let counts = self.frames.values();
+        let is_remainder = !counts.contains(&FrameCount::Exact(frame_count))
+            && counts.iter().any(|count| count.stated().is_some_and(|count| count != frame_count));
+        if self.is_contradicted(frame_count) || is_remainder {
             note("frames", &self.frames, frame_count.to_string());
-        }
-        let bytes = layout.bytes();
-        let frame = layout.frame_bytes();
-        let rest = data.get(layout.data_start + bytes..).unwrap_or_default();
-        if !is_padding(rest) {
-            let over = rest.len();
-            let found = format!(
-                "{frame_count} frames of {frame} bytes each ({bytes} bytes in total) and {over} bytes of data after \
-                 them"
-            );
-            note("frames", &found, frame_count.to_string());
         }
         notes
     }
@@ -424,12 +467,9 @@ fn nonzero(parameters: &Parameters, name: &str) -> Option<f64> {
     parameters.number("POINT", name).filter(|x| x.is_finite() && *x != 0.0)
 }
 
-/// Returns an integer of the group TRIAL that is stored in two 16-bit words.
-fn long_number(parameters: &Parameters, name: &str) -> Option<i64> {
-    match parameters.numbers("TRIAL", name)?[..] {
-        [low, high, ..] => Some(i64::from(low as u16) + 65536 * i64::from(high as u16)),
-        _ => None,
-    }
+/// Returns whether two scales or rates are equal up to rounding.
+fn is_same(one: f64, other: f64) -> bool {
+    (one / other - 1.0).abs() <= RELATIVE_TOLERANCE
 }
 
 /// Returns the byte position of a block; blocks are counted from 1, so that block 0 gives `None`.
@@ -447,4 +487,11 @@ fn is_blank(data: &[u8], layout: Layout, from: usize) -> bool {
     let frame = layout.frame_bytes();
     let [from, to] = [from, layout.frame_count].map(|at| layout.data_start + at * frame);
     data.get(from..to).is_some_and(|bytes| bytes.iter().all(|&byte| byte == 0))
+}
+
+/// Returns whether the last frame of a layout has a value other than zero and only zeros follow it, as padding.
+fn ends_in_zeros(data: &[u8], layout: Layout) -> bool {
+    let end = layout.data_start + layout.frame_count * layout.frame_bytes();
+    let is_padded = data.get(end..).is_some_and(|rest| rest.iter().all(|&byte| byte == 0));
+    is_padded && layout.frame_count > 0 && !is_blank(data, layout, layout.frame_count - 1)
 }

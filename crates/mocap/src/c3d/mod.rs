@@ -5,6 +5,7 @@
 
 mod counts;
 mod parameters;
+mod stated;
 
 #[cfg(test)]
 mod tests;
@@ -142,7 +143,7 @@ impl<'f> Contents<'f> {
         if counts.has_no_points() {
             return Err(no_points(&parameters, word(3)));
         }
-        let (layout, doubts) = counts.layout(content)?;
+        let (layout, mut doubts) = counts.layout(content)?;
         let analog_per_frame = match parameters.number("ANALOG", "USED") {
             Some(channels) if channels >= 1.0 => layout.analog_values / channels as usize,
             _ => word(10),
@@ -151,8 +152,8 @@ impl<'f> Contents<'f> {
             scale: if layout.is_float { -1.0 } else { counts.integer_scale()? },
             layout,
             analog_per_frame,
-            first_frame: counts.first_frame,
-            rate_hz: counts.rate_hz(),
+            first_frame: counts.first_frame(layout, &mut doubts),
+            rate_hz: counts.rate_hz(layout, &mut doubts)?,
             doubts,
             parameters,
         })

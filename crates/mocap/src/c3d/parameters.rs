@@ -91,6 +91,15 @@ impl<'f> Parameters<'f> {
         Some(usize::from(self.number(group, name)? as u16))
     }
 
+    /// Returns a whole number that is stored as one number or as the lower and upper 16 bits; `None` if there is none.
+    pub(super) fn long_number(&self, group: &str, name: &str) -> Option<i64> {
+        match self.numbers(group, name)?[..] {
+            [low, high, ..] => Some(i64::from(low as u16) + 65536 * i64::from(high as u16)),
+            [number] if number.abs() <= u32::MAX.into() => Some(number as i64),
+            _ => None,
+        }
+    }
+
     /// Returns the strings in a parameter, without surrounding spaces; `None` if there is no such text parameter.
     pub(super) fn texts(&self, group: &str, name: &str) -> Option<Vec<&'f [u8]>> {
         let found = self.find(group, name).filter(|found| found.kind == -1)?;

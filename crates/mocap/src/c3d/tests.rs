@@ -255,7 +255,9 @@ fn every_error_says_what_was_found_and_needed() {
     );
     let needed_all = "needed all frames; is the copy of the file complete?";
     let data = 3 * BLOCK;
-    assert_eq!(message(&whole[..data + 40]), format!("a.c3d: found 1 of 2 frames, {needed_all}"));
+    let of = "of 32 bytes each (2 points, 0 analog values, floating-point numbers)";
+    let found = format!("a.c3d: found 1 of 2 frames {of}, {needed_all}");
+    assert_eq!(message(&whole[..data + 40]), found);
     let labels = vec![vec!["*0", "*1"]];
     let unlabelled = Recipe { labels, ..Recipe::default() }.read().unwrap_err().to_string();
     assert_eq!(

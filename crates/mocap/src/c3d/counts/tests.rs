@@ -9,6 +9,9 @@ const BLOCK: usize = 512;
 /// Value of all analog samples, far from the position of any marker.
 const ANALOG: f32 = 7777.0;
 
+/// Length of one step of integer data.
+const STEP: f64 = 0.05;
+
 /// Content of a synthetic file and its stated metadata, which agree unless a test changes them.
 #[derive(Debug, Clone)]
 struct File {
@@ -37,6 +40,9 @@ struct File {
     long_frames: Option<f32>,
     range: Option<[u32; 2]>,
     data_start: Option<u16>,
+    /// Block in which the data begin according to the header; `None` for the right one.
+    word9: Option<u16>,
+    camera_rate: Option<f32>,
     unit: Option<&'static str>,
     /// Number of points that are listed as model outputs.
     angles: usize,
@@ -74,6 +80,8 @@ impl File {
             long_frames: None,
             range: None,
             data_start: None,
+            word9: None,
+            camera_rate: None,
             unit: Some("mm"),
             angles: 0,
             rotations: None,
@@ -127,6 +135,7 @@ impl File {
         real(&mut to, 1, "RATE", Some(self.rate));
         whole(&mut to, 2, "USED", self.channels);
         real(&mut to, 2, "RATE", self.analog_rate);
+        real(&mut to, 3, "CAMERA_RATE", self.camera_rate);
         whole(&mut to, 4, "USED", self.rotations);
         for (i, name) in ["ACTUAL_START_FIELD", "ACTUAL_END_FIELD"].iter().enumerate() {
             if let Some(range) = self.range {
@@ -171,19 +180,18 @@ impl File {
             file.extend(self.word(word));
         }
         file.extend(self.real(self.header_scale));
-        file.extend(self.word(2 + (parameters.len() / BLOCK) as u16));
+        file.extend(self.word(self.word9.unwrap_or(2 + (parameters.len() / BLOCK) as u16)));
         file.extend(self.word(self.samples));
         file.extend(self.real(self.header_rate));
         file.resize(BLOCK, 0);
         file.extend(parameters);
-        let scale = f64::from(self.header_scale.abs());
         let mut push = |x: f64, unit: f64| match self.is_float {
             true => file.extend(self.real(x as f32)),
             false => file.extend(self.word(((x / unit).round() as i16).cast_unsigned())),
         };
         for frame in 0..self.frames {
             for point in 0..self.points {
-                Self::position(point, frame).iter().for_each(|x| push(*x, scale));
+                Self::position(point, frame).iter().for_each(|x| push(*x, STEP));
                 push(0.0, 1.0);
             }
             (0..self.analog_values).for_each(|_| push(ANALOG.into(), 1.0));
@@ -349,43 +357,218 @@ fn every_contradiction_is_resolved_by_the_size_or_rejected_with_all_numbers() {
             let message = File { scale: Some(0.02), ..file.clone() }.read().unwrap_err();
             assert!(message.contains("0.02 (POINT:SCALE) and 0.05 (header"), "{message}");
         }
-        File { rate: 120.0, ..file.clone() }.assert_read_with_note(&["120 (", "100 (header"]);
         // The position at which the data match the size of the file is used.
-        File { data_start: Some(2), ..file.clone() }.assert_read();
+        File { data_start: Some(2), ..file.clone() }.assert_read_with_note(&["512 (POINT:DATA"]);
     }
 }
 
 /// Header and parameters agree on a wrong count: only the size of the data reveals it.
 #[test]
-fn counts_that_only_the_size_contradicts_are_noted_with_the_bytes_or_rejected() {
+fn counts_that_only_the_size_contradicts_are_rejected_with_the_numbers() {
     for file in all().filter(|file| file.frames > 100) {
-        let told = |file: File, number: &str| {
-            let message = match file.read() {
-                Ok(read) => read.doubts.join("; "),
-                Err(message) => message,
-            };
-            assert!(message.contains(number), "{message:?} without {number:?}: {file:?}");
+        let rejected = |file: File, numbers: &[String]| {
+            let message = file.read().map(|read| read.doubts).unwrap_err();
+            for number in numbers {
+                assert!(message.contains(number), "{message:?} without {number:?}: {file:?}");
+            }
         };
+        let frames = format!("{} frames of", file.frames);
         for points in [1, 2, 5, 11] {
-            let file = File { used: Some(points), word2: points, ..file.clone() };
             if usize::from(points) != file.points {
-                told(file, "frames");
+                let file = File { used: Some(points), word2: points, ..file.clone() };
+                rejected(file, &[frames.clone(), format!("({points} points")]);
             }
         }
         for values in [1, 12] {
             let (channels, samples) = (Some(values), 1);
-            told(File { channels, samples, word3: values, ..file.clone() }, "frames");
+            let file = File { channels, samples, word3: values, analog_rate: None, ..file.clone() };
+            rejected(file, &[frames.clone(), format!("{values} analog values")]);
         }
-        let (frames, more) = ((file.frames / 2) as u16, (file.frames + 100) as u16);
-        let fewer = File { last: frames, frames_stated: Some(frames), ..file.clone() };
-        told(fewer, &format!("{frames} frames of "));
-        let more = File { last: more, frames_stated: Some(more), ..file.clone() };
-        told(more, " frames, needed all frames; is the copy of the file complete?");
+        let (fewer, more) = ((file.frames / 2) as u16, (file.frames + 100) as u16);
+        for (count, message) in [(fewer, "bytes of data after them"), (more, "needed all frames")] {
+            let file = File { last: count, frames_stated: Some(count), ..file.clone() };
+            rejected(file, &[format!("{count} frames of"), message.to_owned()]);
+        }
         let scale = if file.is_float { 0.05 } else { -0.1 };
-        told(File { scale: Some(scale), header_scale: scale, ..file.clone() }, "frames");
-        // Data after the frames, as in files that were trimmed in the header.
-        let message = File { more_bytes: 2000, ..file.clone() }.read().unwrap().doubts.join("; ");
-        assert!(message.contains(&format!("{} frames of ", file.frames)), "{message}");
+        let other = if file.is_float { "integers" } else { "floating-point numbers" };
+        let file_with = File { scale: Some(scale), header_scale: scale, ..file.clone() };
+        rejected(file_with, &[frames.clone(), other.to_owned()]);
+        rejected(
+            File { more_bytes: 2000, ..file },
+            &[frames, "bytes of data after them".to_owned()],
+        );
+    }
+}
+
+/// Wrong value in one place of a file.
+struct Wrong {
+    value: String,
+    /// Name of the place in messages.
+    place: &'static str,
+    /// States the wrong value in this place.
+    state: Box<dyn Fn(&mut File)>,
+}
+
+/// Returns wrong values for every place of a file that states its layout, its frame rate or its frame numbers.
+fn wrong_values(file: &File) -> Vec<Wrong> {
+    const RANGE: &str = "TRIAL:ACTUAL_START_FIELD";
+    const USED: &str = "ANALOG:USED";
+    let mut made: Vec<Wrong> = Vec::new();
+    let mut add = |value: &dyn ToString, place, state: Box<dyn Fn(&mut File)>| {
+        made.push(Wrong { value: value.to_string(), place, state });
+    };
+    let points = file.points as u16;
+    for other in [1, points - 1, points + 1, 2 * points].into_iter().filter(|x| *x != points) {
+        add(&other, "POINT:USED", Box::new(move |file| file.used = Some(other)));
+        add(&other, "header word 2", Box::new(move |file| file.word2 = other));
+    }
+    let values = file.analog_values as u16;
+    for other in [0, 1, 2, 4, 12] {
+        if other != values {
+            add(&other, "header word 3", Box::new(move |file| file.word3 = other));
+        }
+        let product = other * file.samples;
+        if product != values {
+            add(&product, USED, Box::new(move |file| file.channels = Some(other)));
+        }
+        if other > 0 && values > 0 && 2 * other != values {
+            add(&(2 * other), USED, Box::new(move |file| file.samples = other));
+        }
+    }
+    let other = if file.is_float { 0.05 } else { -0.1 };
+    add(&other, "POINT:SCALE", Box::new(move |file| file.scale = Some(other)));
+    add(&other, "header words 7 and 8", Box::new(move |file| file.header_scale = other));
+    let count = file.frames as u32;
+    for other in [count / 2, count - 1, count + 1, 2 * count, count + 65_536] {
+        add(&other, RANGE, Box::new(move |file| file.range = Some([1, other])));
+        let long = other as f32;
+        add(&other, "POINT:LONG_FRAMES", Box::new(move |file| file.long_frames = Some(long)));
+        let float = move |file: &mut File| {
+            (file.frames_stated, file.frames_as_float) = (None, Some(long));
+        };
+        add(&other, "POINT:FRAMES", Box::new(float));
+        if let Ok(other) = u16::try_from(other) {
+            let short = move |file: &mut File| file.frames_stated = Some(other);
+            add(&other, "POINT:FRAMES", Box::new(short));
+            add(&other, "header words 4 and 5", Box::new(move |file| file.last = other));
+        }
+    }
+    let cap = "65535 or more";
+    add(&cap, "POINT:FRAMES", Box::new(|file| file.frames_stated = Some(65_535)));
+    add(&cap, "header words 4 and 5", Box::new(|file| file.last = 65_535));
+    add(&"101", RANGE, Box::new(move |file| file.range = Some([101, 100 + count])));
+    for rate in [50.0, 99.9, 300.0] {
+        add(&rate, "POINT:RATE", Box::new(move |file| file.rate = rate));
+        add(&rate, "header words 11 and 12", Box::new(move |file| file.header_rate = rate));
+        add(&rate, "TRIAL:CAMERA_RATE", Box::new(move |file| file.camera_rate = Some(rate)));
+    }
+    if values > 0 {
+        add(&50, "ANALOG:RATE", Box::new(|file| file.analog_rate = Some(150.0)));
+    }
+    add(&512, "POINT:DATA_START", Box::new(|file| file.data_start = Some(2)));
+    made
+}
+
+/// A file with two wrong values is read correctly, with notes that contain both, or rejected with an error that
+/// contains at least one. Where both are the same for the same quantity, only the size of the data can contradict them.
+#[test]
+fn no_pair_of_wrong_values_is_read_silently() {
+    let mut outcomes = [0; 2];
+    for file in all().filter(|file| file.frames < 900) {
+        let wrong = wrong_values(&file);
+        for (i, one) in wrong.iter().enumerate() {
+            for other in wrong[i..].iter().filter(|other| other.place != one.place) {
+                let mut file = file.clone();
+                (one.state)(&mut file);
+                (other.state)(&mut file);
+                let is_named = |message: &str, Wrong { value, place, .. }: &Wrong| {
+                    message.contains(&format!("{value} ({place}"))
+                        || message.contains(&format!(" of {value} frames of"))
+                        // Without the right number of channels, the rate of their samples states nothing.
+                        || *place == "ANALOG:RATE"
+                };
+                let is_same = one.value == other.value;
+                match file.read() {
+                    Ok(read) if is_same && read.doubts.is_empty() => {
+                        let is_rate = one.place.contains("RATE") || other.place.contains("RATE");
+                        // Less than a block, here one frame, decides nothing.
+                        let is_within_block =
+                            file.frames == 6 || read.frames.len().abs_diff(file.frames) == 1;
+                        assert!(is_rate || is_within_block, "{} {file:?}", one.place);
+                    }
+                    Ok(read) => {
+                        if !is_same {
+                            file.assert_right(&read);
+                        }
+                        let notes = read.doubts.join("; ");
+                        for wrong in [one, other] {
+                            assert!(is_named(&notes, wrong), "{notes}: {} {file:?}", wrong.place);
+                        }
+                        outcomes[0] += 1;
+                    }
+                    Err(message) => {
+                        let of_any = is_named(&message, one) || is_named(&message, other);
+                        assert!(
+                            of_any || is_same,
+                            "{message}: {} {} {file:?}",
+                            one.place,
+                            other.place
+                        );
+                        outcomes[1] += 1;
+                    }
+                }
+            }
+        }
+    }
+    println!("{outcomes:?}");
+    assert!(outcomes.iter().all(|&count| count > 4_000), "{outcomes:?}");
+}
+
+#[test]
+fn a_wrong_rate_is_outvoted_or_rejected() {
+    for file in all() {
+        let has_analog = file.analog_values > 0;
+        for rate in [50.0, 99.9, 300.0] {
+            let wrong = [File { rate, ..file.clone() }, File { header_rate: rate, ..file.clone() }];
+            for (file, place) in wrong.into_iter().zip(["POINT:RATE", "header words 11 and 12"]) {
+                let number = format!("{rate} ({place})");
+                let outvoted = File { camera_rate: Some(100.0), ..file.clone() }.read().unwrap();
+                assert_eq!(outvoted.rate_hz, Some(100.0));
+                assert!(outvoted.doubts[0].contains(&number), "{:?}", outvoted.doubts);
+                let read = file.read();
+                assert_eq!(read.is_ok(), has_analog, "{read:?}");
+                match read {
+                    Ok(read) => assert_eq!((read.rate_hz, read.doubts.len()), (Some(100.0), 1)),
+                    Err(message) => {
+                        let begin = "a.c3d: found contradictory frame rates, Hz: ";
+                        assert!(
+                            message.starts_with(begin) && message.contains(&number),
+                            "{message}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_first_frame_is_that_of_the_place_whose_range_fills_the_data() {
+    let file = File { first: 11, last: 16, ..File::new(2, 6, true, false) };
+    for (range, first, notes) in [
+        ([11, 16], 11, 0),
+        ([101, 106], 101, 1),
+        // A range that was not updated when the recording was cut.
+        ([1, 600], 11, 2),
+    ] {
+        let read = File { range: Some(range), ..file.clone() }.read().unwrap();
+        assert_eq!((read.frames[0], read.doubts.len()), (first, notes), "{:?}", read.doubts);
+    }
+    // Words of the header that are too short for the number of the frame.
+    for (first, last) in [(65_535, 65_535), (4_464, 4_469)] {
+        let late = File { range: Some([70_000, 70_005]), first, last, ..file.clone() };
+        let read = late.read().unwrap();
+        assert_eq!((read.frames[0], &read.doubts[..]), (70_000, &[][..]));
     }
 }
 
@@ -419,6 +602,11 @@ fn recordings_beyond_65535_frames_are_read_to_their_end() {
         File { long_frames: Some(70_000.0), last: 4_464, ..ends.clone() }.assert_read();
         let (frames_stated, frames_as_float) = (None, Some(70_000.0));
         File { frames_stated, frames_as_float, ..ends.clone() }.assert_read();
+        // A parameter that states more frames than there are.
+        File { range: Some([1, 70_000]), ..File::new(1, 4_464, is_float, false) }
+            .assert_read_with_note(&["70000 (TRIAL:ACTUAL", "used 4464"]);
+        let cut = File { range: Some([1, 80_000]), ..ends.clone() }.read().unwrap_err();
+        assert!(cut.contains("70016 of 80000 frames of"), "{cut}");
         File { frames: 65_535, ..ends }.assert_read();
     }
     let late =
