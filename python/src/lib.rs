@@ -60,7 +60,7 @@ fn run(py: Python<'_>, request: &str) -> PyResult<String> {
     let is_configured = Config::file(config.as_deref()).is_some();
     let mut config = config::load(config.as_deref())?;
     if let Some(folders) = folders {
-        config.paths.raw = folders;
+        config.paths.replace_raw(folders);
     }
     if !is_configured {
         check_unconfigured(&config).map_err(Failure::from)?;

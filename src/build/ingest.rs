@@ -17,21 +17,22 @@ use trilink_tables::trial::{ListedTrial, TrialError, TrialFolder, TrialFolders};
 use trilink_tables::{Provenance, Reader, StoreError, TrialRow, TrialStatus};
 
 use super::RunError;
+use super::missing::MissingFolders;
 use super::plan::{ANY_ROBOT, Stage, TargetSpec, Work, hash_of};
 use super::record::{Inputs, Record, StageState, TargetRecord};
 use super::steps::Steps;
 use super::target::{Key, Kind, Target};
 
 const ENTRY: &str = "the entry in trials.toml";
-const FOLDER: &str = "the folder";
-const MARKER_FILE: &str = "the marker file";
+pub(super) const FOLDER: &str = "the folder";
+pub(super) const MARKER_FILE: &str = "the marker file";
 
 /// Ingest stage of the pipeline.
 pub(super) struct IngestStage {
     derived: PathBuf,
     folders: Vec<TrialFolder>,
     trials: Vec<(ListedTrial, Result<IngestInput, TrialError>)>,
-    /// Notes about ignored trials and about trial ids that occur in several folders.
+    /// Notes about ignored trials and renamed folders.
     notes: Vec<String>,
     /// Input of the checks across trials; `None` in a shard, which skips these checks.
     together: Option<FolderInput>,
@@ -45,7 +46,7 @@ impl IngestStage {
     pub(super) fn new(config: &Config) -> Result<Self, RunError> {
         let all = TrialFolders::load(&config.paths)?;
         let together = Some(FolderInput::new(config, &all.folders));
-        let notes = all.ignored().into_iter().chain(all.told_apart()).collect();
+        let notes = all.ignored().into_iter().collect();
         let TrialFolders { folders, trials } = all;
         let trials = trials.into_par_iter().map(|listed| {
             let input = IngestInput::new(config, &listed.trial);
@@ -53,6 +54,13 @@ impl IngestStage {
         });
         let trials = trials.collect();
         Ok(Self { derived: config.paths.derived.clone(), folders, trials, notes, together })
+    }
+
+    /// Adds what is known about trial folders that no longer exist.
+    pub(super) fn without(mut self, MissingFolders { gone, renamed }: MissingFolders) -> Self {
+        self.notes.extend(renamed);
+        self.together = self.together.map(|together| together.with_gone(gone));
+        self
     }
 
     /// Restricts the stage to the trials whose ids satisfy `keep`, and makes `derived` the folder for their tables.

@@ -5,6 +5,7 @@ mod fit;
 mod ingest;
 mod last_run;
 mod lock;
+mod missing;
 mod own_table;
 mod plan;
 mod record;
@@ -27,7 +28,7 @@ use trilink_ingest::{FolderInput, Ingested};
 use trilink_report::{ReportError, Reported};
 use trilink_tables::clock::utc_now;
 use trilink_tables::config::{Config, ConfigError, did_you_mean};
-use trilink_tables::trial::{TRIALS_FILE, find_folders};
+use trilink_tables::trial::{TRIALS_FILE, TrialFolder, find_folders};
 use trilink_tables::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
 use fit::FitStage;
@@ -36,6 +37,7 @@ use last_run::{LastRun, confirm};
 pub use last_run::{check_finished, hold};
 pub use lock::{Lock, share, sweep};
 use lock::{folders, record_path, take_over};
+use missing::MissingFolders;
 pub use own_table::fit_own_table;
 pub use plan::{PlannedTarget, RerunOptions, StagePlan};
 use plan::{Stage, hash_of, plan, plan_after};
@@ -318,8 +320,8 @@ impl<'s> Sequence<'s> {
         }
     }
 
-    /// Returns the names of the trial folders that have tables.
-    fn known_folders(&self) -> Vec<String> {
+    /// Returns the names of the trial folders that have tables or are gone.
+    fn known_folders(&self) -> BTreeSet<String> {
         let known = FolderInput::folders(&self.record.ingest.whole);
         if !known.is_empty() {
             return known;
@@ -327,35 +329,48 @@ impl<'s> Sequence<'s> {
         // Without a record, the names come from the table of trials.
         let table = Reader::default().table(&self.config.paths.derived.join("trials.parquet"));
         let folders = table.and_then(|table| table.values::<String>("folder")).unwrap_or_default();
-        let folders: BTreeSet<String> =
-            folders.into_iter().filter(|folder| !folder.is_empty()).collect();
-        folders.into_iter().collect()
+        folders.into_iter().filter(|folder| !folder.is_empty()).collect()
     }
 
     /// Replaces the configured trial folders by those that have tables, if there are any such folders.
     fn take_known_folders(&mut self) {
+        let gone = FolderInput::gone(&self.record.ingest.whole);
         let known = self.known_folders();
         let paths = &mut self.config.paths;
+        let known = known.iter().filter(|name| !gone.contains_key(*name));
+        let known: Vec<PathBuf> = known.map(|name| paths.base.join(name)).collect();
         if !known.is_empty() {
-            paths.raw = known.iter().map(|name| paths.base.join(name)).collect();
+            paths.replace_raw(known);
         }
     }
 
     /// Finds the trial folders that the configuration names and, unless `only` is set, adds those that have tables.
-    fn find_folders(&mut self) -> Result<(), RunError> {
-        let known = if self.options.only { Vec::new() } else { self.known_folders() };
+    fn find_folders(&mut self) -> Result<MissingFolders, RunError> {
+        let known = if self.options.only { BTreeSet::new() } else { self.known_folders() };
         let paths = &mut self.config.paths;
-        paths.raw = find_folders(paths)?;
-        let named: BTreeSet<String> = paths.raw.iter().map(|path| paths.name_of(path)).collect();
-        for name in known.iter().filter(|name| !named.contains(*name)) {
-            let folder = paths.base.join(name);
-            if !folder.join(TRIALS_FILE).exists() {
-                return Err(RunError::FolderGone { folder, derived: paths.derived.clone() });
-            }
-            paths.raw.push(folder);
+        let mut all = find_folders(paths)?;
+        let named: BTreeSet<String> = all.iter().map(|path| paths.name_of(path)).collect();
+        all.extend(known.difference(&named).map(|name| paths.base.join(name)));
+        let (gone, mut there): (Vec<PathBuf>, _) = all.into_iter().partition(|folder| {
+            let list = folder.join(TRIALS_FILE).try_exists();
+            known.contains(&paths.name_of(folder)) && list.is_ok_and(|is_there| !is_there)
+        });
+        if let Some(folder) = gone.first().filter(|_| there.is_empty()) {
+            let folder = folder.clone();
+            return Err(RunError::FolderGone { folder, derived: paths.derived.clone() });
         }
+        let mut missing = MissingFolders::default();
+        if !gone.is_empty() {
+            let new = there.iter().filter(|folder| !known.contains(&paths.name_of(folder)));
+            let new: Vec<TrialFolder> =
+                new.filter_map(|folder| TrialFolder::load(paths, folder).ok()).collect();
+            let gone = gone.iter().map(|folder| paths.name_of(folder));
+            missing = MissingFolders::find(gone, &new, &self.record.ingest);
+        }
+        there.sort_by_cached_key(|folder| paths.name_of(folder));
+        paths.replace_raw(there);
         paths.raw = find_folders(paths)?;
-        Ok(())
+        Ok(missing)
     }
 
     /// Plans a stage, carries out the plan and saves the record. If the sequence may not write, only checks that the
@@ -390,9 +405,9 @@ impl<'s> Sequence<'s> {
     /// Runs all stages and records the run.
     fn run_all(&mut self) -> Result<Finished, RunError> {
         self.is_run = true;
-        self.find_folders()?;
+        let missing = self.find_folders()?;
         let config = &self.config.clone();
-        let ingested = self.advance(&IngestStage::new(config)?)?;
+        let ingested = self.advance(&IngestStage::new(config)?.without(missing))?;
         let fitted = self.advance(&FitStage::new(config))?;
         let reported = self.advance(&ReportStage::new(config, &self.record.report, &[]))?;
         let did_something = self.stages.iter().any(|stage| stage.did_something);
@@ -478,12 +493,12 @@ pub struct DryRun {
 /// Returns an error if a list of trials or a table is unreadable or invalid.
 pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunError> {
     let mut sequence = Sequence::new(config, options, &());
-    sequence.find_folders()?;
+    let missing = sequence.find_folders()?;
     let Sequence { config, record, .. } = &sequence;
     let derived = &config.paths.derived;
     let fit_stage = FitStage::new(config);
     let report_stage = ReportStage::new(config, &record.report, &[]);
-    let ingest = plan(&IngestStage::new(config)?, derived, record, options)?.plan;
+    let ingest = plan(&IngestStage::new(config)?.without(missing), derived, record, options)?.plan;
     let fit = if ingest.is_empty() {
         plan(&fit_stage, derived, record, options)?.plan
     } else {
@@ -523,8 +538,8 @@ pub fn ingest(
 ) -> Result<Ingested, RunError> {
     let options = RerunOptions { only, ..RerunOptions::FORCE };
     run_stage(config, options, wait, watch, |sequence| {
-        sequence.find_folders()?;
-        IngestStage::new(&sequence.config)
+        let missing = sequence.find_folders()?;
+        Ok(IngestStage::new(&sequence.config)?.without(missing))
     })
 }
 

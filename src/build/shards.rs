@@ -309,7 +309,8 @@ fn check_shards(config: &Config, shards: &Path) -> Result<(Whole, Shards, Shards
             if let Some(manifest) = manifests.find(|manifest| manifest.shard.division == division) {
                 // The trial folders may have been named on the command line of the ingest.
                 let folders = manifest.folders.iter();
-                config.paths.raw = folders.map(|name| config.paths.base.join(name)).collect();
+                let folders = folders.map(|name| config.paths.base.join(name)).collect();
+                config.paths.replace_raw(folders);
             }
             let stage = IngestStage::new(&config)?;
             let project = ingest_project_hash(&stage);

@@ -56,7 +56,7 @@ impl Check {
             folders.filter(|path| path.is_dir() || is_pattern(path) && !path.exists()).count();
         match self.paths.len() {
             0 => {}
-            all if all == folders => context.config.paths.raw = self.paths,
+            all if all == folders => context.config.paths.replace_raw(self.paths),
             _ if folders == 0 => return check_files(&context, &self.paths, self.json),
             _ => {
                 return Err("found both folders and files, needed either trial folders or marker \

@@ -90,11 +90,12 @@ impl Compare {
             return Err(format!("--accept: {} {problem}", path.display()).into());
         }
         // The first baseline is compared with itself.
-        let baseline = if self.accept.is_some() && !is_there(path)? {
+        let mut baseline = if self.accept.is_some() && !is_there(path)? {
             candidate.clone()
         } else {
             load(paths, path)?
         };
+        baseline.match_trials(&candidate).iter().for_each(|renamed| note!("{renamed}"));
         let compared = compare(&config.compare, &baseline, &candidate);
 
         let reports = &paths.reports;

@@ -142,7 +142,7 @@ impl Folders {
     /// Replaces the configured trial folders by those given on the command line, if there are any.
     fn configure(self, paths: &mut Paths) {
         if !self.folders.is_empty() {
-            paths.raw = self.folders;
+            paths.replace_raw(self.folders);
         }
     }
 }

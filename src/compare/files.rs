@@ -113,6 +113,7 @@ pub fn changes(
     };
     baseline.tables.remove(SCORECARD);
     let candidate = Snapshot::from_tables(&paths.derived, reader)?;
+    baseline.match_trials(&candidate);
     let compared = super::compare(config, &baseline, &candidate);
     // The rows of other tables follow from those of the trials and fits.
     let names = |rows: &[RowId]| -> Vec<String> {

@@ -9,6 +9,7 @@ mod files;
 mod history;
 mod judge;
 mod means;
+mod names;
 mod record;
 mod runs;
 mod snapshot;

@@ -1,11 +1,11 @@
 //! Tests of several trial folders: the results are the same whether they are processed one after the other or together,
-//! results are removed only on request, and trials with the same id are distinguished.
+//! results are removed only on request, and the name of a trial depends on no other folder.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use trilink_tables::{CheckRow, Columns as _, Table, TrialRow};
+use trilink_tables::{CheckRow, Columns as _, Table, TrialRow, TrialStatus};
 
 use crate::common::{Small, assert_same, succeed, text, trilink};
 
@@ -105,30 +105,48 @@ fn a_trial_is_retained_until_it_leaves_its_list_or_other_folders_are_removed() {
     let entry = list.split("[[trial]]").find(|entry| entry.contains(SKEWED)).unwrap().to_owned();
     folder.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
     let removed = said(folder.path(), &["run", "raw/first"], 0);
-    assert!(removed.contains(&format!("no longer in the list of trials: {SKEWED}\n")), "{removed}");
+    let expected = format!("no longer in the list of trials: second_{SKEWED}\n");
+    assert!(removed.contains(&expected), "{removed}");
     assert_eq!(rows(&folder).len(), 4);
 
     // Without a record, the names of the folders are read from the tables.
     fs::remove_file(folder.place("derived/up-to-date.json")).unwrap();
     succeed(folder.path(), &["run", "raw/first"]);
     assert_eq!(rows(&folder).len(), 4);
-    let expected = nights(false);
-    expected.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
-    assert_same(&folder.results(), &results(&expected, &[&["run"]]), "without a record");
+    let expected_nights = nights(false);
+    expected_nights.replace("raw/second/trials.toml", &format!("[[trial]]{entry}"), "");
+    let expected_bytes = results(&expected_nights, &[&["run"]]);
+    assert_same(&folder.results(), &expected_bytes, "without a record");
 
     // A missing folder may be on a disk that is not mounted.
     fs::rename(folder.place("raw/second"), folder.place("elsewhere")).unwrap();
+    let expected = "folder raw/second: this folder is gone, and its 2 trials are no longer in the tables: restore it, \
+                    or remove it from the configuration and run once with --only\n";
+    for command in [&["run", "raw/first"][..], &["run"]] {
+        let gone = said(folder.path(), command, 1);
+        assert!(gone.contains(expected), "{gone}");
+        assert_eq!(rows(&folder).len(), 2);
+    }
+    let page = text(&folder.read("reports/index.html"));
+    assert!(page.contains("E007 folder-gone"));
+    fs::rename(folder.place("elsewhere"), folder.place("raw/second")).unwrap();
+    assert!(!said(folder.path(), &["run", "raw/first"], 0).contains("gone"));
+    assert_same(&folder.results(), &expected_bytes, "a folder that returned");
+    fs::rename(folder.place("raw"), folder.place("moved")).unwrap();
     let before = folder.results();
-    let gone = said(folder.path(), &["run", "raw/first"], 2);
-    let expected = "raw/second: this trial folder has no trials.toml, but derived still contains tables of its trials";
+    let gone = said(folder.path(), &["run"], 2);
+    let expected = "raw/first: this trial folder has no trials.toml, but derived still contains tables of its trials";
     assert!(gone.contains(expected) && gone.contains("--only"), "{gone}");
-    assert_same(&folder.results(), &before, "a folder that is gone");
+    assert_same(&folder.results(), &before, "all folders are gone");
+    fs::rename(folder.place("moved"), folder.place("raw")).unwrap();
+
+    fs::rename(folder.place("raw/second"), folder.place("elsewhere")).unwrap();
     let ahead = succeed(folder.path(), &["run", "raw/first", "--only", "--dry-run"]);
-    assert!(ahead.contains(&format!("remove trial {OTHER_SKEWED}\n")), "{ahead}");
+    assert!(ahead.contains(&format!("remove trial second_{OTHER_SKEWED}\n")), "{ahead}");
     let removed = said(folder.path(), &["run", "raw/first", "--only"], 0);
-    assert!(
-        removed.contains("list of trials: kinematic-coast-down-r1, kinematic-skewed-6.00-r1\n")
-    );
+    let expected =
+        "list of trials: second_kinematic-coast-down-r1, second_kinematic-skewed-6.00-r1\n";
+    assert!(removed.contains(expected), "{removed}");
     let first = nights(false);
     succeed(first.path(), &["run", "raw/first"]);
     assert_same(&folder.results(), &first.results(), "--only");
@@ -139,14 +157,14 @@ fn an_ignored_recording_is_left_out_although_its_entry_stays() {
     let folder = nights(false);
     folder.write(&format!("raw/second/{SKEWED}.csv"), "beyond help");
     let failed = said(folder.path(), &["run"], 1);
-    assert!(failed.contains(&format!("failed: {SKEWED}")), "{failed}");
+    assert!(failed.contains(&format!("failed: second_{SKEWED}")), "{failed}");
     let ignore = format!("ignore = [\"*\", \"{SKEWED}.csv\"]");
     folder.replace("raw/second/trials.toml", "ignore = [\"*\"]", &ignore);
     let line =
         format!("trials left out because `ignore` in trials.toml matches their files: {SKEWED}\n");
     let run = said(folder.path(), &["run"], 0);
     assert_eq!(run.matches(&line).count(), 1, "{run}");
-    assert!(rows(&folder).iter().all(|row| row.trial != SKEWED));
+    assert!(rows(&folder).iter().all(|row| row.id != SKEWED));
     assert!(said(folder.path(), &["check"], 0).contains(&line));
     let checked = succeed(folder.path(), &["config", "check"]);
     assert!(
@@ -169,22 +187,13 @@ fn an_ignored_recording_is_left_out_although_its_entry_stays() {
 }
 
 #[test]
-fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_page() {
+fn names_of_trials_begin_with_their_folders_in_every_table_and_page() {
     let names = ["first", "second"].map(|front| format!("{front}_{SKEWED}"));
     let together = nights(true);
-    let told = said(together.path(), &["run"], 0);
-    let expected = format!(
-        "several folders contain a trial `{SKEWED}`: the names of these 2 trials are prefixed with the names of their \
-         folders, such as `{}` in raw/first\n",
-        names[0]
-    );
-    assert!(told.contains(&expected), "{told}");
+    said(together.path(), &["run"], 0);
     for row in rows(&together) {
         let front = row.folder.strip_prefix("raw/").unwrap();
-        match row.id == SKEWED {
-            true => assert_eq!(row.trial, format!("{front}_{SKEWED}")),
-            false => assert_eq!(row.trial, row.id),
-        }
+        assert_eq!(row.trial, format!("{front}_{}", row.id));
         assert_eq!(row.id.contains("symmetric"), front == "first" && row.id != SKEWED);
     }
     let page = text(&together.read("reports/index.html"));
@@ -205,25 +214,6 @@ fn trials_of_one_id_are_kept_apart_by_their_folders_names_in_every_table_and_pag
     results(&apart, &[&["run", "raw/second"], &["run", "raw/first"]]);
     assert_same(&apart.results(), &expected, "one after the other");
     assert_eq!(said(apart.path(), &["run", "raw/second"], 0), "everything was up to date\n");
-    let twice = nights(true);
-    for name in ["trials.toml", "truth.json"]
-        .map(str::to_owned)
-        .into_iter()
-        .chain([format!("{SKEWED}.csv")])
-    {
-        fs::create_dir_all(twice.place("raw/again/first")).unwrap();
-        fs::copy(
-            twice.place(&format!("raw/first/{name}")),
-            twice.place(&format!("raw/again/first/{name}")),
-        )
-        .unwrap();
-    }
-    let failed = said(twice.path(), &["run", "raw/first", "raw/again/first"], 1);
-    for [front, other] in [["raw-first", "again-first"], ["again-first", "raw-first"]] {
-        let reason =
-            format!("failed: {front}_{SKEWED}: trial `{other}_{SKEWED}` has the same marker file");
-        assert!(failed.contains(&reason), "{failed}");
-    }
     let calibrated = trilink(together.path(), &["ingest", "--calibrate", SKEWED]);
     let expected = format!(
         "raw/first, raw/second: trial `{SKEWED}` is not in the trials.toml of any of these folders"
@@ -249,7 +239,110 @@ fn a_project_elsewhere_is_up_to_date_also_where_trials_failed() {
     let here = tempfile::tempdir().unwrap();
     let told = said(here.path(), &["-c", from_here.to_str().unwrap(), "run"], 1);
     assert!(told.contains("everything was up to date"), "{told}");
-    assert!(told.contains(&format!("{SKEWED}: raw/second/{SKEWED}.csv: ")), "{told}");
+    assert!(told.contains(&format!("second_{SKEWED}: raw/second/{SKEWED}.csv: ")), "{told}");
     said(here.path(), &["-c", from_here.to_str().unwrap(), "run", "--force"], 1);
     assert_same(&copy.results(), &before, "elsewhere");
+}
+
+/// Creates the folder of a night with two trials of the skewed campaign, whose ids and entries are the same every
+/// night.
+fn add_night(folder: &Small, source: &Small, night: usize) {
+    let list = text(&source.read("raw/trials.toml"));
+    let entries = list.split("[[trial]]").filter(|entry| entry.contains("kinematic-skewed"));
+    let entries: Vec<String> = entries.map(|entry| format!("[[trial]]{entry}")).collect();
+    let home = format!("raw/2024-05-{night:02}");
+    folder.write(&format!("{home}/trials.toml"), entries.concat());
+    for id in [SKEWED, OTHER_SKEWED] {
+        // Empty lines at the end make the recordings of the nights distinct.
+        let recording = text(&source.read(&format!("raw/{id}.csv"))) + &"\n".repeat(night);
+        folder.write(&format!("{home}/{id}.csv"), recording);
+    }
+}
+
+fn move_folder(folder: &Small, from: &str, to: &str) {
+    fs::rename(folder.place(from), folder.place(to)).unwrap();
+}
+
+#[test]
+fn ids_stay_and_a_line_tells_what_happened_when_folders_are_added_copied_moved_or_renamed() {
+    let source = Small::raw();
+    let folder = Small::raw();
+    fs::remove_dir_all(folder.place("raw")).unwrap();
+    folder.replace("pipeline.toml", "starts = 2\nbootstrap = 3", "starts = 1\nbootstrap = 0");
+    folder.replace("pipeline.toml", "raw = \"raw\"", "raw = \"raw/*\"");
+    add_night(&folder, &source, 1);
+    said(folder.path(), &["run"], 0);
+    let first: Vec<String> = rows(&folder).into_iter().map(|row| row.trial).collect();
+    assert_eq!(first, [SKEWED, OTHER_SKEWED].map(|id| format!("2024-05-01_{id}")));
+    succeed(folder.path(), &["compare", "--accept", "first night"]);
+    for night in 2..=10 {
+        add_night(&folder, &source, night);
+    }
+    said(folder.path(), &["run"], 0);
+    let names: Vec<String> = rows(&folder).into_iter().map(|row| row.trial).collect();
+    assert_eq!((names.len(), &names[..2]), (20, &first[..]));
+    let page = |folder: &Small| text(&folder.read("reports/compare.json"));
+    let compared = trilink(folder.path(), &["compare"]);
+    assert!(page(&folder).contains("\"vanished\": []"), "{}", text(&compared.stdout));
+    succeed(folder.path(), &["compare", "--accept", "ten nights"]);
+
+    // Of a copied folder, only the copies fail.
+    fs::create_dir(folder.place("raw/2024-05-03-copy")).unwrap();
+    for name in ["trials.toml".to_owned(), format!("{SKEWED}.csv"), format!("{OTHER_SKEWED}.csv")] {
+        let copy = folder.read(&format!("raw/2024-05-03/{name}"));
+        folder.write(&format!("raw/2024-05-03-copy/{name}"), copy);
+    }
+    let copied = said(folder.path(), &["run"], 1);
+    let reason =
+        "copy of the trial with this id in folder raw/2024-05-03: remove one of the two folders";
+    assert!(copied.contains(reason), "{copied}");
+    for row in rows(&folder) {
+        assert_eq!(
+            row.status == TrialStatus::Failed,
+            row.folder == "raw/2024-05-03-copy",
+            "{row:?}"
+        );
+    }
+    succeed(folder.path(), &["compare"]);
+    fs::remove_dir_all(folder.place("raw/2024-05-03-copy")).unwrap();
+    said(folder.path(), &["run", "--only"], 0);
+
+    // A folder that is gone is reported until it returns.
+    move_folder(&folder, "raw/2024-05-04", "elsewhere");
+    for _ in 0..2 {
+        let gone = said(folder.path(), &["run"], 1);
+        let line = "folder raw/2024-05-04: this folder is gone, and its 2 trials are no longer in the tables";
+        assert_eq!(gone.matches(line).count(), 1, "{gone}");
+    }
+    move_folder(&folder, "elsewhere", "raw/2024-05-04");
+    said(folder.path(), &["run"], 0);
+    succeed(folder.path(), &["compare"]);
+
+    // The baseline stays valid for a renamed folder.
+    move_folder(&folder, "raw/2024-05-05", "raw/2024-05-05-repeated");
+    let renamed = said(folder.path(), &["run"], 0);
+    let line = "folder raw/2024-05-05 is now called raw/2024-05-05-repeated: it has the same 2 marker files\n";
+    assert!(renamed.contains(line), "{renamed}");
+    let compared = said(folder.path(), &["compare"], 0);
+    let line = "folder raw/2024-05-05 of the baseline is now called raw/2024-05-05-repeated\n";
+    assert!(compared.contains(line), "{compared}");
+
+    // From a pattern to the only folder, names change, but the baseline stays valid.
+    let single = Small::raw();
+    fs::remove_dir_all(single.place("raw")).unwrap();
+    single.replace("pipeline.toml", "starts = 2\nbootstrap = 3", "starts = 1\nbootstrap = 0");
+    single.replace("pipeline.toml", "raw = \"raw\"", "raw = \"raw/2024-05-01\"");
+    add_night(&single, &source, 1);
+    said(single.path(), &["run"], 0);
+    assert_eq!(rows(&single)[0].trial, SKEWED);
+    succeed(single.path(), &["compare", "--accept", "one folder"]);
+    single.replace(
+        "pipeline.toml",
+        "raw = \"raw/2024-05-01\"",
+        "raw = [\"raw/2024-05-01\", \"raw/2024-05-02\"]",
+    );
+    add_night(&single, &source, 2);
+    said(single.path(), &["run"], 0);
+    let compared = trilink(single.path(), &["compare"]);
+    assert!(page(&single).contains("\"vanished\": []"), "{}", text(&compared.stdout));
 }

@@ -128,6 +128,8 @@ checks! {
     Unlisted = "E005 unlisted", limit 0.0;
     /// Checks that no joint has the same offset error in all trials of a campaign.
     CommonOffset = "E006 common-offset";
+    /// Checks that every trial folder with earlier results still exists.
+    FolderGone = "E007 folder-gone", limit 0.0;
 }
 
 impl Check {

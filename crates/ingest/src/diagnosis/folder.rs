@@ -1,14 +1,14 @@
 //! Compares all trials to find marker files that are listed twice or not at all, trials that are unlike their repeats,
 //! and campaigns of which most trials need attention for the same reason.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 use serde_json::Value;
 use trilink_base::Named as _;
 use trilink_robot::Gait;
 use trilink_tables::config::Config;
-use trilink_tables::trial::TrialFolder;
+use trilink_tables::trial::{TrialFolder, TrialKind};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats};
 
 use super::campaigns::{add, fail, find_common_offsets, find_other_campaigns};
@@ -24,6 +24,9 @@ pub struct FolderInput {
     gaits: BTreeMap<String, Gait>,
     /// Marker files that are missing from the trial list, by folder name.
     unlisted: BTreeMap<String, Vec<String>>,
+    /// Number of trials in each folder that had tables but is gone, by folder name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    gone: BTreeMap<String, usize>,
     /// Configured roll resistances of every robot, kg/s.
     roll_kg_s: BTreeMap<String, [f64; 3]>,
 }
@@ -39,14 +42,26 @@ impl FolderInput {
         Self {
             gaits: gaits.collect(),
             unlisted: unlisted.collect(),
+            gone: BTreeMap::new(),
             roll_kg_s: roll_kg_s.collect(),
         }
     }
 
+    /// Adds folders that had tables but are gone, with the number of trials in each.
+    pub fn with_gone(self, gone: BTreeMap<String, usize>) -> Self {
+        Self { gone, ..self }
+    }
+
     /// Returns the names of the folders in a serialised [`FolderInput`]; none if the value is not one.
-    pub fn folders(serialised: &Value) -> Vec<String> {
-        let unlisted = serialised.get("unlisted").and_then(Value::as_object);
-        unlisted.into_iter().flat_map(|folders| folders.keys().cloned()).collect()
+    pub fn folders(serialised: &Value) -> BTreeSet<String> {
+        let folders =
+            ["unlisted", "gone"].into_iter().filter_map(|key| serialised[key].as_object());
+        folders.flat_map(|folders| folders.keys().cloned()).collect()
+    }
+
+    /// Returns the folders of a serialised [`FolderInput`] that are gone, with the number of trials in each.
+    pub fn gone(serialised: &Value) -> BTreeMap<String, usize> {
+        serde_json::from_value(serialised["gone"].clone()).unwrap_or_default()
     }
 
     /// Adds the findings that concern several trials. `contents` has the hash of each trial's marker file if the file
@@ -70,6 +85,15 @@ impl FolderInput {
             let finding = Finding::at_most(Check::Unlisted, count as f64, message);
             rows.checks.push(finding.row(&format!("folder {folder}")));
         }
+        for (folder, count) in &self.gone {
+            let count = *count as f64;
+            let message = format!(
+                "this folder is gone, and its {count} trials are no longer in the tables: restore it, or remove it from \
+                 the configuration and run once with --only"
+            );
+            let finding = Finding::new(Check::FolderGone, false, count, 0.0, message);
+            rows.checks.push(finding.row(&format!("folder {folder}")));
+        }
     }
 }
 
@@ -79,26 +103,48 @@ fn unlisted_files(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
     names.into_iter().filter(|name| list.lacks(name)).collect()
 }
 
-/// Fails trials whose marker files have identical content.
+/// Fails trials whose marker files have identical content. In a copy of a folder, whose trials have the ids and entries
+/// of the original, only the copies fail; the folder that is first by name counts as the original.
 fn find_same_files(rows: &mut Ingested, contents: &BTreeMap<String, String>) {
     let Ingested { trials, checks, .. } = rows;
-    let mut by_content: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for (trial, content) in contents {
-        by_content.entry(content).or_default().push(trial);
-    }
-    for row in trials {
-        let same = contents.get(&row.trial).map(|content| &by_content[content.as_str()]);
-        let others: Vec<&str> =
-            same.into_iter().flatten().copied().filter(|other| *other != row.trial).collect();
-        if !others.is_empty() {
-            let message = format!(
-                "trial `{}` has the same marker file: correct `file` in trials.toml, or remove all but one of these \
-                 trials",
-                others.join("`, `")
-            );
-            fail(row, checks, Check::SameFile, message);
+    let mut by_content: BTreeMap<&str, Vec<TrialRow>> = BTreeMap::new();
+    for row in trials.iter() {
+        if let Some(content) = contents.get(&row.trial) {
+            by_content.entry(content).or_default().push(row.clone());
         }
     }
+    for row in trials {
+        let Some(content) = contents.get(&row.trial) else { continue };
+        let same = &by_content[content.as_str()];
+        let is_copied = same.iter().all(|other| {
+            let is_itself = other.trial == row.trial;
+            is_itself || other.folder != row.folder && entry_of(other) == entry_of(row)
+        });
+        if is_copied {
+            let original = same.iter().min_by_key(|other| &other.folder);
+            if let Some(original) = original.filter(|original| original.trial != row.trial) {
+                let message = format!(
+                    "copy of the trial with this id in folder {}: remove one of the two folders",
+                    original.folder
+                );
+                fail(row, checks, Check::SameFile, message);
+            }
+            continue;
+        }
+        let others = same.iter().filter(|other| other.trial != row.trial);
+        let others: Vec<&str> = others.map(|other| other.trial.as_str()).collect();
+        let message = format!(
+            "trial `{}` has the same marker file: correct `file` in trials.toml, or remove all but one of these trials",
+            others.join("`, `")
+        );
+        fail(row, checks, Check::SameFile, message);
+    }
+}
+
+/// Returns what the list of trials says about a trial, apart from its day.
+fn entry_of(row: &TrialRow) -> (&str, &str, &str, TrialKind, u64) {
+    let TrialRow { id, file, campaign, kind, omega_commanded_rad_s, .. } = row;
+    (id, file, campaign, *kind, omega_commanded_rad_s.to_bits())
 }
 
 /// Flags trials that are unlike their repeats.
@@ -185,7 +231,8 @@ fn without_numbers(text: &str) -> String {
 impl Ingested {
     /// Iterates over the findings that concern a whole campaign or folder.
     pub fn together(&self) -> impl Iterator<Item = &CheckRow> {
-        let names = [Check::CommonReason, Check::Unlisted].map(|check| check.to_string());
+        let names = [Check::CommonReason, Check::Unlisted, Check::FolderGone]
+            .map(|check| check.to_string());
         self.checks.iter().filter(move |row| names.contains(&row.check))
     }
 

@@ -21,6 +21,9 @@ pub struct Paths {
     /// Folder of the configuration file.
     #[serde(skip)]
     pub base: PathBuf,
+    /// The configured `raw`, if [`Self::replace_raw`] has replaced it.
+    #[serde(skip)]
+    configured_raw: Option<Vec<PathBuf>>,
 }
 
 impl Paths {
@@ -34,6 +37,22 @@ impl Paths {
             *path = base.join(&*path);
         }
         self.base = base.to_owned();
+    }
+
+    /// Replaces the trial folders, for example by those given on the command line. The names of trials still follow
+    /// from the configured ones.
+    pub fn replace_raw(&mut self, folders: Vec<PathBuf>) {
+        let before = std::mem::replace(&mut self.raw, folders);
+        self.configured_raw.get_or_insert(before);
+    }
+
+    /// Returns the name of the folder whose trials are named by their ids alone: the configured one, unless several
+    /// folders or a pattern are configured.
+    pub(crate) fn only_folder(&self) -> Option<String> {
+        match self.configured_raw.as_ref().unwrap_or(&self.raw).as_slice() {
+            [folder] if !is_pattern(folder) || folder.exists() => Some(self.name_of(folder)),
+            _ => None,
+        }
     }
 
     /// Returns `path` relative to the folder of the configuration file. The result stays valid if that folder and the

@@ -13,8 +13,8 @@ rows! {
     /// Results of one trial: row of `trials.parquet`. Names of columns with standard errors end in `_se`.
     #[derive(Serialize)]
     pub struct TrialRow {
-        /// Unique name of the trial: its id, prefixed with the name of its folder if a trial in another folder has the
-        /// same id.
+        /// Unique name of the trial: its id, prefixed with the name of its folder unless the configuration names this
+        /// folder alone.
         pub trial: String,
         /// Folder of the trial, relative to the configuration file.
         pub folder: String,

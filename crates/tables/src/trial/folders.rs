@@ -10,8 +10,10 @@ use crate::config::{ConfigError, Paths, is_pattern};
 
 /// Maximum number of characters that the folder's name contributes to a trial's name.
 const MAX_PREFIX: usize = 64;
-/// Number of characters of the hash that distinguishes folders with equal names.
+/// Number of characters of the hash that distinguishes folders with long names.
 const HASH_CHARACTERS: usize = 8;
+/// Usual name of the folder of all trial folders; names of trials do not repeat it.
+const RAW: &str = "raw";
 /// Maximum number of ignored trials whose ids a message lists.
 const MAX_IDS: usize = 10;
 
@@ -31,7 +33,7 @@ pub struct ListedTrial {
     pub folder: usize,
     /// Id of the trial in the folder's list.
     pub id: String,
-    /// The trial, with its id replaced by a name that is unique among all folders.
+    /// The trial, with its id replaced by its name, which is unique among all folders.
     pub trial: Trial,
 }
 
@@ -95,6 +97,17 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ConfigError> {
     Ok(found)
 }
 
+impl TrialFolder {
+    /// Reads the list of a trial folder.
+    ///
+    /// # Errors
+    /// Returns an error in the same cases as [`TrialList::load`].
+    pub fn load(paths: &Paths, path: &Path) -> Result<Self, ConfigError> {
+        let list = TrialList::load(path)?;
+        Ok(Self { name: paths.name_of(path), path: path.to_owned(), list })
+    }
+}
+
 impl TrialFolders {
     /// Reads the lists of all trial folders.
     ///
@@ -105,30 +118,29 @@ impl TrialFolders {
         let mut folders = Vec::new();
         let mut trials = Vec::new();
         for (folder, path) in find_folders(paths)?.into_iter().enumerate() {
-            let list = TrialList::load(&path)?;
-            for trial in &list.trial {
+            let read = TrialFolder::load(paths, &path)?;
+            for trial in &read.list.trial {
                 trials.push(ListedTrial { folder, id: trial.id.clone(), trial: trial.clone() });
             }
-            folders.push(TrialFolder { name: paths.name_of(&path), path, list });
+            folders.push(read);
         }
         let mut all = Self { folders, trials };
-        all.make_names_unique()?;
+        all.name_trials(paths.only_folder().as_deref())?;
         Ok(all)
     }
 
-    /// Prefixes each id that occurs in several folders with the name of its folder; the result does not depend on the
-    /// order of the trials. Returns an error if two trials then still have the same name.
-    fn make_names_unique(&mut self) -> Result<(), ConfigError> {
+    /// Prefixes the ids with the names of their folders, except those of the folder that the configuration names
+    /// alone. A name depends on no other folder, so it stays when folders are added or removed. Returns an error if two
+    /// trials have the same name.
+    fn name_trials(&mut self, only_folder: Option<&str>) -> Result<(), ConfigError> {
         let Self { folders, trials } = self;
-        let mut by_id: BTreeMap<String, Vec<&mut ListedTrial>> = BTreeMap::new();
-        for trial in trials.iter_mut() {
-            by_id.entry(trial.id.to_ascii_lowercase()).or_default().push(trial);
-        }
-        for same in by_id.into_values().filter(|same| same.len() > 1) {
-            let names: Vec<&str> =
-                same.iter().map(|trial| folders[trial.folder].name.as_str()).collect();
-            for (trial, prefix) in same.into_iter().zip(distinct_prefixes(&names)) {
-                trial.trial.id = format!("{prefix}_{}", trial.id);
+        let prefixes: Vec<Option<String>> = folders
+            .iter()
+            .map(|folder| (only_folder != Some(&folder.name)).then(|| prefix(&folder.name)))
+            .collect();
+        for ListedTrial { folder, trial, .. } in &mut *trials {
+            if let Some(prefix) = &prefixes[*folder] {
+                trial.id = format!("{prefix}_{}", trial.id);
             }
         }
         let mut names = BTreeMap::new();
@@ -138,7 +150,9 @@ impl TrialFolders {
                 let other = &folders[other_folder].name;
                 let path = folders[*folder].path.join(TRIALS_FILE);
                 let needed = format!(
-                    "another id, because trial `{other_id}` of folder {other} has the same name"
+                    "another id or another name of the folder, because trial `{other_id}` of folder {other} would \
+                     have the same name, `{}`",
+                    trial.id
                 );
                 return Err(ConfigError::Value {
                     path,
@@ -168,60 +182,25 @@ impl TrialFolders {
             "trials left out because `ignore` in trials.toml matches their files: {shown}{more}"
         ))
     }
-
-    /// Returns a sentence about the ids that occur in several folders; `None` if there are none.
-    pub fn told_apart(&self) -> Option<String> {
-        let renamed: Vec<&ListedTrial> =
-            self.trials.iter().filter(|listed| listed.id != listed.trial.id).collect();
-        let ListedTrial { folder, id, trial } = renamed.first()?;
-        let ids: BTreeSet<String> =
-            renamed.iter().map(|listed| listed.id.to_ascii_lowercase()).collect();
-        let more = match ids.len() - 1 {
-            0 => String::new(),
-            others => format!(" (and {others} other ids)"),
-        };
-        Some(format!(
-            "several folders contain a trial `{id}`{more}: the names of these {} trials are prefixed with the names \
-             of their folders, such as `{}` in {}",
-            renamed.len(),
-            trial.id,
-            self.folders[*folder].name
-        ))
-    }
 }
 
-/// Returns, for each folder, a prefix that distinguishes it from the others: as many of the last components of its path
-/// as necessary, or its name and a hash if those components do not suffice or are too long.
-fn distinct_prefixes(folders: &[&str]) -> Vec<String> {
-    let parts: Vec<Vec<String>> = folders.iter().map(|folder| id_parts(folder)).collect();
-    let max_parts = parts.iter().map(Vec::len).max().unwrap_or(0);
-    for count in 1..=max_parts {
-        let prefixes: Vec<String> = parts
-            .iter()
-            .map(|parts| parts[parts.len().saturating_sub(count)..].join("-"))
-            .collect();
-        let mut seen = BTreeSet::new();
-        if prefixes.iter().all(|prefix| {
-            (1..=MAX_PREFIX).contains(&prefix.len()) && seen.insert(prefix.to_ascii_lowercase())
-        }) {
-            return prefixes;
-        }
-    }
-    let mut prefixes = Vec::new();
-    for (folder, parts) in folders.iter().zip(&parts) {
-        let mut name = parts.last().cloned().unwrap_or_default();
-        name.truncate(MAX_PREFIX - 1 - HASH_CHARACTERS);
-        let hash = blake3::hash(folder.as_bytes()).to_hex();
-        prefixes.push(format!("{name}-{}", &hash[..HASH_CHARACTERS]));
-    }
-    prefixes
-}
-
-/// Splits a path into its components, and replaces the characters in them that are not valid in an id.
-fn id_parts(folder: &str) -> Vec<String> {
+/// Returns the prefix of the names of a folder's trials: the components of its path without a leading `raw`, or the last
+/// of them and a hash if all are too long.
+fn prefix(folder: &str) -> String {
     let components = Path::new(folder).components();
     let names = components.filter(|part| matches!(part, Component::Normal(_)));
-    names.map(|part| to_id(&part.as_os_str().to_string_lossy())).collect()
+    let names: Vec<String> = names.map(|part| to_id(&part.as_os_str().to_string_lossy())).collect();
+    let names = match names.as_slice() {
+        [first, rest @ ..] if first == RAW && !rest.is_empty() => rest,
+        names => names,
+    };
+    let prefix = names.join("-");
+    if (1..=MAX_PREFIX).contains(&prefix.len()) {
+        return prefix;
+    }
+    let mut name = names.last().cloned().unwrap_or_default();
+    name.truncate(MAX_PREFIX - 1 - HASH_CHARACTERS);
+    format!("{name}-{}", &blake3::hash(folder.as_bytes()).to_hex()[..HASH_CHARACTERS])
 }
 
 /// Makes a name valid as part of an id: replaces invalid characters by `_`, and prepends `_` to a name that Windows
@@ -262,20 +241,25 @@ mod tests {
     }
 
     #[test]
-    fn equal_ids_are_prefixed_with_as_much_of_their_folders_as_necessary() {
-        assert_eq!(names(&[("raw/b", &["x", "y"]), ("raw/a", &["X"])]), ["a_X", "b_x", "y"]);
-        let same = [("a/d", &["x", "y"][..]), ("b/d", &["x"]), ("c", &["y"])];
-        assert_eq!(names(&same), ["a-d_x", "d_y", "b-d_x", "c_y"]);
-        // Prefixes contain only characters that are valid in ids, so different folders may have equal
-        // prefixes.
+    fn names_begin_with_the_folder_unless_the_configuration_names_it_alone() {
+        assert_eq!(names(&[("raw/a", &["X", "y"])]), ["X", "y"]);
+        assert_eq!(names(&[("raw/b", &["x", "y"]), ("raw/a", &["X"])]), ["a_X", "b_x", "b_y"]);
+        let same = [("a/d", &["x", "y"][..]), ("b/d", &["x"]), ("raw", &["y"])];
+        assert_eq!(names(&same), ["a-d_x", "a-d_y", "b-d_x", "raw_y"]);
         assert_eq!(names(&[("first night", &["x"]), (".2", &["x"])]), ["_2_x", "first_night_x"]);
         assert_eq!(names(&[("con.d", &["x"]), ("n", &["x"])]), ["_con.d_x", "n_x"]);
-        let [one, other] = &names(&[("a b", &["x"]), ("a_b", &["x"])])[..] else { panic!() };
-        assert!(one.starts_with("a_b-") && other.starts_with("a_b-") && one != other, "{one}");
-        assert!(one.ends_with("_x") && one.len() == "a_b-_x".len() + HASH_CHARACTERS);
         let long = "n".repeat(200);
         let found = names(&[(&long, &["x"]), ("m", &["x"])]);
         assert!(found.iter().all(|name| super::super::is_valid_name(name)), "{found:?}");
+
+        // Folders on the command line do not change the names in the configured folder.
+        let (home, mut paths) = folders(&[("raw", &["x"])]);
+        let (other, _) = folders(&[("second", &["x"])]);
+        std::fs::rename(other.path().join("second"), home.path().join("second")).unwrap();
+        paths.replace_raw(["raw", "second"].map(|name| home.path().join(name)).into());
+        let all = TrialFolders::load(&paths).unwrap();
+        let found: Vec<String> = all.trials.into_iter().map(|listed| listed.trial.id).collect();
+        assert_eq!(found, ["x", "second_x"]);
     }
 
     #[test]
@@ -289,10 +273,10 @@ mod tests {
 
     #[test]
     fn two_trials_with_the_same_name_are_an_error() {
-        let (_home, paths) = folders(&[("a", &["x"]), ("b", &["x"]), ("c", &["a_x"])]);
+        let (_home, paths) = folders(&[("a b", &["x"]), ("a_b", &["x"])]);
         let message = TrialFolders::load(&paths).unwrap_err().to_string();
-        let expected =
-            "found \"a_x\", needed another id, because trial `x` of folder a has the same name";
+        let expected = "found \"x\", needed another id or another name of the folder, because trial `x` of folder \
+                        a b would have the same name, `a_b_x`";
         assert!(message.ends_with(expected), "{message}");
     }
 
