@@ -89,7 +89,9 @@ pub enum InitError {
     Exists(PathBuf),
     #[error("{}: cannot be read: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
-    #[error("{0}: found no marker file, needed .csv, .csv.gz or .c3d files")]
+    #[error(
+        "{0}: found no marker file, needed .csv, .c3d, .trc or .tsv files, which may be gzip-compressed (.gz)"
+    )]
     NoFiles(String),
     #[error(
         "no file shows three links in a chain; at least one file must show a motion of both \

@@ -150,7 +150,10 @@ fn a_marker_file_that_cannot_be_used_is_named_and_the_other_trial_is_done() {
         (b"", &["3.50-r1.csv", "found an empty file", "needed a `Trajectories` section"]),
         (b"\0\x01\xff\xfe\0\0garbage", &["3.50-r1.csv", "needed a `Trajectories` section"]),
         (b"\x1f\x8bgarbage", &["3.50-r1.csv", "cannot be unpacked"]),
-        (b"Format Version,1.23,Take Name,a\n\n", &["OptiTrack Motive", "export C3D"]),
+        (
+            b"Format Version,1.23,Take Name,a\n\n",
+            &["OptiTrack Motive", "enable it in the export settings"],
+        ),
         (b"Trajectories\r\n", &["3.50-r1.csv, line 1", "needed a row that starts with `Frame"]),
     ];
     for (bytes, named) in contents {

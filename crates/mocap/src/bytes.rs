@@ -20,8 +20,8 @@ const MIN_LIMIT_BYTES: u64 = 1 << 26;
 const MAX_RATIO: u64 = 100;
 
 const GZIP_MAGIC: &[u8] = &[0x1f, 0x8b];
-const BYTE_ORDER_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
-const UTF16_MARKS: [&[u8]; 2] = [&[0xff, 0xfe], &[0xfe, 0xff]];
+const UTF8_MARK: &[u8] = &[0xef, 0xbb, 0xbf];
+const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// Reads the bytes and the metadata of a file.
 ///
@@ -58,10 +58,42 @@ pub(super) fn unpack_at_most(file: &[u8], limit_bytes: u64) -> Result<Cow<'_, [u
     Ok(Cow::Owned(content))
 }
 
-/// Returns the text in a file's content, without a byte-order mark.
-pub(super) fn text(content: &[u8]) -> Result<&[u8], FileProblem> {
-    if UTF16_MARKS.iter().any(|mark| content.starts_with(mark)) {
-        return Err(FileProblem::new("UTF-16", "UTF-8 text; save the file as `CSV UTF-8`"));
+/// Returns the text in a file's content, without a byte-order mark; UTF-16 becomes UTF-8.
+pub(super) fn text(content: &[u8]) -> Cow<'_, [u8]> {
+    let decode = |pair: fn([u8; 2]) -> u16| {
+        let units = content.as_chunks::<2>().0.iter().map(|bytes| pair(*bytes));
+        let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        let text: String = text.filter(|c| *c != BYTE_ORDER_MARK).collect();
+        Cow::Owned(text.into_bytes())
+    };
+    match utf16_order(content) {
+        Some(Utf16::LittleEndian) => decode(u16::from_le_bytes),
+        Some(Utf16::BigEndian) => decode(u16::from_be_bytes),
+        None => Cow::Borrowed(content.strip_prefix(UTF8_MARK).unwrap_or(content)),
     }
-    Ok(content.strip_prefix(BYTE_ORDER_MARK).unwrap_or(content))
+}
+
+/// Byte order of UTF-16.
+enum Utf16 {
+    LittleEndian,
+    BigEndian,
+}
+
+/// Detects UTF-16 by its byte-order mark or, without one, by the zero in every other byte of Latin letters and digits.
+fn utf16_order(content: &[u8]) -> Option<Utf16> {
+    const EXAMINED: usize = 64;
+    match content {
+        [0xff, 0xfe, ..] => return Some(Utf16::LittleEndian),
+        [0xfe, 0xff, ..] => return Some(Utf16::BigEndian),
+        _ => {}
+    }
+    let begin = content.get(..EXAMINED.min(content.len() & !1))?;
+    let [even, odd] = [0, 1]
+        .map(|parity| begin.iter().skip(parity).step_by(2).filter(|byte| **byte == 0).count());
+    match (even, odd) {
+        _ if begin.len() < 8 || 4 * even.max(odd) <= begin.len() => None,
+        (0, _) => Some(Utf16::LittleEndian),
+        (_, 0) => Some(Utf16::BigEndian),
+        _ => None,
+    }
 }

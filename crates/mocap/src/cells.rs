@@ -3,9 +3,9 @@
 /// Possible cell separators.
 const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];
 
-/// Possible first cells of the row that names the columns: the cell written by Vicon Nexus, and the cell written by
-/// the older Vicon Workstation.
-const FRAME_CELLS: [&[u8]; 2] = [b"Frame", b"Field #"];
+/// Possible first cells of the row that names the columns: the cells written by Vicon Nexus and OptiTrack Motive, by
+/// the older Vicon Workstation, and in TRC files.
+const FRAME_CELLS: [&[u8]; 3] = [b"Frame", b"Field #", b"Frame#"];
 
 /// Maximum length of a number with a decimal comma, bytes.
 const MAX_NUMBER_BYTES: usize = 64;
@@ -59,6 +59,12 @@ impl Dialect {
             is_frame_cell(trimmed(&line[..end])).then_some(line[end])
         });
         Self { separator: separator.unwrap_or(b',') }
+    }
+
+    /// Returns the separator after the first cell of the text.
+    pub(crate) fn of_first_line(text: &[u8]) -> Self {
+        let separator = text.iter().find(|byte| SEPARATORS.contains(byte));
+        Self { separator: separator.copied().unwrap_or(b'\t') }
     }
 
     /// Iterates over the cells in a line, without surrounding spaces and quotes.
@@ -151,12 +157,19 @@ fn append_digits(mut number: u64, mut text: &[u8]) -> (u64, &[u8]) {
     (number, text)
 }
 
-fn is_frame_cell(cell: &[u8]) -> bool {
+pub(super) fn is_frame_cell(cell: &[u8]) -> bool {
     FRAME_CELLS.iter().any(|name| name.eq_ignore_ascii_case(cell))
 }
 
 fn parse(cell: &[u8]) -> Option<f64> {
     fast_float2::parse::<f64, _>(cell).ok().filter(|value| value.is_finite())
+}
+
+/// Returns whether a text begins with `start` (in lower case), ignoring case, spaces and a quote before it.
+pub(super) fn begins_with(text: &[u8], start: &[u8]) -> bool {
+    let text = text.trim_ascii_start();
+    let text = text.strip_prefix(b"\"").unwrap_or(text);
+    text.get(..start.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(start))
 }
 
 /// Removes surrounding spaces and quotes from a cell.

@@ -1,21 +1,14 @@
 //! Identifies files without a marker section and suggests how to obtain a marker file.
 
 use super::FileProblem;
-use super::cells::{Dialect, Lines, shown};
+use super::cells::{Dialect, Lines, begins_with, is_frame_cell, shown};
 use super::sections;
 
 pub(super) const NEEDED_SECTION: &str = "a `Trajectories` section";
 
 /// First bytes of files in other formats, each with a description of the format and advice on how to obtain a marker
 /// file instead.
-const KINDS: [(&[u8], &str, &str); 8] = [
-    (
-        b"format version,",
-        "an OptiTrack Motive export, which is not supported yet",
-        "export C3D from Motive instead, with Z up",
-    ),
-    (b"pathfiletype", "a TRC file (of Motion Analysis or OpenSim)", "export C3D instead"),
-    (b"no_of_frames", "a Qualisys TSV export", "export C3D instead"),
+const KINDS: [(&[u8], &str, &str); 5] = [
     (
         b"frame,time_s,",
         "a table written by `trilink export`",
@@ -32,29 +25,24 @@ pub(super) fn describe(dialect: Dialect, text: &[u8]) -> FileProblem {
     if let Some((_, what, instead)) = KINDS.iter().find(|(start, ..)| begins_with(text, start)) {
         return FileProblem::new(*what, format!("{NEEDED_SECTION}; {instead}"));
     }
-    let found = if is_utf16(text) {
-        "UTF-16".to_owned()
-    } else if text.contains(&0) {
-        "a binary file".to_owned()
-    } else {
-        other_tables(dialect, text)
-    };
+    if let Some(line) = indexed_line(dialect, text) {
+        let found =
+            format!("a column with an index before `Frame` in line {line}, as pandas writes it");
+        return FileProblem::new(found, format!("{NEEDED_SECTION}; save the file without it"));
+    }
+    let found =
+        if text.contains(&0) { "a binary file".to_owned() } else { other_tables(dialect, text) };
     FileProblem::new(found, NEEDED_SECTION)
 }
 
-fn begins_with(text: &[u8], start: &[u8]) -> bool {
-    let text = text.trim_ascii_start();
-    let text = text.strip_prefix(b"\"").unwrap_or(text);
-    text.get(..start.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(start))
-}
-
-/// Returns whether every other byte is 0, as in UTF-16 without a byte-order mark.
-fn is_utf16(text: &[u8]) -> bool {
-    const EXAMINED: usize = 64;
-    let begin = text.get(..EXAMINED.min(text.len() & !1)).unwrap_or_default();
-    let [even, odd] = [0, 1]
-        .map(|parity| begin.iter().skip(parity).step_by(2).filter(|byte| **byte == 0).count());
-    begin.len() >= 8 && even.min(odd) == 0 && even.max(odd) * 4 > begin.len()
+/// Returns the number of the row of axes if a column with an index precedes it.
+fn indexed_line(dialect: Dialect, text: &[u8]) -> Option<usize> {
+    let is_indexed = |line| {
+        let mut cells = dialect.cells(line);
+        let (index, frame) = (cells.next().unwrap_or_default(), cells.next().unwrap_or_default());
+        is_frame_cell(frame) && (index.is_empty() || dialect.number(index).is_some())
+    };
+    Lines::new(text).find(|(_, line)| is_indexed(line)).map(|(line, _)| line)
 }
 
 /// Describes the sections in text that has no marker section.

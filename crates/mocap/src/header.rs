@@ -1,4 +1,4 @@
-//! Locates the marker table and reads its header.
+//! Locates the marker table and reads its header; here that of Vicon.
 //!
 //! ```text
 //! Trajectories          title; a spreadsheet pads it with commas
@@ -10,7 +10,8 @@
 
 use super::cells::{Dialect, Lines, label_text, shown};
 use super::foreign::{self, NEEDED_SECTION};
-use super::{FileProblem, units};
+use super::systems::System;
+use super::{FileProblem, motive, qualisys, trc, units};
 use crate::LengthUnit;
 
 const SECTION: &[u8] = b"Trajectories";
@@ -19,6 +20,7 @@ const HEADER_LINES: usize = 8;
 
 /// Header of the marker section, and the text below it.
 pub(super) struct Header<'t> {
+    pub system: System,
     pub dialect: Dialect,
     pub rate_hz: Option<f64>,
     /// Unit of the coordinates in the table.
@@ -30,21 +32,33 @@ pub(super) struct Header<'t> {
     pub line: usize,
     /// Lines of the text below the header.
     pub body: Lines<'t>,
+    /// Number of frames that the header states, and where.
+    pub frames: Option<(usize, &'static str)>,
+    /// Notes on missing or contradictory metadata.
+    pub doubts: Vec<String>,
 }
 
 /// Content of a column in the marker table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Column {
+    /// Only as the first column.
     Frame,
+    Time,
     /// Coordinate of a marker, given by the marker's index and the axis (0, 1, 2).
     Axis(u32, u8),
     /// Subframe, magnitude or padding; not read.
     Other,
 }
 
-/// Finds the marker section and reads its header. A file whose first table has no title may still be the marker table
+/// Finds the marker section and reads its header. A Vicon file whose first table has no title may still be the marker table
 /// with its title removed by hand; if so, the rate may be unknown. `unit` applies to a file without a row of units.
 pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProblem> {
+    match System::detect(text) {
+        System::Vicon => {}
+        System::Motive => return motive::header(text, unit),
+        System::Trc => return trc::header(text, unit),
+        System::Qualisys => return qualisys::header(text),
+    }
     let dialect = Dialect::detect(text);
     if dialect.is_blank(text) {
         return Err(FileProblem::new("an empty file", NEEDED_SECTION));
@@ -128,7 +142,18 @@ fn read(
         let needed = "at least one marker label with X, Y, Z below the label";
         return Err(FileProblem::in_line(line, quoted(axes), needed));
     }
-    let mut header = Header { dialect, rate_hz, unit, labels, columns, line, body: lines.clone() };
+    let mut header = Header {
+        system: System::Vicon,
+        dialect,
+        rate_hz,
+        unit,
+        labels,
+        columns,
+        line,
+        body: lines.clone(),
+        frames: None,
+        doubts: Vec::new(),
+    };
     if let Some((line, row)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
         header.unit = read_units(&header, line, row)?.unwrap_or(unit);
         header.line = line;

@@ -1,13 +1,16 @@
 //! Reads and writes marker files of motion-capture systems.
 //!
-//! A CSV export consists of several tables of different widths in one file. The `Trajectories` section is found by its
-//! title; its header names the marker columns; its rows are parsed byte by byte into one flat vector. C3D files are
-//! recognised by their content or name. Nothing is interpolated or guessed: empty cells are missing values.
+//! The format is recognised by the content, except that a damaged C3D file is also recognised by its name. Vicon's CSV
+//! export consists of several tables of different widths in one file; the `Trajectories` section is found by its title.
+//! OptiTrack Motive (CSV), Qualisys (TSV) and TRC files have one table each. The header names the marker columns; the
+//! rows are parsed byte by byte into one flat vector. Nothing is interpolated: empty cells are missing values. If a
+//! format leaves open whether y or z points up, the axis along which the markers move less does.
 //!
 //! [`read_markers`] returns a [`Recording`], in mm. The modules are, in the order in which a file passes through them:
 //!
 //! - `bytes` reads and decompresses files; the next step depends on the format:
-//!   - text: `cells`, `sections`, `header`, `units`, `rows`, `decimals`; `foreign` identifies other files;
+//!   - text: `systems`, `cells`, `sections`, `header` (`motive`, `trc`, `qualisys`), `units`, `rows`, `decimals`,
+//!     `vertical`; `foreign` identifies other files;
 //!   - C3D: `c3d` (<https://www.c3d.org>), with the integers and floats of all three processor types;
 //! - `markers`: the resulting recording; `error`: what was found, what was needed, and in which line;
 //! - `write` writes the same formats as Nexus does.
@@ -34,9 +37,14 @@ mod error;
 mod foreign;
 mod header;
 mod markers;
+mod motive;
+mod qualisys;
 mod rows;
 mod sections;
+mod systems;
+mod trc;
 mod units;
+mod vertical;
 mod write;
 
 use std::path::Path;
@@ -48,8 +56,8 @@ pub use sections::Section;
 pub use trilink_base::LengthUnit;
 pub use write::{c3d_bytes, csv_bytes};
 
-/// File-name extensions of marker files, which may be followed by `.gz`.
-const ENDINGS: [&str; 2] = [".csv", ".c3d"];
+/// File-name extensions of marker files, with which they are found in a folder; `.gz` may follow.
+pub const ENDINGS: [&str; 4] = [".csv", ".c3d", ".trc", ".tsv"];
 
 /// Lists the names of the marker files in a folder, sorted.
 ///
@@ -69,14 +77,14 @@ fn is_marker_file(name: &str) -> bool {
     ENDINGS.iter().any(|ending| plain.ends_with(ending)) && !name.starts_with('.')
 }
 
-/// Reads the markers in an exported file, CSV or C3D, plain or gzipped; `unit` applies if the file does not state a
+/// Reads the markers in an exported file of any known format, plain or gzipped; `unit` applies if the file does not state a
 /// unit.
 ///
 /// # Errors
-/// Returns an error if the file is missing, unreadable, empty or too large when decompressed; if it has no
-/// `Trajectories` section with named markers, or more than one; if it has text in place of a number, numbers that lost
-/// their decimal point, or frame numbers that do not increase; or if it is a C3D file that is truncated, damaged or
-/// inconsistent. Every message names the file, the line if it is a text file, what was found and what was needed.
+/// Returns an error if the file is missing, unreadable, empty or too large when decompressed; if it has no table with
+/// named markers, or more than one; if it has text in place of a number, numbers that lost their decimal point, frame
+/// numbers that do not increase, or times that contradict the frame rate; or if it is a C3D file that is truncated,
+/// damaged or inconsistent. Every message names the file, the line if it is a text file, what was found and what was needed.
 pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<Recording, ReadError> {
     parse_markers(path, &read_file(path)?.0, unit)
 }
@@ -94,9 +102,7 @@ pub fn parse_markers(path: &Path, file: &[u8], unit: LengthUnit) -> Result<Recor
 /// # Errors
 /// Returns an error if the file cannot be decompressed or is neither text nor C3D.
 pub fn sections(path: &Path, file: &[u8]) -> Result<Vec<Section>, ReadError> {
-    by_format(path, file, c3d::sections, |text| {
-        Ok(sections::list(cells::Dialect::detect(text), text))
-    })
+    by_format(path, file, c3d::sections, |text| sections::list_all(text, LengthUnit::Mm))
 }
 
 fn by_format<T>(
@@ -107,7 +113,7 @@ fn by_format<T>(
 ) -> Result<T, ReadError> {
     let parse = || {
         let content = bytes::unpack(file)?;
-        if c3d::is_c3d(path, &content) { of_c3d(&content) } else { of_text(bytes::text(&content)?) }
+        if c3d::is_c3d(path, &content) { of_c3d(&content) } else { of_text(&bytes::text(&content)) }
     };
     parse().map_err(|problem: FileProblem| problem.in_file(path))
 }

@@ -3,7 +3,8 @@
 use super::cells::{Dialect, plain_decimal, shown, trimmed};
 use super::header::{self, Column, Header};
 use super::markers::{MAX_MM, MISSING};
-use super::{FileProblem, Recording, decimals};
+use super::systems::System;
+use super::{FileProblem, Recording, decimals, vertical};
 use crate::LengthUnit;
 
 /// Maximum plausible frame number; with larger ones, differences could overflow.
@@ -17,20 +18,26 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
     let markers = header.labels.len();
     // Number of rows up to the next section: memory is allocated once, so that a long recording need not be copied to
     // grow.
-    let rows = header.body.clone().take_while(|(_, cells)| !dialect.is_blank(cells)).count();
+    let is_blank = |(_, cells): &(usize, &[u8])| dialect.is_blank(cells);
+    let rows = header.body.clone().skip_while(is_blank).take_while(|row| !is_blank(row)).count();
     let rows = rows.min(text.len() / (3 * markers.max(1)));
     let mut frames: Vec<i64> = Vec::with_capacity(rows);
     let mut positions_mm: Vec<[f64; 3]> = Vec::with_capacity(rows * markers);
     let mut rows_without_frame = 0;
     let mut rows_too_long = 0;
+    let has_frame_numbers = header.columns.first() == Some(&Column::Frame);
+    // First and last row of the table.
+    let mut ends: Option<(&[u8], &[u8])> = None;
     let mut after_blank = false;
     let mut lines = header.body.clone();
     while let Some((line, cells)) = lines.next() {
-        if dialect.is_blank(cells) {
+        // Without a column of frame numbers, a row of empty cells is a frame in which no marker is visible.
+        let is_frame = !has_frame_numbers && cells.contains(&dialect.separator);
+        if dialect.is_blank(cells) && !is_frame {
             after_blank = true;
             continue;
         }
-        if is_next_title(dialect, cells, after_blank) {
+        if header.system == System::Vicon && is_next_title(dialect, cells, after_blank) {
             let rest = [(line, cells)].into_iter().chain(lines);
             if let Some(line) = header::title_line(dialect, rest) {
                 return Err(FileProblem::in_line(
@@ -43,7 +50,8 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         }
         after_blank = false;
         let row = Row { line, cells, header: &header };
-        let Some(frame) = row.frame()? else {
+        let frame = if has_frame_numbers { row.frame()? } else { Some(frames.len() as i64 + 1) };
+        let Some(frame) = frame else {
             rows_without_frame += 1;
             continue;
         };
@@ -66,11 +74,18 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
             let found = format!("rows much too short for the {markers} markers of the header");
             return Err(FileProblem::in_line(line, found, "one cell for each axis of each marker"));
         }
+        ends = Some((ends.map_or(cells, |(first, _)| first), cells));
         positions_mm.resize(start + markers, MISSING);
         let rest = row.positions(&mut positions_mm[start..])?;
         rows_too_long += usize::from(!dialect.is_blank(rest));
     }
-    let Header { rate_hz, labels, line, .. } = header;
+    if let Some((first, last)) = ends {
+        if rows_too_long == frames.len() {
+            check_commas(&header, last)?;
+        }
+        check_times(&header, [first, last], &frames)?;
+    }
+    let Header { system, rate_hz, labels, line, mut doubts, .. } = header;
     if frames.is_empty() {
         return Err(if rows_without_frame == 0 {
             FileProblem::new(format!("no row of numbers below line {line}"), "at least one frame")
@@ -80,17 +95,63 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
             FileProblem::new(found, "at least one row with a frame number")
         });
     }
-    let file = Recording {
+    let count = frames.len();
+    if let Some((stated, place)) = header.frames.filter(|(stated, _)| *stated != count) {
+        doubts.push(format!("frames: found {stated} ({place}) and {count} (rows), used {count}"));
+    }
+    let mut file = Recording {
         rate_hz,
         frames,
         labels,
         rows_without_frame,
         rows_too_long,
-        doubts: Vec::new(),
+        doubts,
         positions_mm,
     };
     decimals::check(&file)?;
+    if let Some(axis) = system.usual_up_axis() {
+        vertical::turn_z_up(&mut file, axis);
+    }
     Ok(file)
+}
+
+/// Checks that the numbers have no decimal commas if cells are separated by commas, too: each would take up two cells.
+fn check_commas(header: &Header, row: &[u8]) -> Result<(), FileProblem> {
+    let (cells, columns) = (header.dialect.count(row), header.columns.len());
+    if header.dialect.separator != b',' || 2 * cells <= 3 * columns {
+        return Ok(());
+    }
+    let found = format!("rows of {cells} cells below a header of {columns}");
+    let needed = "decimal points: decimal commas cannot be told from the commas between cells; export the file again";
+    Err(FileProblem::in_line(header.line, found, needed))
+}
+
+/// Checks that the times in the first and the last row of a table, if it has a column of times, match the frame rate.
+fn check_times(header: &Header, rows: [&[u8]; 2], frames: &[i64]) -> Result<(), FileProblem> {
+    /// Maximum relative difference between two rates that count as equal.
+    const TOLERANCE: f64 = 1e-4;
+    let Header { dialect, columns, rate_hz: Some(rate_hz), .. } = header else { return Ok(()) };
+    let Some(column) = columns.iter().position(|column| *column == Column::Time) else {
+        return Ok(());
+    };
+    let time_s = |row| dialect.number(dialect.cells(row).nth(column)?);
+    let (Some(first_s), Some(last_s), [first, .., last]) =
+        (time_s(rows[0]), time_s(rows[1]), frames)
+    else {
+        return Ok(());
+    };
+    let duration_s = last_s - first_s;
+    let intervals = (last - first) as f64;
+    // Times are rounded.
+    if (duration_s * rate_hz - intervals).abs() <= 0.5 + TOLERANCE * intervals {
+        return Ok(());
+    }
+    let found = format!(
+        "contradictory frame rates, Hz: {rate_hz} (header) and {:.6} (times of the first and the last frame)",
+        intervals / duration_s
+    );
+    let needed = "one frame rate, because it is unknown which is correct; export the file again";
+    Err(FileProblem::new(found, needed))
 }
 
 /// Returns whether a row is the title of the next section: a row whose only cell is text. After a blank row, any text
@@ -150,8 +211,11 @@ impl Row<'_> {
                 None => break,
             }
         }
+        // Qualisys writes zeros for an occluded marker.
+        let zeros_are_missing = self.header.system == System::Qualisys;
         for position in positions_mm {
-            if position.iter().any(|x| x.is_nan()) {
+            let is_missing = position.iter().any(|x| x.is_nan());
+            if is_missing || zeros_are_missing && *position == [0.0; 3] {
                 *position = MISSING;
             }
         }
@@ -174,7 +238,7 @@ impl Row<'_> {
         }
         let end = dialect.cell_end(rest);
         let cell = trimmed(&rest[..end]);
-        let value = if cell.is_empty() {
+        let value = if cell.is_empty() || self.is_missing(cell) {
             Some(f64::NAN)
         } else {
             dialect.number(cell).map(|value| value * mm).filter(is_plausible)
@@ -184,6 +248,14 @@ impl Row<'_> {
             self.not_a_number(column, cell, needed)
         })?;
         Ok((value, end))
+    }
+
+    /// Returns whether a text stands for a missing value, as programs other than Vicon's write it.
+    #[cold]
+    fn is_missing(&self, cell: &[u8]) -> bool {
+        let words: [&[u8]; 2] = [b"nan", b"null"];
+        self.header.system != System::Vicon
+            && words.iter().any(|word| cell.eq_ignore_ascii_case(word))
     }
 
     #[cold]

@@ -2,7 +2,11 @@
 
 use serde::Serialize;
 
+use super::FileProblem;
 use super::cells::{Dialect, Lines, shown};
+use super::header::{self, Header};
+use super::systems::System;
+use crate::LengthUnit;
 
 /// Maximum number of sections listed; exports have fewer than ten.
 const MAX_SECTIONS: usize = 64;
@@ -20,7 +24,18 @@ pub struct Section {
     pub rows: usize,
 }
 
-/// Lists all sections of a text file. A title is the only cell in its row, and is followed by a rate or by labels and
+/// Lists all sections of a text file; systems other than Vicon write a single table.
+pub(super) fn list_all(text: &[u8], unit: LengthUnit) -> Result<Vec<Section>, FileProblem> {
+    let system = System::detect(text);
+    if system == System::Vicon {
+        return Ok(list(Dialect::detect(text), text));
+    }
+    let Header { dialect, rate_hz, line, body, .. } = header::find(text, unit)?;
+    let rows = body.filter(|(_, row)| !dialect.is_blank(row)).count();
+    Ok(vec![Section { name: format!("Markers ({})", system.name()), line, rate_hz, rows }])
+}
+
+/// Lists all sections of a text file by Vicon. A title is the only cell in its row, and is followed by a rate or by labels and
 /// axes.
 pub(super) fn list(dialect: Dialect, text: &[u8]) -> Vec<Section> {
     let mut found: Vec<Section> = Vec::new();

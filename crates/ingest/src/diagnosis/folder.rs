@@ -216,7 +216,8 @@ fn find_common_reasons(rows: &mut Ingested) {
 /// Returns a check's message without the name of the marker file.
 fn message_without_file(check: &CheckRow) -> &str {
     let message = check.message.as_str();
-    let file = [".csv: ", ".c3d: ", ".gz: "].into_iter().find_map(|end| message.split_once(end));
+    let ends = trilink_mocap::ENDINGS.into_iter().chain([".gz"]);
+    let file = ends.map(|end| format!("{end}: ")).find_map(|end| message.split_once(&end));
     match file {
         Some((file, rest)) if file.contains(['/', '\\']) || !file.contains(' ') => rest,
         _ => message,

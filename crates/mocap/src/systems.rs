@@ -1,0 +1,49 @@
+//! Camera systems whose text exports are read, recognised by how a file begins.
+
+use super::cells::begins_with;
+
+/// Program that exported a text file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum System {
+    /// Vicon Nexus, Workstation or Tracker: several sections, each with a title.
+    Vicon,
+    Motive,
+    /// Cortex, OpenSim and others.
+    Trc,
+    Qualisys,
+}
+
+impl System {
+    pub(super) fn detect(text: &[u8]) -> Self {
+        const BEGINNINGS: [(&[u8], System); 4] = [
+            (b"format version", System::Motive),
+            (b"pathfiletype", System::Trc),
+            (b"no_of_frames", System::Qualisys),
+            (b"file_version", System::Qualisys),
+        ];
+        let known = BEGINNINGS.iter().find(|(start, _)| begins_with(text, start));
+        known.map_or(Self::Vicon, |(_, system)| *system)
+    }
+
+    /// Returns the name of the format for messages.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Vicon => "Vicon CSV",
+            Self::Motive => "OptiTrack Motive CSV",
+            Self::Trc => "TRC",
+            Self::Qualisys => "Qualisys TSV",
+        }
+    }
+
+    /// Returns the index of the axis that points up by default; `None` if it is always z.
+    pub(super) fn usual_up_axis(self) -> Option<usize> {
+        match self {
+            Self::Vicon => None,
+            Self::Motive => Some(1),
+            Self::Trc | Self::Qualisys => Some(2),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,47 @@
+//! Turns recordings of systems that export with y or z up, and do not state which, so that z points up.
+
+use super::Recording;
+
+/// Approximate number of rows from which the ranges of motion are estimated.
+const ROWS: usize = 512;
+/// Fraction of the positions at either end of a range that is left out as outlying.
+const OUTLYING: f64 = 0.05;
+/// Minimum ratio of the horizontal to the vertical range of motion at which the vertical axis is certain.
+const MIN_RATIO: f64 = 2.0;
+
+/// Turns a recording so that z points up. The axis along which the markers move less, y or z, pointed up; if they move
+/// alike along both, it was `usual` (the index of an axis), with a note.
+pub(super) fn turn_z_up(file: &mut Recording, usual: usize) {
+    let [y_mm, z_mm] = [1, 2].map(|axis| median_range_mm(file, axis));
+    let up = if MIN_RATIO * y_mm < z_mm {
+        1
+    } else if MIN_RATIO * z_mm < y_mm {
+        2
+    } else {
+        let used = ["x", "y", "z"][usual];
+        file.doubts.push(format!(
+            "vertical axis: found none (the markers move {y_mm:.1} mm along y and {z_mm:.1} mm along z), used {used}"
+        ));
+        usual
+    };
+    if up < 2 {
+        file.turn_up(up);
+    }
+}
+
+/// Returns the median over all markers of the range of motion along an axis, mm; 0 if no marker is visible.
+fn median_range_mm(file: &Recording, axis: usize) -> f64 {
+    let stride = (file.frames.len() / ROWS).max(1);
+    let mut ranges: Vec<f64> = (0..file.labels.len())
+        .filter_map(|marker| {
+            let along = (0..file.frames.len()).step_by(stride);
+            let along = along.map(|row| file.position_mm(row, marker)[axis]);
+            let mut seen: Vec<f64> = along.filter(|x| !x.is_nan()).collect();
+            seen.sort_unstable_by(f64::total_cmp);
+            let outlying = (OUTLYING * seen.len() as f64) as usize;
+            Some(seen.get(seen.len().checked_sub(1 + outlying)?)? - seen.get(outlying)?)
+        })
+        .collect();
+    ranges.sort_unstable_by(f64::total_cmp);
+    ranges.get(ranges.len() / 2).copied().unwrap_or(0.0)
+}
