@@ -399,7 +399,11 @@ fn measure_gait(
     skip_cycles: usize,
     partial: &mut PartialResult,
 ) -> Result<GaitPhase, Problem> {
-    let driven = measure_phase(command, tracked, frames, rate_hz, skip_cycles)?;
+    let driven = measure_phase(command, tracked, frames, rate_hz, skip_cycles);
+    if let Err(Problem::OtherFrequency { omega_rad_s, .. }) = &driven {
+        partial.row.omega_rad_s = *omega_rad_s;
+    }
+    let driven = driven?;
     partial.row.omega_rad_s = driven.omega_rad_s;
     partial.row.gait = summary::joint_gaits(&tracked.seen.phi_rad, &driven.moving, &driven.phase);
     let measured = partial.row.gait.map(|joint| joint.command());
