@@ -10,17 +10,13 @@ use trilink_tables::clock::utc_now;
 use trilink_tables::config::{Config, Paths, Tolerances};
 use trilink_tables::{is_there, write_bytes};
 
-use super::output::{note, say, write_data, write_text};
-use super::table::Table;
+use super::output::{note, write_data, write_text};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{Lock, check_finished, hold, share, sweep};
 use crate::compare::{
-    Acceptance, ComparisonResult, Difference, RowId, Snapshot, Verdict, compare, junit,
-    note_acceptances, page, record_run, tables_folder, to_json,
+    Acceptance, ComparisonResult, Snapshot, Verdict, by_table, compare, junit, note_acceptances,
+    page, record_run, tables_folder, to_json,
 };
-
-/// Maximum number of differences that are printed; the comparison page lists all of them.
-const MAX_ROWS: usize = 40;
 
 /// Compare the tables with those of an earlier run and list differences beyond tolerance.
 #[derive(clap::Args)]
@@ -192,28 +188,15 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints the differences out of tolerance, a summary of the comparison, and the path of the comparison page.
+/// Prints the causes of the differences out of tolerance, a summary of the comparison, and the path of the comparison
+/// page.
 fn print(compared: &ComparisonResult, page: &Path) -> Result<(), Failure> {
-    let out: Vec<&Difference> = compared.out().collect();
-    if !out.is_empty() {
-        Table::new(&out[..out.len().min(MAX_ROWS)])
-            .left("table", |difference| difference.table.to_owned())
-            .left("row", |difference| difference.row.clone())
-            .left("out of tolerance", |difference| difference.sentence())
-            .print();
-        if out.len() > MAX_ROWS {
-            say!("and {} more", out.len() - MAX_ROWS);
-        }
-    }
-    let [vanished, appeared] = [&compared.vanished, &compared.appeared]
-        .map(|rows| rows.iter().map(RowId::name).collect::<Vec<_>>());
     let text = json!({
-        "vanished": vanished,
-        "appeared": appeared,
-        "most": MAX_ROWS,
+        "causes": compared.causes,
+        "appeared": by_table(&compared.appeared),
         "longer": compared.run_times.iter().filter(|time| time.is_longer).collect::<Vec<_>>(),
         "cells": compared.cells,
-        "out": out.len(),
+        "out": compared.out().count(),
         "within": compared.count(Verdict::Within),
         "not_judged": compared.count(Verdict::NotJudged),
         "page": page,

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
 use serde_json::{Value as Json, json};
 use trilink_base::numbers::{percent, significant};
-use trilink_report::{AcceptedBaseline, ChangedValue, Changes, fill, image, notice_of_folders};
+use trilink_report::{AcceptedBaseline, Changes, fill, image, notice_of_folders};
 use trilink_tables::config::{Compare, Paths};
 use trilink_tables::{Reader, StoreError};
 
@@ -27,6 +28,10 @@ pub fn page(
         .differences
         .iter()
         .filter(|difference| difference.judgement.verdict == Verdict::NotJudged);
+    let causes = compared.causes.iter().map(|cause| {
+        let differences = cause.differences.iter().map(|index| row(&compared.differences[*index]));
+        json!({ "sentence": cause.sentence, "rows": differences.collect::<Vec<_>>() })
+    });
     let mut figures = figures(compared, baseline, candidate);
     figures.iter_mut().for_each(|figure| figure.is_synthetic = !synthetic.is_empty());
     let figures = figures.iter().map(image).collect::<Result<Vec<_>, _>>()?;
@@ -39,7 +44,8 @@ pub fn page(
         "records": compared.records.len(),
         "within": compared.count(Verdict::Within),
         "not_judged": not_judged.map(row).collect::<Vec<_>>(),
-        "out": compared.out().map(row).collect::<Vec<_>>(),
+        "out": compared.out().count(),
+        "causes": causes.collect::<Vec<_>>(),
         "vanished": compared.vanished.iter().map(RowId::name).collect::<Vec<_>>(),
         "appeared": compared.appeared.iter().map(RowId::name).collect::<Vec<_>>(),
         "figures": figures,
@@ -55,6 +61,23 @@ impl RowId {
     pub fn name(&self) -> String {
         format!("{}: {}", self.table, self.row)
     }
+}
+
+/// Difference between the runs with all fields formatted as text; unknown fields are empty.
+#[derive(Serialize)]
+struct ChangedValue {
+    table: String,
+    /// Name of the table row.
+    of: String,
+    column: String,
+    baseline: String,
+    candidate: String,
+    /// Relative change, in per cent.
+    change: String,
+    /// Difference as a multiple of its standard error.
+    errors: String,
+    /// Largest difference within tolerance.
+    limit: String,
 }
 
 /// Formats a difference for human readers, with the relative change and the difference in standard errors.
@@ -87,7 +110,7 @@ fn run_time(time: &RunTime) -> [String; 4] {
     [stage.clone(), format!("{baseline_s:.2}"), format!("{candidate_s:.2}"), remark.to_owned()]
 }
 
-/// Maximum number of differences that the report names on its first screen.
+/// Maximum number of causes that the report names on its first screen.
 const MAX_NAMED: usize = 3;
 
 /// Returns the changes from the baseline for the first screen of the report; `None` if there is no baseline. The
@@ -130,8 +153,8 @@ pub fn changes(
         within,
         not_judged,
         same: compared.cells - out - within - not_judged,
-        largest: compared.out().take(MAX_NAMED).map(row).collect(),
-        vanished: names(&compared.vanished),
+        causes: compared.causes.iter().take(MAX_NAMED).map(|of| of.sentence.clone()).collect(),
+        more_causes: compared.causes.len().saturating_sub(MAX_NAMED),
         appeared: names(&compared.appeared),
     }))
 }
@@ -196,6 +219,7 @@ pub fn to_json(compared: &ComparisonResult) -> Json {
     json!({
         "within_tolerance": compared.passes(),
         "cells": compared.cells,
+        "causes": compared.causes,
         "differences": compared.differences,
         "appeared": compared.appeared,
         "vanished": compared.vanished,

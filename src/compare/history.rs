@@ -36,6 +36,9 @@ rows! {
         pub upper: f64 as "hi",
         /// Standard error that describes how the value varies from run to run; NaN if unknown.
         pub value_se: f64,
+        /// What the value rests on: the frequencies of a mean, rad/s, or `inadequate` for a model that is known to be
+        /// inadequate. Only values with the same basis are compared.
+        pub basis: String,
         /// Text of an event: reason why the run became the new baseline or failed, or name of a trial that was added or
         /// removed. Empty for a figure of merit.
         pub note: String,
@@ -43,8 +46,8 @@ rows! {
 }
 
 /// Columns that are missing from histories of earlier versions.
-const NEW_COLUMNS: [&str; 7] =
-    ["status", "program", "configuration", "input", "lo", "hi", "value_se"];
+const NEW_COLUMNS: [&str; 8] =
+    ["status", "program", "configuration", "input", "lo", "hi", "value_se", "basis"];
 
 impl HistoryRow {
     /// Returns whether the row is a figure of merit, not an event.
@@ -53,6 +56,8 @@ impl HistoryRow {
     }
 }
 
+/// Value of `basis` for a model that is known to be inadequate.
+pub(super) const INADEQUATE: &str = "inadequate";
 /// Value of `quantity` for the event that a run became the new baseline.
 pub(super) const ACCEPTED: &str = "accepted";
 /// Value of `quantity` for each trial of the first run whose trials the history lists.

@@ -3,7 +3,8 @@
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::Tolerance;
 
-use super::snapshot::{Record, number};
+use super::noise::{BETWEEN, BETWEEN_DOF};
+use super::snapshot::{INTERVAL, Record, number};
 
 /// Verdict on the difference between two values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -11,8 +12,8 @@ use super::snapshot::{Record, number};
 pub enum Verdict {
     Same,
     Within,
-    /// Different, but not judged, because there is no tolerance or standard error, or because the model is inadequate
-    /// in both runs.
+    /// Different, but not judged, because there is no tolerance or standard error, because the model is inadequate, or
+    /// because the baseline has no value.
     NotJudged,
     Out,
 }
@@ -88,20 +89,54 @@ impl StandardError {
         Some(Self::from_record(column, one)?.combine(Self::from_record(column, other)?))
     }
 
-    /// Returns the standard error of a record's value, from its `*_se`, its `*_scatter` (random part of the half width
-    /// of the 95 % interval), or else the limits of its 95 % interval.
+    /// Returns the standard error of a record's value; `None` if it is unknown.
     pub(super) fn from_record(column: &str, record: &Record) -> Option<Self> {
-        let value = |suffix: &str| number(record, &format!("{column}_{suffix}"));
-        if let Some(error) = value("se") {
-            let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
-            return Some(Self { error, freedom: (cycles - 1.0).max(1.0) });
+        if column == "j" {
+            return Self::of_objective(record);
         }
-        let half_width = match value("scatter") {
+        if let Some(cycles) = Self::of_cycles(column, record) {
+            let between = Self::between(column, record);
+            return Some(between.map_or(cycles, |between| cycles.combine(between)));
+        }
+        let value = |suffix: &str| number(record, &format!("{column}{suffix}"));
+        if let Some(error) = value("_u_a") {
+            // The effective degrees of freedom of u_c are those of u_A times (u_c / u_A)^4.
+            let ratio = error.powi(2) / (error.powi(2) + value("_u_b").unwrap_or(0.0).powi(2));
+            let freedom = value("_dof").map_or(f64::INFINITY, |freedom| freedom * ratio.powi(2));
+            return Some(Self { error, freedom });
+        }
+        let half_width = match value("_scatter") {
             Some(half_width) => half_width,
-            None => (value("hi")? - value("lo")?) / 2.0,
+            None => match number(record, &format!("{INTERVAL}{column}")) {
+                Some(width) => width / 2.0,
+                None => (value("_hi")? - value("_lo")?) / 2.0,
+            },
         };
-        let error = half_width / HALF_WIDTH_95;
-        Some(Self { error, freedom: f64::INFINITY })
+        Some(Self { error: half_width / HALF_WIDTH_95, freedom: f64::INFINITY })
+    }
+
+    /// Returns the standard error of a trial mean that the scatter of the cycles causes; `None` if it is unknown.
+    pub(super) fn of_cycles(column: &str, record: &Record) -> Option<Self> {
+        let error = number(record, &format!("{column}_se"))?;
+        let cycles = number(record, "cycles").unwrap_or(f64::INFINITY);
+        Some(Self { error, freedom: (cycles - 1.0).max(1.0) })
+    }
+
+    /// Returns the standard deviation of a trial mean between trials and days; `None` if it is unknown.
+    pub(super) fn between(column: &str, record: &Record) -> Option<Self> {
+        let metric = column.trim_end_matches("_debiased");
+        let error = number(record, &format!("{metric}{BETWEEN}"))?;
+        let freedom = number(record, &format!("{metric}{BETWEEN_DOF}")).unwrap_or(f64::INFINITY);
+        Some(Self { error, freedom })
+    }
+
+    /// Returns the standard deviation of the objective of a fit if noise alone causes the misfit; `None` if the noise
+    /// is unknown. The limit of the misfit ratio is about two standard deviations above its expectation of 1.
+    fn of_objective(fit: &Record) -> Option<Self> {
+        let value = |column: &str| number(fit, column);
+        let expected = value("j")? / value("lack_of_fit")?;
+        let deviation = (value("lack_of_fit_limit")? - 1.0) / HALF_WIDTH_95;
+        Some(Self { error: expected * deviation, freedom: f64::INFINITY })
     }
 
     /// Returns the standard error of the sum or difference of two independent values, with degrees of freedom by the

@@ -4,12 +4,14 @@
 //! combined standard errors of both runs. A small systematic shift shows in the mean over a campaign's trials before it
 //! shows in a single trial.
 
+mod causes;
 mod figures;
 mod files;
 mod history;
 mod judge;
 mod means;
 mod names;
+mod noise;
 mod record;
 mod runs;
 mod snapshot;
@@ -19,6 +21,7 @@ mod trend;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+pub use causes::{Cause, CauseKind, by_table};
 pub use files::{changes, junit, page, to_json};
 pub use history::{HistoryRow, history_path};
 pub use judge::{Judgement, Verdict};
@@ -105,6 +108,8 @@ pub struct ComparisonResult {
     pub appeared: Vec<RowId>,
     /// Rows that only the baseline has.
     pub vanished: Vec<RowId>,
+    /// Causes of the differences out of tolerance and of the vanished rows, the most informative first.
+    pub causes: Vec<Cause>,
     pub run_times: Vec<RunTime>,
     /// Number of table cells that were compared.
     pub cells: usize,
@@ -136,8 +141,23 @@ impl ComparisonResult {
 }
 
 /// Suffixes of columns that hold the uncertainty of other columns and are not compared themselves.
-const ERROR_SUFFIXES: [&str; 9] =
-    ["_se", "_lo", "_hi", "_scatter", "_systematic", "_u_a", "_u_b", "_dof", "_coverage_factor"];
+const ERROR_SUFFIXES: [&str; 10] = [
+    "_se",
+    "_lo",
+    "_hi",
+    "_scatter",
+    "_systematic",
+    "_u_a",
+    "_u_b",
+    "_dof",
+    "_coverage_factor",
+    noise::BETWEEN,
+];
+
+/// Column with the objective of a fit.
+const OBJECTIVE: &str = "j";
+/// Column that says whether a model is adequate.
+const ADEQUATE: &str = "adequate";
 
 /// Text columns that are compared. The flag is true if a change is out of tolerance, and false if it is only listed.
 const TEXT_COLUMNS: [(&str, bool); 9] = [
@@ -148,7 +168,7 @@ const TEXT_COLUMNS: [(&str, bool); 9] = [
     ("identifiable", false),
     ("practically_not", false),
     ("at_bound", false),
-    ("adequate", false),
+    (ADEQUATE, false),
     ("sharing", false),
 ];
 
@@ -169,41 +189,46 @@ pub fn compare(config: &Compare, baseline: &Snapshot, candidate: &Snapshot) -> C
         };
         compared.compare_table(table, tolerances, runs);
     }
-    let inadequate = inadequate_in_both([baseline, candidate]);
-    for difference in &mut compared.differences {
-        let Difference { table, row, judgement, .. } = difference;
-        let record = candidate.records(table).get(row.as_str());
-        if judgement.verdict == Verdict::Out
-            && record.is_some_and(|record| inadequate.contains(&campaign_and_model(record)))
-        {
-            judgement.verdict = Verdict::NotJudged;
-        }
-    }
+    compared.leave_inadequate_models_unjudged([baseline, candidate]);
     compared.differences.sort_by(|one, other| {
         let [is_one_out, is_other_out] =
             [one, other].map(|difference| difference.judgement.verdict == Verdict::Out);
         is_other_out.cmp(&is_one_out).then(other.severity().total_cmp(&one.severity()))
     });
+    compared.causes = causes::find(&compared, [baseline, candidate]);
     compared
 }
 
-/// Returns the campaign and model of each fit that is inadequate in both runs. Coefficients of such fits are not
-/// judged, because those of an inadequate model switch between local optima by chance.
-fn inadequate_in_both(runs: [&Snapshot; 2]) -> BTreeSet<[&str; 2]> {
-    let [baseline, candidate] = runs.map(|run| {
-        let fits = run.records("fits").values();
-        let inadequate = fits.filter(|fit| snapshot::text(fit, "adequate") == "false");
-        inadequate.map(campaign_and_model).collect::<BTreeSet<_>>()
-    });
-    baseline.intersection(&candidate).copied().collect()
-}
-
-/// Returns the campaign and the model that a fit or prediction belongs to.
-fn campaign_and_model(record: &Record) -> [&str; 2] {
-    ["campaign", "model"].map(|column| snapshot::text(record, column))
-}
-
 impl ComparisonResult {
+    /// Takes back verdicts on models that are inadequate in either run, whose coefficients and predictions mean
+    /// nothing. That an adequate model has become inadequate is out of tolerance if its objective is: near the limit of
+    /// the misfit ratio, chance decides about adequacy.
+    fn leave_inadequate_models_unjudged(&mut self, [baseline, candidate]: [&Snapshot; 2]) {
+        let [then, now] = [baseline, candidate].map(|run| noise::inadequate(run.records("fits")));
+        let risen: BTreeSet<String> = self
+            .out()
+            .filter(|difference| difference.table == "fits" && difference.column == OBJECTIVE)
+            .map(|difference| difference.row.clone())
+            .collect();
+        for Difference { table, row, column, judgement, .. } in &mut self.differences {
+            let Some(record) = candidate.records(table).get(row.as_str()) else { continue };
+            let fit = noise::campaign_and_model(record);
+            match column.as_str() {
+                ADEQUATE if now.contains(&fit) && risen.contains(row.as_str()) => {
+                    judgement.verdict = Verdict::Out;
+                }
+                // A model that has become inadequate is judged by its objective.
+                OBJECTIVE if !then.contains(&fit) => {}
+                _ if judgement.verdict == Verdict::Out
+                    && (then.contains(&fit) || now.contains(&fit)) =>
+                {
+                    judgement.verdict = Verdict::NotJudged;
+                }
+                _ => {}
+            }
+        }
+    }
+
     /// Adds the comparison of a table to the result.
     fn compare_table(
         &mut self,
@@ -257,9 +282,10 @@ fn judge_values(
 ) -> Option<Judgement> {
     if let [Json::String(then), Json::String(now)] = values {
         let (_, fails) = TEXT_COLUMNS.iter().find(|(name, _)| *name == column)?;
+        let has_recovered = then == TrialStatus::Failed.name();
         let verdict = if then == now {
             Verdict::Same
-        } else if *fails && !is_still_used(then, now) {
+        } else if *fails && !has_recovered && !is_still_used(then, now) {
             Verdict::Out
         } else {
             Verdict::NotJudged
@@ -270,12 +296,26 @@ fn judge_values(
     match values.map(Json::as_f64) {
         [Some(then), Some(now)] => {
             let error = StandardError::of_difference(column, records);
-            Some(judge(tolerance, [then, now], error))
+            let judgement = judge(tolerance, [then, now], error);
+            let is_noise = column == OBJECTIVE && is_within_noise(records[1]);
+            Some(match judgement.verdict {
+                Verdict::Out if is_noise => Judgement { verdict: Verdict::Within, ..judgement },
+                _ => judgement,
+            })
         }
         [None, None] => Some(Verdict::Same.into()),
+        [None, Some(_)] => Some(Verdict::NotJudged.into()),
         _ if tolerance.may_be_missing => Some(Verdict::NotJudged.into()),
         _ => Some(Verdict::Out.into()),
     }
+}
+
+/// Returns whether the objective of a fit is no higher than noise explains, however low it was in the baseline.
+fn is_within_noise(fit: &Record) -> bool {
+    let value = |column| snapshot::number(fit, column);
+    value("lack_of_fit")
+        .zip(value("lack_of_fit_limit"))
+        .is_some_and(|(ratio, limit)| ratio <= limit)
 }
 
 /// Returns whether a trial is used (ok or flagged) both with its status in the baseline run, `then`, and with its

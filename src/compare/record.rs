@@ -11,12 +11,12 @@ use trilink_tables::config::Config;
 use trilink_tables::{Columns as _, Provenance, RunStatus, TrialStatus, UtcTime};
 
 use super::history::{
-    ACCEPTED, History, HistoryRow, MEAN, SECONDS, TRIAL, TRIAL_ADDED, TRIAL_REMOVED, TRIALS,
-    history_path, last_run, next_run,
+    ACCEPTED, History, HistoryRow, INADEQUATE, MEAN, SECONDS, TRIAL, TRIAL_ADDED, TRIAL_REMOVED,
+    TRIALS, history_path, last_run, next_run,
 };
 use super::judge::StandardError;
-use super::means::{campaigns, mean};
-use super::snapshot::{RunInputs, Snapshot, number, text};
+use super::means::{MeanOverFrequencies, campaigns};
+use super::snapshot::{Record, RunInputs, Snapshot, number, text};
 use super::trend;
 use super::{Acceptance, CompareError};
 
@@ -135,37 +135,36 @@ fn row_template(candidate: &Snapshot, run: i64) -> HistoryRow {
 /// fits, numbers of trials by status, and run times.
 fn figures_of_merit(candidate: &Snapshot, template: &HistoryRow) -> Vec<HistoryRow> {
     let mut rows = Vec::new();
-    let mut add = |names: [&str; 3], value: f64, [lower, upper]: [f64; 2], value_se: f64| {
-        let [campaign, model, quantity] = names.map(str::to_owned);
-        let row = HistoryRow {
-            campaign,
-            model,
-            quantity,
-            value,
-            lower,
-            upper,
-            value_se,
-            ..template.clone()
+    let mut add =
+        |names: [&str; 3], value: f64, [lower, upper]: [f64; 2], value_se: f64, basis: &str| {
+            let [campaign, model, quantity] = names.map(str::to_owned);
+            let row = HistoryRow {
+                campaign,
+                model,
+                quantity,
+                value,
+                lower,
+                upper,
+                value_se,
+                basis: basis.to_owned(),
+                ..template.clone()
+            };
+            rows.extend(value.is_finite().then_some(row));
         };
-        rows.extend(value.is_finite().then_some(row));
-    };
     const UNKNOWN: [f64; 2] = [f64::NAN; 2];
     let trials = candidate.records("trials");
     for campaign in campaigns(trials) {
         let trials = trials.values().filter(|trial| text(trial, "campaign") == campaign);
+        let trials: Vec<&Record> = trials.collect();
         let metrics = Metric::FITTED.map(Metric::definition);
         let means = metrics.map(|of| of.debiased.unwrap_or(of.column)).into_iter();
         for quantity in means.chain(["residual_mm"]) {
-            let values = trials.clone().filter_map(|trial| {
-                let unknown = StandardError { error: f64::NAN, freedom: f64::INFINITY };
-                let error = StandardError::from_record(quantity, trial).unwrap_or(unknown);
-                Some((number(trial, quantity)?, error))
-            });
-            let values: Vec<_> = values.collect();
-            let Some((value, standard_error)) = mean(values.into_iter()) else { continue };
-            let half = HALF_WIDTH_95 * standard_error.error;
+            let Some(mean) = MeanOverFrequencies::new(&trials, quantity) else { continue };
+            let MeanOverFrequencies { value, error, frequencies } = mean;
+            let half = HALF_WIDTH_95 * error;
             let name = format!("{MEAN}{quantity}");
-            add([campaign, "", &name], value, [value - half, value + half], standard_error.error);
+            let limits = [value - half, value + half];
+            add([campaign, "", &name], value, limits, error, &frequencies);
         }
     }
     for fit in candidate.records("fits").values() {
@@ -178,15 +177,16 @@ fn figures_of_merit(candidate: &Snapshot, template: &HistoryRow) -> Vec<HistoryR
             let value = |column: &str| number(fit, column).unwrap_or(f64::NAN);
             let limits = ["lo", "hi"].map(|end| value(&format!("{quantity}_{end}")));
             let error = StandardError::from_record(quantity, fit).map_or(f64::NAN, |of| of.error);
-            add([campaign, model, quantity], value(quantity), limits, error);
+            let basis = if text(fit, "adequate") == "false" { INADEQUATE } else { "" };
+            add([campaign, model, quantity], value(quantity), limits, error, basis);
         }
     }
     for status in TrialStatus::ALL.map(TrialStatus::name) {
         let count = trials.values().filter(|trial| text(trial, "status") == status).count();
-        add(["", "", &format!("{TRIALS}{status}")], count as f64, UNKNOWN, f64::NAN);
+        add(["", "", &format!("{TRIALS}{status}")], count as f64, UNKNOWN, f64::NAN, "");
     }
     for (stage, seconds) in &candidate.stages {
-        add(["", "", &format!("{stage}{SECONDS}")], *seconds, UNKNOWN, f64::NAN);
+        add(["", "", &format!("{stage}{SECONDS}")], *seconds, UNKNOWN, f64::NAN, "");
     }
     rows
 }

@@ -9,10 +9,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use trilink_base::Named as _;
 use trilink_tables::{
-    PredictionSource, Reader, RunStatus, StoreError, Table, row_names, write_bytes,
+    Columns, PrecisionRow, PredictionSource, Reader, ResidualRow, RunStatus, StoreError, Table,
+    row_names, write_bytes,
 };
 
-use super::CompareError;
+use super::{CompareError, noise};
 
 /// Names of the tables in which the rows of two runs are matched by name.
 const TABLES: [&str; 3] = ["trials", "fits", "robot_parameters"];
@@ -137,7 +138,7 @@ impl Snapshot {
     /// # Errors
     /// Returns an error if `trials.parquet` is missing or a table cannot be read.
     pub fn from_tables(derived: &Path, reader: &Reader) -> Result<Self, StoreError> {
-        let mut tables = BTreeMap::new();
+        let mut tables = BTreeMap::<String, Records>::new();
         let mut input = String::new();
         for table in TABLES {
             let path = derived.join(format!("{table}.parquet"));
@@ -156,6 +157,12 @@ impl Snapshot {
             }
         }
         tables.get_mut("fits").into_iter().flat_map(Records::values_mut).for_each(add_widths);
+        let precision: Vec<PrecisionRow> = known_rows(&derived.join("precision.parquet"), reader)?;
+        let residuals: Vec<ResidualRow> = known_rows(&derived.join("residuals.parquet"), reader)?;
+        let fits = tables.get("fits").cloned().unwrap_or_default();
+        if let Some(trials) = tables.get_mut("trials") {
+            noise::add_between(trials, &fits, &precision, &residuals);
+        }
         let path = derived.join("predictions.parquet");
         match rows(&path, &["campaign", "model", "source"], reader) {
             Err(error) if error.is_not_there() => {}
@@ -259,13 +266,24 @@ fn rows(
     Ok((rows, input.unwrap_or_default()))
 }
 
+/// Reads the rows of a table; returns no rows if the table is missing or is one of another version of the program.
+fn known_rows<R: Columns>(path: &Path, reader: &Reader) -> Result<Vec<R>, StoreError> {
+    match reader.bounded_table(path).and_then(|table| R::from_table(&table)) {
+        Err(error) if error.is_not_there() || error.is_schema_mismatch() => Ok(Vec::new()),
+        rows => rows,
+    }
+}
+
+/// Prefix of the column with the width of a quantity's 95 % confidence interval.
+pub(super) const INTERVAL: &str = "interval_";
+
 /// Adds to a record the widths of its 95 % confidence intervals.
 fn add_widths(record: &mut Record) {
     let widths = record.keys().filter_map(|column| {
         let quantity = column.strip_suffix("_lo")?;
         let low = number(record, column)?;
         let high = number(record, &format!("{quantity}_hi"))?;
-        Some((format!("interval_{quantity}"), (high - low).into()))
+        Some((format!("{INTERVAL}{quantity}"), (high - low).into()))
     });
     let widths: Vec<(String, Json)> = widths.collect();
     record.extend(widths);

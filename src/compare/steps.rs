@@ -5,7 +5,7 @@
 //! robust two-sample shift estimate in the spirit of Hodges and Lehmann, Annals of Mathematical Statistics 34, 1963. A
 //! single outlier is not a step if later runs return to the old level; the last run is judged as it is.
 
-use trilink_statistics::{MAD_TO_DEVIATION, median};
+use trilink_statistics::{MAD_TO_DEVIATION, median, median_high};
 
 /// Maximum number of values before and after an index from which the level on each side is computed.
 const WINDOW: usize = 8;
@@ -77,7 +77,8 @@ impl Shift {
         let before = &values[start.max(at.saturating_sub(WINDOW))..at];
         let mut after = values[at..values.len().min(at + WINDOW)].to_vec();
         let counts = [before.len(), after.len()];
-        let before = median(before.to_vec());
+        // Levels are values that a run had.
+        let before = median_high(before.to_vec());
         // Of the two middle values, use the one nearer to the former level.
         after.sort_unstable_by(f64::total_cmp);
         let middle = [after[(after.len() - 1) / 2], after[after.len() / 2]];

@@ -63,40 +63,75 @@ fn the_same_run_does_not_differ() {
     assert!(compared.cells > 10);
 }
 
-#[test]
-fn a_smaller_objective_is_within_tolerance() {
-    let run_with_j = |j: f64| {
-        let mut run = run(&[0.4, 0.41], 100.0);
-        let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
-        fit.insert("j".to_owned(), j.into());
-        run
-    };
-    let [baseline, better, worse] = [1.0, 0.6, 1.3].map(run_with_j);
-    assert!(compared(&baseline, &better).passes());
-    assert_eq!(out(&compared(&baseline, &worse)), ["fits symmetric skid-roll j"]);
+/// Returns a synthetic run whose fit has the columns `changes`.
+fn run_with(changes: &[(&str, Json)]) -> Snapshot {
+    let mut run = run(&[0.4, 0.41], 100.0);
+    let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
+    fit.extend(changes.iter().map(|(column, cell)| ((*column).to_owned(), cell.clone())));
+    run
 }
 
 #[test]
-fn a_model_that_is_inadequate_in_both_runs_is_listed_and_not_judged() {
+fn the_objective_is_judged_by_what_noise_explains() {
+    // Noise alone explains an objective of 2; the baseline had luck.
+    let run_with_j = |j: f64| {
+        let adequate = if j < 2.8 { "true" } else { "false" };
+        let ratios = [("j", j.into()), ("lack_of_fit", (j / 2.0).into())];
+        let verdict = [("lack_of_fit_limit", 1.4.into()), ("adequate", adequate.into())];
+        run_with(&[ratios, verdict].concat())
+    };
+    let [baseline, better, noisy, on_the_edge, worse] = [1.0, 0.2, 2.6, 3.0, 8.0].map(run_with_j);
+    for passing in [&better, &noisy, &on_the_edge] {
+        let compared = compared(&baseline, passing);
+        assert!(compared.passes(), "{:?}", out(&compared));
+    }
+    let worse = compared(&baseline, &worse);
+    let mut both = out(&worse);
+    both.sort();
+    assert_eq!(both, ["fits symmetric skid-roll adequate", "fits symmetric skid-roll j"]);
+    let sentence =
+        "skid-roll of symmetric fitted, and does not now (misfit 4.00 x noise, limit 1.40)";
+    assert_eq!(worse.causes[0].sentence, sentence);
+    // Without known noise, nothing is known about chance.
+    let unknown = compared(&run_with(&[("j", 1.0.into())]), &run_with(&[("j", 3.0.into())]));
+    assert!(unknown.passes() && unknown.count(Verdict::NotJudged) == 1);
+}
+
+#[test]
+fn a_model_that_is_inadequate_in_either_run_is_listed_and_not_judged() {
     let run_with = |skid0_kg_s: f64, d_m: f64, adequate: &str| {
-        let mut run = run(&[0.4, 0.41], skid0_kg_s);
-        let fit = run.tables.get_mut("fits").unwrap().get_mut("symmetric skid-roll").unwrap();
-        fit.insert("adequate".to_owned(), adequate.into());
+        let mut run = run_with(&[("adequate", adequate.into()), ("skid0_kg_s", skid0_kg_s.into())]);
         let names = [("campaign", "symmetric"), ("model", "skid-roll")];
         let names = names.map(|(column, name)| (column.to_owned(), Json::from(name)));
-        let prediction = names.into_iter().chain([("d_m".to_owned(), d_m.into())]).collect();
+        let numbers = [("d_m", d_m), ("interval_d_m", 0.001)];
+        let numbers = numbers.map(|(column, value)| (column.to_owned(), Json::from(value)));
+        let prediction = names.into_iter().chain(numbers).collect();
         let predictions = [("symmetric skid-roll 2.00 rad/s".to_owned(), prediction)].into();
         run.tables.insert("predictions".to_owned(), predictions);
         run
     };
     let compared =
         |then: &str, now: &str| compared(&run_with(100.0, 0.4, then), &run_with(200.0, 0.5, now));
-    let neither = compared("false", "false");
-    assert!(neither.passes(), "{:?}", out(&neither));
-    assert_eq!(neither.count(Verdict::NotJudged), 2);
-    for [then, now] in [["true", "false"], ["false", "true"], ["true", "true"]] {
-        assert_eq!(out(&compared(then, now)).len(), 2, "{then} {now}");
+    for [then, now] in [["false", "false"], ["true", "false"], ["false", "true"]] {
+        let compared = compared(then, now);
+        assert!(compared.passes(), "{:?}", out(&compared));
+        assert!(compared.count(Verdict::NotJudged) >= 2);
     }
+    assert_eq!(out(&compared("true", "true")).len(), 2);
+}
+
+#[test]
+fn trials_vary_by_more_than_their_cycles() {
+    let with_noise = |d_m: f64| {
+        let mut run = run(&[d_m], 100.0);
+        let trial = run.tables.get_mut("trials").unwrap().get_mut("trial-0").unwrap();
+        trial.insert("d_m_between".to_owned(), 0.012.into());
+        run
+    };
+    let shifted = |by_m: f64| compared(&with_noise(0.4), &with_noise(0.4 + by_m));
+    assert!(!compared(&run(&[0.4], 100.0), &run(&[0.45], 100.0)).passes());
+    assert!(shifted(0.05).passes(), "{:?}", out(&shifted(0.05)));
+    assert_eq!(out(&shifted(0.15)), ["trials trial-0 d_m", "campaigns symmetric d_m"]);
 }
 
 #[test]
@@ -157,6 +192,11 @@ fn missing_values_and_other_statuses_fail_unless_the_trial_is_still_used() {
     assert_eq!(change("d_m", Json::Null), ["trials trial-0 d_m"]);
     assert_eq!(change("status", Json::from("failed")), ["trials trial-0 status"]);
     assert!(change("status", Json::from("flagged")).is_empty());
+    // A trial that failed in the baseline has recovered.
+    let mut failed = baseline.clone();
+    let trial = failed.tables.get_mut("trials").unwrap().get_mut("trial-0").unwrap();
+    trial.extend([("d_m".to_owned(), Json::Null), ("status".to_owned(), "failed".into())]);
+    assert!(compared(&failed, &baseline).passes());
 }
 
 #[test]

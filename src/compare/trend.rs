@@ -1,16 +1,19 @@
 //! The page `history.html`: trends of the figures of merit with the tolerance around the accepted baseline.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value as Json, json};
+use trilink_base::Named as _;
 use trilink_base::numbers::{percent, significant};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_report::{colours, fill, image, notice_of_folders, trends};
+use trilink_robot::Parameter;
 use trilink_tables::config::{Compare, Config, Tolerance, tolerance};
 use trilink_tables::write_bytes;
 
 use super::CompareError;
-use super::history::{ACCEPTED, HistoryRow, MEAN};
+use super::causes::{CoefficientCause, CoefficientChange, by_coefficient};
+use super::history::{ACCEPTED, HistoryRow, INADEQUATE, MEAN};
 use super::judge::limit;
 use super::runs::Runs;
 use super::steps::{Step, find_steps};
@@ -48,14 +51,16 @@ pub(super) fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareE
         group[index].rows.push(row);
     }
     groups.values_mut().flatten().for_each(Series::find_steps);
-    let mut steps: BTreeMap<i64, Vec<Json>> = BTreeMap::new();
-    for series in groups.values().flatten() {
+    let all: Vec<&Series> = groups.values().flatten().collect();
+    let mut steps: BTreeMap<i64, Vec<(&Series, &Step)>> = BTreeMap::new();
+    for series in &all {
         for step in &series.steps {
-            steps.entry(series.rows[step.index].run).or_default().push(series.sentence(step));
+            steps.entry(series.rows[step.index].run).or_default().push((series, step));
         }
     }
     let steps = steps.iter().rev().map(|(run, steps)| {
-        json!({ "run": run, "date": runs.date(*run), "why": runs.changes(*run), "steps": steps })
+        let sentences = sentences(steps, &all, *run);
+        json!({ "run": run, "date": runs.date(*run), "why": runs.changes(*run), "steps": sentences })
     });
     let synthetic = notice_of_folders(&config.paths);
     let is_synthetic = !synthetic.is_empty();
@@ -96,26 +101,39 @@ impl<'r> Series<'r> {
         if model.is_empty() { quantity.clone() } else { format!("{model}: {quantity}") }
     }
 
+    /// Finds steps among the values with the same basis.
     fn find_steps(&mut self) {
-        let values: Vec<f64> = self.rows.iter().map(|row| row.value).collect();
-        self.steps = find_steps(&values, |index, before| {
-            let error = self.rows[index].value_se.hypot(self.rows[index - 1].value_se);
-            limit(self.tolerance?, before, error)
-        });
+        let mut by_basis: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for (index, row) in self.rows.iter().enumerate() {
+            by_basis.entry(&row.basis).or_default().push(index);
+        }
+        by_basis.remove(INADEQUATE);
+        for indices in by_basis.into_values() {
+            let rows: Vec<&HistoryRow> = indices.iter().map(|index| self.rows[*index]).collect();
+            let values: Vec<f64> = rows.iter().map(|row| row.value).collect();
+            let found = find_steps(&values, |index, before| {
+                let error = rows[index].value_se.hypot(rows[index - 1].value_se);
+                limit(self.tolerance?, before, error)
+            });
+            let found = found.into_iter().map(|step| Step { index: indices[step.index], ..step });
+            self.steps.extend(found);
+        }
+        self.steps.sort_by_key(|step| step.index);
     }
 
-    /// Returns the values from which the history page forms the sentence about a step in this figure of merit.
-    fn sentence(&self, step: &Step) -> Json {
-        let Step { index, before, after } = *step;
-        let row = self.rows[index];
-        json!({
-            "name": self.name(),
-            "campaign": row.campaign,
-            "verb": if after > before { "rose" } else { "fell" },
-            "by": percent(after, before).trim_start_matches(['+', '\u{2212}']),
-            "from": significant(before, 5),
-            "to": significant(after, 5),
-        })
+    /// Returns the coefficient that the series shows; `None` for other figures of merit.
+    fn parameter(&self) -> Option<Parameter> {
+        Parameter::of_name(&self.rows[0].quantity).filter(|_| !self.rows[0].model.is_empty())
+    }
+
+    /// Describes a step in words.
+    fn sentence(&self, Step { before, after, .. }: &Step) -> String {
+        let verb = if after > before { "rose" } else { "fell" };
+        let by = percent(*after, *before);
+        let by = by.trim_start_matches(['+', '\u{2212}']);
+        let [from, to] = [before, after].map(|level| significant(*level, 5));
+        let campaign = &self.rows[0].campaign;
+        format!("{} of {campaign} {verb} by {by}, from {from} to {to}", self.name())
     }
 
     /// Returns the accepted baselines, each with the rows from its acceptance up to the next acceptance.
@@ -140,13 +158,17 @@ impl<'r> Series<'r> {
     /// tolerance, if there is one; `None` without a baseline.
     fn since_baseline(&self, runs: &Runs) -> Option<Json> {
         let (baseline, rows) = *self.baselines(runs).last()?;
+        let last = rows.last().filter(|last| last.basis == baseline.basis)?;
         let out = rows.iter().rev().take_while(|row| self.is_out(baseline, row)).last();
-        let change = percent(rows.last()?.value, baseline.value);
+        let change = percent(last.value, baseline.value);
         Some(json!({ "change": change, "out": out.map(|row| row.run) }))
     }
 
     /// Returns whether the value in `row` differs from the baseline by more than the tolerance.
     fn is_out(&self, baseline: &HistoryRow, row: &HistoryRow) -> bool {
+        if row.basis != baseline.basis || row.basis == INADEQUATE {
+            return false;
+        }
         let distance = self.tolerance.map(|of| of.distance([baseline.value, row.value]));
         let limit = self.limit(baseline, row);
         distance.zip(limit).is_some_and(|(distance, limit)| distance > limit)
@@ -201,6 +223,38 @@ impl<'r> Series<'r> {
     }
 }
 
+/// Describes the steps of a run in words, coefficients first. Steps of a coefficient in several campaigns share a
+/// sentence.
+fn sentences(steps: &[(&Series, &Step)], all: &[&Series], run: i64) -> Vec<String> {
+    let changes = steps.iter().filter_map(|(series, step)| {
+        let HistoryRow { campaign, model, .. } = series.rows[0];
+        let ratio = step.after / step.before;
+        let parameter = series.parameter().filter(|_| ratio.is_finite() && ratio != 0.0)?;
+        Some(CoefficientChange { campaign, model, parameter, ratio })
+    });
+    let judged = |parameter: Parameter| {
+        let series = all.iter().filter(|series| series.parameter() == Some(parameter));
+        let rows = series.flat_map(|series| &series.rows);
+        let rows = rows.filter(|row| row.run == run && row.basis != INADEQUATE);
+        rows.map(|row| &row.campaign).collect::<BTreeSet<_>>().len()
+    };
+    let causes = by_coefficient(&changes.collect::<Vec<_>>(), judged);
+    let grouped = causes.into_iter().map(|CoefficientCause { sentence, parameters }| {
+        let is_own =
+            |series: &Series| series.parameter().is_some_and(|of| parameters.contains(&of));
+        let own: Vec<_> = steps.iter().filter(|(series, _)| is_own(series)).collect();
+        match own[..] {
+            [(_, Step { before, after, .. })] => {
+                let [from, to] = [before, after].map(|level| significant(*level, 5));
+                format!("{sentence}, from {from} to {to}")
+            }
+            _ => sentence,
+        }
+    });
+    let others = steps.iter().filter(|(series, _)| series.parameter().is_none());
+    grouped.chain(others.map(|(series, step)| series.sentence(step))).collect()
+}
+
 /// Legend label of the baseline.
 const BASELINE: &str = "accepted baseline and tolerance";
 /// Legend label of the confidence intervals.
@@ -222,12 +276,14 @@ fn group(
     let layout = if runs.count() > MAX_MARKERS { Layout::Pairs } else { Layout::Grid };
     let figure = Figure { is_synthetic, ..Figure::new("", texts, &[campaign], layout, panels) };
     let rows = series.iter().filter_map(|series| {
-        let (now, earlier) = series.rows.split_last()?;
+        let now = *series.rows.last()?;
+        let mut earlier =
+            series.rows.iter().filter(|row| row.run < now.run && row.basis == now.basis);
         Some(json!({
             "name": series.name(),
             "last": significant(now.value, 5),
-            "since_last": change(earlier.last().copied(), now),
-            "since_first": change(series.rows.first().copied(), now),
+            "since_last": change(earlier.clone().next_back(), now),
+            "since_first": change(earlier.next(), now),
             "since_baseline": series.since_baseline(runs),
         }))
     });
@@ -236,9 +292,6 @@ fn group(
 }
 
 /// Formats the relative change since an earlier run; empty if there is no earlier run.
-fn change(then: Option<&HistoryRow>, now: &HistoryRow) -> String {
-    match then {
-        Some(then) if then.run < now.run => percent(now.value, then.value),
-        _ => String::new(),
-    }
+fn change(then: Option<&&HistoryRow>, now: &HistoryRow) -> String {
+    then.map(|then| percent(now.value, then.value)).unwrap_or_default()
 }

@@ -23,6 +23,7 @@ mod keys;
 mod kill;
 mod manners;
 mod mistakes;
+mod nights;
 mod optimise;
 mod own_table;
 mod scheduling;

@@ -44,7 +44,7 @@ pub(super) fn header(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FilePr
         dialect.cells(row).filter(|cell| !cell.is_empty()).collect()
     });
     let is_axis = |(i, cell): (usize, &&[u8])| cell[0].eq_ignore_ascii_case(&b"XYZ"[i % 3]);
-    if axes.is_empty() || axes.len() % 3 != 0 || !axes.iter().enumerate().all(is_axis) {
+    if axes.is_empty() || !axes.len().is_multiple_of(3) || !axes.iter().enumerate().all(is_axis) {
         let needed = "a row of axes, `X1`, `Y1`, `Z1`, `X2`, ..., below the row of labels";
         let found = axes.first().map_or("no axis".to_owned(), |cell| format!("`{}`", shown(cell)));
         return Err(FileProblem::in_line(line + 1, found, needed));

@@ -19,10 +19,10 @@ pub enum Changes {
         not_judged: usize,
         /// Number of unchanged values.
         same: usize,
-        /// Values whose changes exceed their tolerances the most.
-        largest: Vec<ChangedValue>,
-        /// Names of the trials and fits that only the baseline contains.
-        vanished: Vec<String>,
+        /// First causes of the changes that exceed their tolerances, in words.
+        causes: Vec<String>,
+        /// Number of causes that are not named.
+        more_causes: usize,
         /// Names of the trials and fits that only this run contains.
         appeared: Vec<String>,
     },
@@ -34,21 +34,4 @@ pub struct AcceptedBaseline {
     /// Time of acceptance in UTC, such as `2026-01-31T12:00:00Z`.
     pub time: String,
     pub reason: String,
-}
-
-/// Table value that changed, with all fields formatted as text; unknown fields are empty.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ChangedValue {
-    pub table: String,
-    /// Name of the table row.
-    pub of: String,
-    pub column: String,
-    pub baseline: String,
-    pub candidate: String,
-    /// Relative change, in per cent.
-    pub change: String,
-    /// Change as a multiple of the standard error.
-    pub errors: String,
-    /// Tolerance with which the change was compared.
-    pub limit: String,
 }

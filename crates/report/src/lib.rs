@@ -65,7 +65,7 @@ use trilink_plot::{DrawError, Figure, Format};
 use trilink_tables::{Stamp, StoreError, ToDisk, hash};
 
 pub use branches::branches_drawing;
-pub use changes::{AcceptedBaseline, ChangedValue, Changes};
+pub use changes::{AcceptedBaseline, Changes};
 pub use content::{Content, input_paths};
 pub use ending::FigureFile;
 pub use figures::FREQUENCY;

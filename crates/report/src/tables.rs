@@ -72,10 +72,12 @@ tables! {
 
 /// Returns the paths of all tables that the report reads, whether or not the files exist.
 pub(crate) fn table_paths(derived: &Path) -> Vec<PathBuf> {
-    [TRIALS].iter().chain(TABLES).map(|name| table_path(derived, name)).collect()
+    [TRIALS, RESIDUALS].iter().chain(TABLES).map(|name| table_path(derived, name)).collect()
 }
 
 const TRIALS: &str = "trials";
+/// Table that the report's comparison with the baseline reads.
+const RESIDUALS: &str = "residuals";
 
 impl Tables {
     /// Reads the tables in the folder `derived` and sorts the rows by campaign, model and frequency. Only

@@ -22,7 +22,7 @@ use super::{Columns, PendingFile, Reader, Stamp, StoreError, checksum, write_if_
 const ZSTD_LEVEL: i32 = 1;
 
 /// Maximum number of rows, by table name, for tables that are read into memory completely.
-const MAX_ROWS: [(&str, usize); 14] = [
+const MAX_ROWS: [(&str, usize); 15] = [
     ("trials", 20_000),
     ("checks", 1_000_000),
     ("fits", 1_000),
@@ -31,6 +31,7 @@ const MAX_ROWS: [(&str, usize); 14] = [
     ("predictions", 50_000),
     ("comparison", 1_000),
     ("precision", 10_000),
+    ("residuals", 1_000_000),
     ("starts", 100_000),
     ("profiles", 100_000),
     ("bootstrap", 1_000_000),

@@ -12,7 +12,9 @@ use trilink_tables::{
     Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
 };
 
-use crate::compare::history::{ACCEPTED, HistoryRow, TRIAL_ADDED, TRIAL_REMOVED, history_path};
+use crate::compare::history::{
+    ACCEPTED, HistoryRow, INADEQUATE, TRIAL_ADDED, TRIAL_REMOVED, history_path,
+};
 use crate::compare::record_run;
 use crate::compare::trend;
 
@@ -94,7 +96,8 @@ fn a_planted_step_is_reported_with_its_run_and_the_changes() {
     };
     let unchanged = step(&rows);
     for text in [
-        "<strong>skid-roll: skid1_kg_s</strong> of skewed rose by ",
+        "<li>skid of the front wheel (wheel 1) +9.",
+        " % in skewed (skid-roll), from ",
         "On 2026-12-02 in <a href=\"#run-21\">run 21</a> (neither the program, the configuration nor the trials changed)",
     ] {
         assert!(unchanged.contains(text), "{unchanged}");
@@ -128,6 +131,20 @@ fn a_planted_step_is_reported_with_its_run_and_the_changes() {
     rows.push(event(21, TRIAL_REMOVED, "e"));
     let named = "(4 trials added: a, b, &lt;c&gt;, ...; 1 trial removed: e)";
     assert!(step(&rows).contains(named), "{}", step(&rows));
+}
+
+#[test]
+fn only_values_with_the_same_basis_are_compared() {
+    let mut rows = runs(30, 1, Some((21, 10.0)));
+    let steps = |rows: &[HistoryRow]| page(rows).matches(" (wheel 1) +").count();
+    assert_eq!(steps(&rows), 1);
+    // A mean over other frequencies has another level, and an inadequate model has none.
+    for basis in ["1.00, 2.00", INADEQUATE] {
+        for row in rows.iter_mut().filter(|row| row.run > 20) {
+            row.basis = basis.to_owned();
+        }
+        assert_eq!(steps(&rows), 0, "{basis}");
+    }
 }
 
 #[test]

@@ -81,7 +81,7 @@ const READERS: [(&str, &[&str]); 7] = [
             "cycles",
         ],
     ),
-    ("compare", &["trials", "fits", "robot_parameters", "predictions"]),
+    ("compare", &["trials", "fits", "robot_parameters", "predictions", "precision", "residuals"]),
     (
         "simulate kinematic-skewed --model skid-roll --omega 4 --fitted --bands --csv",
         &["trials", "cycles", "robot_parameters", "fits", "alternative_fits", "bootstrap"],
