@@ -50,8 +50,9 @@ pub(super) enum Column {
     Other,
 }
 
-/// Finds the marker section and reads its header. A Vicon file whose first table has no title may still be the marker table
-/// with its title removed by hand; if so, the rate may be unknown. `unit` applies to a file without a row of units.
+/// Finds the marker section and reads its header. A Vicon file whose first table has no title may still be the marker
+/// table with its title removed by hand; if so, the rate may be unknown. `unit` applies to a file without a row of
+/// units.
 pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProblem> {
     match System::detect(text) {
         System::Vicon => {}

@@ -77,14 +77,15 @@ fn is_marker_file(name: &str) -> bool {
     ENDINGS.iter().any(|ending| plain.ends_with(ending)) && !name.starts_with('.')
 }
 
-/// Reads the markers in an exported file of any known format, plain or gzipped; `unit` applies if the file does not state a
-/// unit.
+/// Reads the markers in an exported file of any known format, plain or gzipped; `unit` applies if the file does not
+/// state a unit.
 ///
 /// # Errors
 /// Returns an error if the file is missing, unreadable, empty or too large when decompressed; if it has no table with
 /// named markers, or more than one; if it has text in place of a number, numbers that lost their decimal point, frame
 /// numbers that do not increase, or times that contradict the frame rate; or if it is a C3D file that is truncated,
-/// damaged or inconsistent. Every message names the file, the line if it is a text file, what was found and what was needed.
+/// damaged or inconsistent. Every message names the file, the line if it is a text file, what was found and what was
+/// needed.
 pub fn read_markers(path: &Path, unit: LengthUnit) -> Result<Recording, ReadError> {
     parse_markers(path, &read_file(path)?.0, unit)
 }

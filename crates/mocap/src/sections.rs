@@ -35,8 +35,8 @@ pub(super) fn list_all(text: &[u8], unit: LengthUnit) -> Result<Vec<Section>, Fi
     Ok(vec![Section { name: format!("Markers ({})", system.name()), line, rate_hz, rows }])
 }
 
-/// Lists all sections of a text file by Vicon. A title is the only cell in its row, and is followed by a rate or by labels and
-/// axes.
+/// Lists all sections of a text file by Vicon. A title is the only cell in its row, and is followed by a rate or by
+/// labels and axes.
 pub(super) fn list(dialect: Dialect, text: &[u8]) -> Vec<Section> {
     let mut found: Vec<Section> = Vec::new();
     let mut title: Option<(usize, &[u8])> = None;
