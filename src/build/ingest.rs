@@ -49,7 +49,9 @@ impl IngestStage {
         let notes = all.ignored().into_iter().collect();
         let TrialFolders { folders, trials } = all;
         let trials = trials.into_par_iter().map(|listed| {
-            let input = IngestInput::new(config, &listed.trial);
+            // The error concerns an entry of the list, which has the id and not the name.
+            let input = IngestInput::new(config, &listed.trial)
+                .map_err(|error| TrialError { trial: listed.id.clone(), ..error });
             (listed, input)
         });
         let trials = trials.collect();

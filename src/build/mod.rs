@@ -100,13 +100,6 @@ pub enum RunError {
     #[error("something has changed")]
     Outdated,
     #[error(
-        "{}: this trial folder has no trials.toml, but {} still contains tables of its trials; restore trials.toml, \
-         or name the folders to keep with --only, which removes the results of all others",
-        folder.display(),
-        derived.display()
-    )]
-    FolderGone { folder: PathBuf, derived: PathBuf },
-    #[error(
         "{0}: contains no shards; `trilink ingest --shard 3/8 --into {0}` and `trilink fit --replicates 0..500 --into \
          {0}` write shards to it",
         shards.display()
@@ -355,9 +348,9 @@ impl<'s> Sequence<'s> {
             let list = folder.join(TRIALS_FILE).try_exists();
             known.contains(&paths.name_of(folder)) && list.is_ok_and(|is_there| !is_there)
         });
-        if let Some(folder) = gone.first().filter(|_| there.is_empty()) {
-            let folder = folder.clone();
-            return Err(RunError::FolderGone { folder, derived: paths.derived.clone() });
+        if there.is_empty() {
+            // Nothing can be done without any folder; the error names the first list that cannot be read.
+            return Ok(MissingFolders::default());
         }
         let mut missing = MissingFolders::default();
         if !gone.is_empty() {

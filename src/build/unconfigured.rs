@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use trilink_ingest::{IngestInput, TrialFailure};
 use trilink_tables::TrialRow;
 use trilink_tables::config::{Config, ConfigError};
-use trilink_tables::trial::{ListedTrial, TrialFolders, TrialKind};
+use trilink_tables::trial::{ListedTrial, TrialError, TrialFolders, TrialKind};
 
 use super::{RunError, ingested};
 
@@ -31,8 +31,9 @@ pub fn check_unconfigured(config: &Config) -> Result<(), RunError> {
         trials.retain(is_of_gait);
     }
     let mut first = None;
-    for ListedTrial { folder, trial, .. } in &trials {
-        let input = IngestInput::new(config, trial).map_err(TrialFailure::from);
+    for ListedTrial { folder, id, trial } in &trials {
+        let input = IngestInput::new(config, trial)
+            .map_err(|error| TrialFailure::from(TrialError { trial: id.clone(), ..error }));
         match input.and_then(|input| input.check_labels(&all[*folder].path.join(&trial.file))) {
             Ok(()) => return Ok(()),
             Err(failure) => _ = first.get_or_insert(failure),

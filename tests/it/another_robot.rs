@@ -52,7 +52,7 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
     assert_eq!(trials.len(), 4);
     for trial in &trials {
         let known =
-            |quantity: &str| truth["trials"][&trial.trial][quantity].as_f64().expect("a number");
+            |quantity: &str| truth["trials"][&trial.id][quantity].as_f64().expect("a number");
         for (quantity, found) in [("d_m", trial.metrics.d_m), ("v_m_s", trial.metrics.v_m_s)] {
             let error = (found / known(quantity) - 1.0).abs();
             assert!(error < 0.01, "{}: {quantity}: {found} {}", trial.trial, known(quantity));
@@ -101,7 +101,7 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
 fn a_frame_is_timed_by_the_configured_rate() {
     let folder = recorded();
     succeed(folder.path(), &["ingest", "raw/trolley"]);
-    let poses = folder.path().join("derived/poses/pulled-2.00-r1.parquet");
+    let poses = folder.path().join("derived/poses/trolley_pulled-2.00-r1.parquet");
     let poses = Table::read(&poses).expect("a table");
     assert_eq!(poses.values::<f64>("time_s").expect("times")[200], 1.0);
 }
@@ -114,7 +114,7 @@ fn labels_in_the_layout_may_name_the_subject() {
 
     // Two robots in view have markers with the same names, which only the subject distinguishes.
     for trial in &by_marker {
-        let path = folder.path().join(format!("raw/trolley/{}.csv", trial.trial));
+        let path = folder.path().join(format!("raw/trolley/{}", trial.file));
         let export = std::fs::read_to_string(&path).expect("a marker file");
         let lines: Vec<String> = export
             .lines()

@@ -88,8 +88,8 @@ impl FolderInput {
         for (folder, count) in &self.gone {
             let count = *count as f64;
             let message = format!(
-                "this folder is gone, and its {count} trials are no longer in the tables: restore it, or remove it from \
-                 the configuration and run once with --only"
+                "this folder is gone, and its {count} trials are no longer in the tables: restore it, or remove it \
+                 from the configuration and run once with --only"
             );
             let finding = Finding::new(Check::FolderGone, false, count, 0.0, message);
             rows.checks.push(finding.row(&format!("folder {folder}")));

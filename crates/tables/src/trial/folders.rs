@@ -184,8 +184,8 @@ impl TrialFolders {
     }
 }
 
-/// Returns the prefix of the names of a folder's trials: the components of its path without a leading `raw`, or the last
-/// of them and a hash if all are too long.
+/// Returns the prefix of the names of a folder's trials: the components of its path without a leading `raw`, or the
+/// last of them and a hash if all are too long.
 fn prefix(folder: &str) -> String {
     let components = Path::new(folder).components();
     let names = components.filter(|part| matches!(part, Component::Normal(_)));
