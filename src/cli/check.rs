@@ -139,13 +139,21 @@ fn counts(trials: &[CheckedTrial]) -> BTreeMap<&str, Vec<String>> {
 
 /// Checks each marker file on its own; no list of trials (`trials.toml`) is needed.
 fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
-    let settings = IngestSettings::new(&context.config);
+    let config = &context.config;
+    let of_robots = config.layout.values();
+    let of_robots = of_robots
+        .map(|markers| IngestSettings { markers: markers.clone(), ..IngestSettings::new(config) });
+    let settings: Vec<IngestSettings> =
+        std::iter::once(IngestSettings::new(config)).chain(of_robots).collect();
     let stage = context.progress.stage("check", files.len());
     let surveys: Vec<FileSurvey> = files
         .par_iter()
         .with_max_len(1)
         .map(|file| {
-            let survey = survey(file, &settings);
+            // The robot of the file is not known: its layout is the one with the fewest problems.
+            let surveys = settings.iter().map(|settings| survey(file, settings));
+            let survey =
+                surveys.min_by_key(|survey| survey.stops.len()).expect("one layout at least");
             stage.step(&file.display().to_string());
             survey
         })

@@ -12,8 +12,8 @@ use trilink_synth::{Recipe, planted_models};
 use trilink_tables::config::{Campaign, Config, RobotConfig, toml_key};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE};
 use trilink_tables::{
-    Comparison, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow, TrialStatus,
-    is_there,
+    CommonCause, Comparison, FitRow, RobotParameterRow, RobotQuantity, SharedFitRow, TrialRow,
+    TrialStatus, is_there,
 };
 
 use super::output::{note, say};
@@ -24,7 +24,7 @@ use crate::build::{
     count, dry_run, run,
 };
 
-/// Maximum number of trials listed on the terminal; the report page lists all of them.
+/// Maximum number of groups of trials listed on the terminal; the report page lists all of them.
 const MAX_LINES: usize = 20;
 /// Seed for the synthesis of the demo's trials.
 const DEMO_SEED: u64 = 1;
@@ -176,7 +176,8 @@ pub(super) fn in_words(trials: &[TrialRow]) -> String {
     format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
 }
 
-/// Prints the failed trials and the message `other`, if there is one, and then the flagged trials as a separate block.
+/// Prints the failed trials, by folder and cause, and the message `other`, if there is one, and then the flagged trials as
+/// a separate block.
 pub(super) fn say_attention(context: &Context, trials: &[TrialRow], other: Option<&str>) {
     let mut failed = lines(trials, TrialStatus::Failed);
     failed.extend(other.map(str::to_owned));
@@ -189,10 +190,9 @@ pub(super) fn say_attention(context: &Context, trials: &[TrialRow], other: Optio
     }
 }
 
-/// Returns a line for each trial with this status.
+/// Returns a line for each group of trials with this status and a common cause.
 fn lines(trials: &[TrialRow], status: TrialStatus) -> Vec<String> {
-    let trials = trials.iter().filter(|trial| trial.status == status);
-    trials.map(|trial| format!("{status}: {}: {}", trial.trial, trial.message)).collect()
+    CommonCause::find(trials, status).iter().map(CommonCause::to_string).collect()
 }
 
 /// Indents at most [`MAX_LINES`] lines, and states how many lines were left out.

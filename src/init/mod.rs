@@ -5,6 +5,7 @@
 //! (`frequency`), the best file the marker layout (`layout`), and all gaits together the campaigns (`campaigns`).
 //! Everything unknown is marked in the files written (`write`).
 
+mod add;
 mod axes;
 mod campaigns;
 mod clusters;
@@ -61,6 +62,9 @@ pub struct Request {
     /// Replace existing files.
     #[arg(long)]
     pub force: bool,
+    /// Add the robot of these folders, with its gaits, campaigns and marker layout, to an existing pipeline.toml.
+    #[arg(long, conflicts_with = "force")]
+    pub add: bool,
 }
 
 /// Parses a folder; the current one becomes an empty path.
@@ -85,8 +89,10 @@ fn parse_unit(text: &str) -> Result<LengthUnit, String> {
 pub enum InitError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
-    #[error("{}: file already exists; --force replaces it", .0.display())]
+    #[error("{}: file already exists; --add adds the robot of these folders to it", .0.display())]
     Exists(PathBuf),
+    #[error("{}: {why}", path.display())]
+    Add { path: PathBuf, why: String },
     #[error("{}: cannot be read: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
     #[error(

@@ -77,7 +77,7 @@ impl Survey {
 /// Returns an error if a file would be overwritten, a folder or list cannot be read, or there is no marker file.
 pub(super) fn folders(request: &Request) -> Result<Vec<Folder>, InitError> {
     let config = request.out.join("pipeline.toml");
-    if !request.force && config.symlink_metadata().is_ok() {
+    if !request.force && !request.add && config.symlink_metadata().is_ok() {
         return Err(InitError::Exists(config));
     }
     let mut folders: Vec<Folder> = Vec::new();

@@ -8,8 +8,10 @@ use trilink_base::files::name_in;
 use trilink_ingest::MarkerPosition;
 use trilink_mocap::LengthUnit;
 use trilink_tables::PendingFile;
+use trilink_tables::config::{CONFIG_FILE, toml_key};
 use trilink_tables::trial::{TrialKind, is_valid_id};
 
+use super::add::Existing;
 use super::campaigns::{Group, MeasuredGait, named_omega, words};
 use super::clusters::{Links, names};
 use super::frequency::Recorded;
@@ -44,11 +46,23 @@ pub(super) struct Written<'r> {
 }
 
 /// Writes `pipeline.toml` and the lists of trials, and returns the findings.
-pub(super) fn write(written: Written) -> Result<Findings, InitError> {
-    let robot = written.robot();
+pub(super) fn write(mut written: Written) -> Result<Findings, InitError> {
     let elsewhere = written.elsewhere();
-    let config = written.request.out.join("pipeline.toml");
-    let mut texts = vec![(config, written.pipeline(&robot, &elsewhere)?)];
+    let config = written.request.out.join(CONFIG_FILE);
+    let existing = if written.request.add { Some(Existing::read(&config)?) } else { None };
+    let mut robot = written.robot();
+    if let Some(existing) = &existing {
+        robot = existing.free_name("robot", &robot);
+        for group in &mut written.groups {
+            group.name = existing.free_name("campaign", &existing.free_name("gait", &group.name));
+        }
+    }
+    let text = written.pipeline(&robot, &elsewhere, existing.as_ref())?;
+    let text = match &existing {
+        Some(existing) => existing.extended(&written.raw(), &text)?,
+        None => text,
+    };
+    let mut texts = vec![(config, text)];
     let mut kept = Vec::new();
     let mut empty = Vec::new();
     for (i, folder) in written.folders.iter().enumerate() {
@@ -176,14 +190,24 @@ impl Written<'_> {
         self.groups.iter().find(|group| group.files.contains(&file))
     }
 
-    /// Renders the content of `pipeline.toml`.
-    fn pipeline(&self, robot: &str, elsewhere: &[String]) -> Result<String, InitError> {
-        let Self { request, layout, .. } = self;
+    /// Returns the folders with usable files, relative to the folder of `pipeline.toml`.
+    fn raw(&self) -> Vec<String> {
         let folders = (0..self.folders.len()).filter(|i| self.trials(*i).next().is_some());
-        let raw = folders.map(|i| match name_in(&request.out, &self.folders[i].path) {
+        let names = folders.map(|i| match name_in(&self.request.out, &self.folders[i].path) {
             name if name.is_empty() => ".".to_owned(),
             name => name,
         });
+        names.collect()
+    }
+
+    /// Renders the content of `pipeline.toml` or, if there is one already, what is added to it.
+    fn pipeline(
+        &self,
+        robot: &str,
+        elsewhere: &[String],
+        existing: Option<&Existing>,
+    ) -> Result<String, InitError> {
+        let Self { request, layout, .. } = self;
         let measured = [TrialKind::CoastDown, TrialKind::JointRelease];
         let measured = measured.into_iter().filter(|kind| self.has(*kind)).map(TrialKind::name);
         let calibration = &layout.calibration;
@@ -202,7 +226,10 @@ impl Written<'_> {
             self.usable().filter_map(|survey| Some(survey.rate_hz?.to_bits())).collect();
         let values = json!({
             "files": self.surveys.len(),
-            "raw": raw.collect::<Vec<_>>(),
+            "raw": self.raw(),
+            "added": existing.is_some(),
+            "layout": existing.map(|_| format!("layout.{}", toml_key(robot))),
+            "is_other_rate": existing.is_some_and(|existing| existing.has_other_rate(&rates)),
             "rate_hz": format!("{:?}", self.rate_hz),
             "rates": rates.len(),
             "silent": self.usable().filter(|survey| survey.rate_hz.is_none()).count(),

@@ -345,3 +345,57 @@ fn ids_stay_and_a_line_tells_what_happened_when_folders_are_added_copied_moved_o
     let compared = trilink(single.path(), &["compare"]);
     assert!(page(&single).contains("\"vanished\": []"), "{}", text(&compared.stdout));
 }
+
+/// Replaces a marker's label in the header of all marker files of a folder.
+fn relabel(folder: &Small, home: &str, label: &str, other: &str) {
+    for entry in fs::read_dir(folder.place(home)).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "csv") {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            let found = text(&folder.read(&format!("{home}/{name}")));
+            assert!(found.contains(label), "{name}");
+            folder.write(&format!("{home}/{name}"), found.replacen(label, other, 1));
+        }
+    }
+}
+
+#[test]
+fn a_days_renamed_or_missing_markers_are_one_line_and_aliases_replace_labels_by_folder() {
+    let folder = nights(false);
+    said(folder.path(), &["run"], 0);
+    let measured = rows(&folder);
+    relabel(&folder, "raw/first", "F1", "Front-left");
+    let failed = said(folder.path(), &["run"], 1);
+    let line = "failed: raw/first: all 2 trials: the file has no marker `F1`, which markers.link1 of pipeline.toml \
+                requires; `Front-left` is not in the layout: if it is this marker, rename it or add `aliases = { \
+                Front-left = \"F1\" }` to trials.toml; ";
+    assert_eq!(failed.matches(line).count(), 1, "{failed}");
+    assert_eq!(
+        failed.matches("`Front-left` is not in the layout").count(),
+        2,
+        "also E004: {failed}"
+    );
+    let page = text(&folder.read("reports/index.html"));
+    assert!(page.contains("<strong>raw&#x2f;first: all 2 trials</strong>: the file has no marker"));
+
+    let list = text(&folder.read("raw/first/trials.toml"));
+    folder.write("raw/first/trials.toml", format!("aliases = {{ Front-left = \"F1\" }}\n{list}"));
+    said(folder.path(), &["run"], 0);
+    assert_eq!(format!("{:?}", rows(&folder)), format!("{measured:?}"), "with aliases");
+    said(folder.path(), &["check"], 0);
+
+    // The middle link has four markers, of which three suffice.
+    relabel(&folder, "raw/second", "M4", "Lost");
+    let flagged = said(folder.path(), &["run"], 1);
+    let line = "flagged: raw/second: all 3 trials: the file has no marker `M4` of link 0; `Lost` is not in the layout";
+    assert!(flagged.contains(line), "{flagged}");
+    for (row, before) in rows(&folder).iter().zip(&measured) {
+        let is_flagged = row.status == TrialStatus::Flagged;
+        assert_eq!(is_flagged, row.folder == "raw/second" || before.status == TrialStatus::Flagged);
+        let error = (row.metrics.d_m / before.metrics.d_m - 1.0).abs();
+        assert!(row.metrics.d_m.is_nan() || error < 0.005, "{row:?}");
+    }
+    let checks = Table::read(&folder.place("derived/checks.parquet")).unwrap();
+    let checks = CheckRow::from_table(&checks).unwrap();
+    assert_eq!(checks.iter().filter(|check| check.check == "W030 missing-markers").count(), 3);
+}

@@ -7,7 +7,9 @@ use tempfile::TempDir;
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 use trilink_tables::trial::{TrialKind, TrialList};
-use trilink_tables::{Columns as _, ComparisonRow, FitRow, FitStatus, Outcome, Table};
+use trilink_tables::{
+    Columns as _, ComparisonRow, FitRow, FitStatus, Outcome, Table, TrialRow, TrialStatus,
+};
 
 use crate::common::{succeed, text, trilink};
 
@@ -421,7 +423,8 @@ fn nothing_is_overwritten_and_errors_are_reported() {
     std::fs::write(path.join("pipeline.toml"), "# mine\n").unwrap();
     let there = refused(path, &["init", "raw"]);
     assert!(
-        there.contains("pipeline.toml: file already exists") && there.contains("--force"),
+        there.contains("pipeline.toml: file already exists; --add adds")
+            && !there.contains("--force"),
         "{there}"
     );
     assert_eq!(read(path, "pipeline.toml"), "# mine\n");
@@ -479,4 +482,61 @@ fn a_coast_down_determines_directions_that_gaits_with_offsets_bias() {
     std::fs::remove_file(path.join("raw/cart-coast-down-r1.csv")).unwrap();
     found(path, &["raw", "--l-m", "0.13", "--front", "N1", "--force"], 0);
     assert!(read(path, "pipeline.toml").contains(marked));
+}
+
+#[test]
+fn a_second_robot_is_added_to_the_configuration_of_the_first_and_both_are_on_one_page() {
+    let folder = recorded(CART, "3,4", |name| name.starts_with("weave"));
+    let path = folder.path();
+    // The second robot has the same labels in other places and is longer.
+    let other = CART
+        .replace("h_m = 0.2\n", "h_m = 0.24\n")
+        .replace("Body-L = [60.0, 52.0, 70.0]", "Body-L = [75.0, 40.0, 66.0]")
+        .replace("N2 = [-40.0, 33.0, 50.0]", "N2 = [-30.0, 38.0, 50.0]");
+    let second = recorded(&other, "3,4", |name| name.starts_with("weave"));
+    std::fs::rename(second.path().join("raw"), path.join("second")).unwrap();
+
+    succeed(path, &["-q", "init", "raw", "--l-m", "0.13", "--front", "N1"]);
+    edit(path, "pipeline.toml", &EDITED);
+    quick(path);
+    let before = read(path, "pipeline.toml");
+    let added = found(path, &["--add", "second", "--l-m", "0.13", "--front", "N1"], 0);
+    assert_eq!(
+        (&added["robot"], &added["campaigns"][0]["name"]),
+        (&"snake-2".into(), &"weave-2".into())
+    );
+    let after = read(path, "pipeline.toml");
+    let unchanged = before.replace("raw = \"raw\"", "raw = [\"raw\", \"second\"]");
+    assert!(after.starts_with(unchanged.trim_end()), "{after}");
+    let marked = added["marks"].as_array().unwrap();
+    assert!(marked.iter().any(|mark| mark["of"] == "b_m"), "{marked:?}");
+    let filled = after
+        .replace("b_m = nan", EDITED[0])
+        .replace("mass_kg = [nan, nan, nan]", EDITED[1])
+        .replace("inertia_kg_m2 = [nan, nan, nan]", EDITED[2]);
+    std::fs::write(path.join("pipeline.toml"), filled).unwrap();
+
+    succeed(path, &["-q", "run"]);
+    let trials = Table::read(&path.join("derived/trials.parquet")).unwrap();
+    let trials = TrialRow::from_table(&trials).unwrap();
+    assert_eq!(trials.len(), 4);
+    for (campaign, folder, truths) in [("weave", "raw", path), ("weave-2", "second", second.path())]
+    {
+        let truth: Value = serde_json::from_str(&read(truths, "truth.json")).unwrap();
+        let of_campaign = trials.iter().filter(|trial| trial.campaign == campaign);
+        assert_eq!(of_campaign.clone().count(), 2);
+        for trial in of_campaign {
+            assert_eq!(trial.trial, format!("{folder}_{}", trial.id));
+            let known = truth["trials"][&trial.id]["d_m"].as_f64().unwrap();
+            let error = (trial.metrics.d_m / known - 1.0).abs();
+            assert!(error < 0.01 && trial.status == TrialStatus::Ok, "{trial:?}");
+        }
+    }
+    let page = read(path, "reports/index.html");
+    assert!(page.contains("weave-2") && page.contains("second_weave-3.00-r1"));
+    // Without its layout, the second robot's markers are not where the first robot's are.
+    let without = read(path, "pipeline.toml").replace("[layout.snake-2.", "[layout.snake.");
+    std::fs::write(path.join("pipeline.toml"), without).unwrap();
+    let run = trilink(path, &["-q", "run"]);
+    assert_eq!(run.status.code(), Some(1), "{}", text(&run.stderr));
 }

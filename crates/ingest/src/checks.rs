@@ -118,6 +118,9 @@ checks! {
     /// Checks that the floor is level where coast-downs or gaits in different directions show its slope. For a
     /// coast-down the value is the slope along the direction of travel, degrees.
     FloorSlope = "W029 floor-slope", limit 0.02;
+    /// Checks that the file has all markers of the layout. The value is the number of missing markers; links with three
+    /// others do without one.
+    MissingMarkers = "W030 missing-markers", limit 0.0;
     /// Checks that the joints do not follow the gait of another campaign.
     OtherCampaign = "E002 other-campaign";
     /// Checks that no other trial has the same marker file.

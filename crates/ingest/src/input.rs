@@ -1,5 +1,6 @@
 //! Configuration of the ingest stage.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
@@ -9,7 +10,7 @@ use trilink_tables::config::{Config, GaitConfig, Ingest, Markers, NamedEntry, Ro
 use trilink_tables::trial::{Trial, TrialError, TrialKind};
 
 use super::error::{Problem, TrialFailure};
-use super::markers::layout::locate;
+use super::markers::layout::{apply_aliases, locate};
 
 /// Settings for reading marker files, common to all trials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -25,6 +26,9 @@ pub struct IngestInput {
     #[serde(flatten)]
     pub settings: IngestSettings,
     pub robot: NamedEntry<RobotConfig>,
+    /// Labels of the layout by the labels that replace them in the file.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    aliases: BTreeMap<String, String>,
     /// Commanded gait; `None` unless the trial's kind is `gait`.
     pub gait: Option<NamedEntry<GaitConfig>>,
 }
@@ -71,15 +75,17 @@ impl IngestInput {
 
     fn select(config: &Config, trial: &Trial) -> Option<Self> {
         let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
-        let robot = campaign.map(|campaign| &campaign.robot).or(trial.robot.as_ref())?;
-        let mut robot = NamedEntry::find(&config.robot, robot)?;
+        let robot = trial.robot_name(config)?.to_owned();
+        let markers = config.markers_of(&robot).clone();
+        let mut robot = NamedEntry::find(&config.robot, &robot)?;
         // Parameter deviations are read only by fits.
         robot.value.clear_deviations();
         let gait = match campaign {
             Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
             None => None,
         };
-        Some(Self { settings: IngestSettings::new(config), robot, gait })
+        let settings = IngestSettings { markers, ..IngestSettings::new(config) };
+        Some(Self { settings, robot, aliases: trial.aliases.clone(), gait })
     }
 
     /// Checks that a file has the markers of the configured layout; nothing else is checked.
@@ -87,9 +93,16 @@ impl IngestInput {
     /// # Errors
     /// Returns an error if a marker is missing or ambiguous, or if the file cannot be read.
     pub fn check_labels(&self, path: &Path) -> Result<(), TrialFailure> {
-        let IngestSettings { vicon: Vicon { unit, ignore, .. }, markers, .. } = &self.settings;
-        let file = trilink_mocap::read_markers(path, *unit)?.without(ignore);
+        let IngestSettings { vicon: Vicon { unit, .. }, markers, .. } = &self.settings;
+        let file = self.with_layout_labels(trilink_mocap::read_markers(path, *unit)?);
         locate(markers, &file).map(drop).map_err(|problem| problem.in_file(path))
+    }
+
+    /// Leaves out the markers to be ignored and replaces labels by those of the layout.
+    pub(super) fn with_layout_labels(&self, file: Recording) -> Recording {
+        let mut file = file.without(&self.settings.vicon.ignore);
+        apply_aliases(&self.aliases, &mut file);
+        file
     }
 
     pub(super) fn robot(&self) -> Robot {

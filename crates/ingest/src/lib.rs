@@ -79,7 +79,7 @@ use trilink_mocap::Recording;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, Robot};
 use trilink_statistics::Estimate;
-use trilink_tables::config::{Config, Smoothing, Vicon};
+use trilink_tables::config::{Config, Smoothing};
 use trilink_tables::trial::{Trial, TrialKind};
 use trilink_tables::{
     CheckRow, Clock, Coordinates, CycleRow, Frames as _, RobotParameterRow, Severity, Table,
@@ -221,8 +221,9 @@ fn process(
     input: &IngestInput,
     partial: &mut PartialResult,
 ) -> Result<ProcessedTrial, TrialFailure> {
-    let Vicon { unit, ignore, .. } = &input.settings.vicon;
-    let file = trilink_mocap::parse_markers(path, bytes.as_ref(), *unit)?.without(ignore);
+    let unit = input.settings.vicon.unit;
+    let file = trilink_mocap::parse_markers(path, bytes.as_ref(), unit)?;
+    let file = input.with_layout_labels(file);
     // The bytes of a long recording take up a gigabyte.
     drop(bytes);
     let processed = process_recording(file, trial, input, partial);
@@ -306,6 +307,8 @@ struct TrialRecording<'i> {
     file: Recording,
     settings: &'i IngestSettings,
     layout: Layout,
+    /// Finding about markers that the file does not have.
+    missing: Option<Finding>,
     linkage: Linkage,
     rate_hz: f64,
 }
@@ -313,9 +316,9 @@ struct TrialRecording<'i> {
 impl<'i> TrialRecording<'i> {
     fn new(file: Recording, settings: &'i IngestSettings, robot: &Robot) -> Result<Self, Problem> {
         let rate_hz = settings.frame_rate(&file)?;
-        let layout = layout::locate(&settings.markers, &file)?;
+        let (file, layout, missing) = layout::locate_or_occlude(&settings.markers, file)?;
         diagnosis::check_layout(&file, &layout)?;
-        Ok(Self { file, settings, layout, linkage: Linkage::from_robot(robot), rate_hz })
+        Ok(Self { file, settings, layout, missing, linkage: Linkage::from_robot(robot), rate_hz })
     }
 
     /// Reconstructs and checks the robot's coordinates over time. Also returns the frames whose joint angles determine
@@ -361,7 +364,7 @@ impl<'i> TrialRecording<'i> {
 
     /// Fits the poses of all links; tilt and joint positions are estimated from the `steady` rows.
     fn solve(&self, steady: Range<usize>) -> Result<LinkPoses, Problem> {
-        let Self { file, settings, layout, linkage, rate_hz } = self;
+        let Self { file, settings, layout, linkage, rate_hz, .. } = self;
         poses::solve(file, layout, Some(*linkage), settings.ingest.poses, *rate_hz, steady)
     }
 
@@ -372,8 +375,9 @@ impl<'i> TrialRecording<'i> {
 
     /// Checks markers, poses and linkage in a range of frames.
     fn checks(&self, tracked: &Tracked, frames: &Range<usize>) -> Vec<Finding> {
-        let Self { file, settings, layout, linkage, .. } = self;
-        let mut findings = poses::tracking_checks(tracked, file, layout, settings, frames);
+        let Self { file, settings, layout, linkage, missing, .. } = self;
+        let mut findings: Vec<Finding> = missing.iter().cloned().collect();
+        findings.extend(poses::tracking_checks(tracked, file, layout, settings, frames));
         findings.extend(diagnosis::check_linkage(linkage, &tracked.constant));
         findings
     }

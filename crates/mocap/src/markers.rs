@@ -74,6 +74,17 @@ impl Recording {
         }
     }
 
+    /// Returns the recording with one more marker, which is occluded in all frames.
+    pub fn with_occluded(self, label: String) -> Self {
+        let mut positions_mm = Vec::with_capacity(self.positions_mm.len() + self.frames.len());
+        for row in 0..self.frames.len() {
+            positions_mm.extend_from_slice(self.row_mm(row));
+            positions_mm.push(MISSING);
+        }
+        let labels = self.labels.into_iter().chain([label]).collect();
+        Self { labels, positions_mm, ..self }
+    }
+
     /// Returns the recording reduced to frames whose numbers are multiples of `stride`, renumbered and with the frame
     /// rate reduced accordingly.
     pub fn thinned(&self, stride: usize) -> Self {

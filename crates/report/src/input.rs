@@ -81,9 +81,14 @@ impl ReportInput {
         self.shown.robot.get(&self.shown.campaign.get(campaign)?.robot)
     }
 
-    /// Returns the marker layout of the links.
-    pub fn markers(&self) -> &Markers {
-        &self.shown.markers
+    /// Returns the name of a campaign's robot, or `None` if the campaign is not configured.
+    pub(crate) fn robot_name(&self, campaign: &str) -> Option<&str> {
+        Some(&self.shown.campaign.get(campaign)?.robot)
+    }
+
+    /// Returns the marker layout of a robot.
+    pub fn markers_of(&self, robot: &str) -> &Markers {
+        self.shown.markers_of(robot)
     }
 
     /// Returns the configuration as TOML, including default values.

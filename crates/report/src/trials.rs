@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use rayon::prelude::*;
-use trilink_robot::Robot;
 use trilink_tables::{Reader, ToDisk, TrialRow, TrialStatus, cycles_path, poses_path, wheels_path};
 
 use super::page::{self, TrialPages};
@@ -60,13 +59,12 @@ pub(crate) fn pages(input: &ReportInput, tables: &Tables) -> TrialPages {
         .collect()
 }
 
-/// Returns the robot used in a trial: the robot of the trial's campaign, or the robot whose parameters the trial
-/// measures; `None` if neither is known.
-fn robot_of(trial: &TrialRow, input: &ReportInput, tables: &Tables) -> Option<Robot> {
-    let of_campaign = input.campaign_setup(&trial.campaign).map(|(robot, _)| robot);
-    of_campaign.or_else(|| {
+/// Returns the name of the robot used in a trial: the robot of the trial's campaign, or the robot whose parameters the
+/// trial measures; `None` if neither is known.
+fn robot_of<'t>(trial: &TrialRow, input: &'t ReportInput, tables: &'t Tables) -> Option<&'t str> {
+    input.robot_name(&trial.campaign).or_else(|| {
         let row = tables.robots.iter().find(|row| row.trial == trial.trial)?;
-        input.robot(&row.robot)
+        Some(&row.robot)
     })
 }
 
@@ -105,10 +103,10 @@ pub(crate) fn parts(
             let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
             let setup = input.campaign_setup(&trial.campaign);
             let robot = robots.first().and_then(|row| input.robot(&row.robot));
+            let markers = robot_of(trial, input, tables).map(|name| input.markers_of(name));
             let neighbours = page::neighbours(trial, tables, pages);
             let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
-            let rows =
-                (trial, checks, robots, setup, robot, input.markers(), neighbours, is_synthetic);
+            let rows = (trial, checks, robots, setup, robot, markers, neighbours, is_synthetic);
             let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
             let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
             let source = tables.source(input);

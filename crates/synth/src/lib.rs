@@ -83,6 +83,7 @@ impl Format {
             omega_rad_s: None,
             day: None,
             smoothing_window: None,
+            aliases: BTreeMap::new(),
         }
     }
 
@@ -341,7 +342,7 @@ fn write_trial(
     let rate_hz = config.vicon.rate_hz;
     let scene = Scene {
         robot,
-        layout: &config.markers,
+        layout: trial.robot_name(config).map_or(&config.markers, |robot| config.markers_of(robot)),
         rate_hz,
         misplaced: recipe.misplaced,
         tilt: recipe.tilt,

@@ -54,6 +54,9 @@ pub struct Config {
     pub model: Models,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
+    /// Marker layouts of robots that have another one than `markers`, by the name of the robot.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub layout: BTreeMap<String, Markers>,
     pub report: Report,
     pub compare: Compare,
     pub optimise: Optimise,
@@ -500,6 +503,11 @@ impl Config {
             None => config.free(),
         };
         free.iter().any(|parameter| config.laws().is_relevant(*parameter, &gait))
+    }
+
+    /// Returns the marker layout of a robot.
+    pub fn markers_of(&self, robot: &str) -> &Markers {
+        self.layout.get(robot).unwrap_or(&self.markers)
     }
 
     /// Returns the robot and the gait of a campaign, in SI units; `None` if there is no campaign with this

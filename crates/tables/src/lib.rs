@@ -27,6 +27,7 @@
 //! ```
 
 mod atomic;
+mod causes;
 pub mod checksum;
 pub mod clock;
 mod columns;
@@ -47,6 +48,7 @@ mod verdict;
 pub use atomic::{
     PendingFile, ToDisk, WRITING, remove_unfinished, unfinished, write_bytes, write_if_changed,
 };
+pub use causes::{CommonCause, without_file};
 pub use columns::{Columns, NamedCell, booleans, numbers, repeated, texts};
 #[doc(hidden)]
 pub use columns::{fill, interleave, pattern_of};

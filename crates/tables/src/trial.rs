@@ -2,7 +2,7 @@
 
 mod folders;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use std::path::{Component, Path};
@@ -66,6 +66,10 @@ pub struct Trial {
     /// Smoothing window for this trial in place of `ingest.smoothing_window`, samples (5 to 30).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing_window: Option<usize>,
+    /// Labels of the marker layout by the labels that replace them in this trial's file; those of the list apply to all
+    /// its trials.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub aliases: BTreeMap<String, String>,
 }
 
 /// Trial list, the content of `trials.toml`.
@@ -76,6 +80,9 @@ pub struct TrialList {
     /// `*` stands for any number of characters, `?` for exactly one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore: Vec<String>,
+    /// Labels of the marker layout by the labels that replace them in the files of this folder.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub aliases: BTreeMap<String, String>,
     #[serde(default)]
     pub trial: Vec<Trial>,
     /// Ids of the entries that [`TrialList::load`] has removed from `trial` because their files match `ignore`.
@@ -105,6 +112,10 @@ impl TrialList {
                 needed: needed.to_owned(),
             })
         };
+        for trial in &mut list.trial {
+            let own = std::mem::replace(&mut trial.aliases, list.aliases.clone());
+            trial.aliases.extend(own);
+        }
         if list.trial.is_empty() {
             return error("trial", "an empty list".to_owned(), "at least one [[trial]]");
         }
@@ -199,6 +210,14 @@ pub struct TrialError {
 }
 
 impl Trial {
+    /// Returns the name of the trial's robot; `None` if its campaign is not configured.
+    pub fn robot_name<'t>(&'t self, config: &'t Config) -> Option<&'t str> {
+        match &self.campaign {
+            Some(campaign) => Some(&config.campaign.get(campaign)?.robot),
+            None => self.robot.as_deref(),
+        }
+    }
+
     /// Checks the trial's entry against the configuration.
     ///
     /// # Errors

@@ -131,7 +131,7 @@ pub fn calibrate(
     let gait = input.command(trial);
     let path = folder.join(&trial.file);
     let file = trilink_mocap::read_markers(&path, vicon.unit).map_err(TrialFailure::from)?;
-    let file = file.without(&vicon.ignore);
+    let file = input.with_layout_labels(file);
     let calibration = settings
         .frame_rate(&file)
         .and_then(|rate_hz| calibrate_recording(&file, markers, &robot, gait.as_ref(), rate_hz))

@@ -9,7 +9,7 @@ use trilink_base::Named as _;
 use trilink_robot::Gait;
 use trilink_tables::config::Config;
 use trilink_tables::trial::{TrialFolder, TrialKind};
-use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats};
+use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats, without_file};
 
 use super::campaigns::{add, fail, find_common_offsets, find_other_campaigns};
 use super::heading::flag_slopes;
@@ -195,7 +195,7 @@ fn find_common_reasons(rows: &mut Ingested) {
                 worst_checks.retain(|check| check.check != failed);
             }
             for check in worst_checks {
-                let reason = (check.check.as_str(), without_numbers(message_without_file(check)));
+                let reason = (check.check.as_str(), without_numbers(without_file(&check.message)));
                 reasons.entry(reason).or_default().push(check);
             }
         }
@@ -205,23 +205,12 @@ fn find_common_reasons(rows: &mut Ingested) {
             }
             let count = checks.len() as f64;
             let all = trials.len() as f64;
-            let message = format!("{count} of {all} trials: {}", message_without_file(checks[0]));
+            let message = format!("{count} of {all} trials: {}", without_file(&checks[0].message));
             let finding = Finding::new(Check::CommonReason, false, count, all, message);
             found.push(finding.row(&format!("campaign {campaign}")));
         }
     }
     rows.checks.extend(found);
-}
-
-/// Returns a check's message without the name of the marker file.
-fn message_without_file(check: &CheckRow) -> &str {
-    let message = check.message.as_str();
-    let ends = trilink_mocap::ENDINGS.into_iter().chain([".gz"]);
-    let file = ends.map(|end| format!("{end}: ")).find_map(|end| message.split_once(&end));
-    match file {
-        Some((file, rest)) if file.contains(['/', '\\']) || !file.contains(' ') => rest,
-        _ => message,
-    }
 }
 
 /// Removes all numbers from a message.

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use trilink_mocap::Recording;
-use trilink_tables::config::Markers;
+use trilink_tables::config::{Markers, toml_key};
 
+use crate::checks::{Check, Finding};
 use crate::error::Problem;
 
 /// Minimum number of the layout's markers that must be missing from a file for it to count as a recording of something
@@ -14,6 +15,8 @@ const MIN_FOREIGN_MISSING: usize = 3;
 const MAX_SHOWN_LABELS: usize = 12;
 /// Number of similar labels suggested in an error message.
 const PROPOSALS: usize = 3;
+/// Minimum number of other markers on a link that does without a missing one.
+const MIN_REMAINING: usize = 3;
 
 /// Marker on a link.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +39,43 @@ pub(crate) fn locate(markers: &Markers, file: &Recording) -> Result<Layout, Prob
     problems.into_iter().next().map_or(Ok(layout), Err)
 }
 
+/// Finds the markers of the configured layout in the file. A marker that the file does not have is added to it as
+/// occluded, and returned as a finding, if its link has enough others.
+pub(crate) fn locate_or_occlude(
+    markers: &Markers,
+    mut file: Recording,
+) -> Result<(Recording, Layout, Option<Finding>), Problem> {
+    let (layout, problems) = locate_all(markers, &file);
+    let mut sentences = Vec::new();
+    for problem in problems {
+        match problem {
+            Problem::MissingMarker { label, link, hint } if layout[link].len() >= MIN_REMAINING => {
+                sentences.push(format!("the file has no marker `{label}` of link {link}; {hint}"));
+                file = file.with_occluded(label);
+            }
+            problem => return Err(problem),
+        }
+    }
+    if sentences.is_empty() {
+        return Ok((file, layout, None));
+    }
+    let finding =
+        Finding::at_most(Check::MissingMarkers, sentences.len() as f64, sentences.join("; "));
+    let layout = locate(markers, &file)?;
+    Ok((file, layout, Some(finding)))
+}
+
+/// Replaces labels of the file by those of the layout for which they stand, unless the file has these, too.
+pub(crate) fn apply_aliases(aliases: &BTreeMap<String, String>, file: &mut Recording) {
+    for (found, meant) in aliases {
+        if column_of(0, meant, &file.labels).is_err()
+            && let Ok(column) = column_of(0, found, &file.labels)
+        {
+            file.labels[column].clone_from(meant);
+        }
+    }
+}
+
 /// Finds the markers of the configured layout in the file. Also returns one problem for each marker that is missing or
 /// ambiguous, or a single problem if most markers are missing, because the file then records something else.
 pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Problem>) {
@@ -53,6 +93,22 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
             }
             let [x, y, height_mm] = *position_mm;
             layout[link].push(LinkMarker { column, local_position_mm: [x, y], height_mm });
+        }
+    }
+    let unknown: Vec<&str> = (0..file.labels.len())
+        .filter(|column| !owners.contains_key(column))
+        .map(|column| file.labels[column].as_str())
+        .collect();
+    for problem in &mut problems {
+        if let Problem::MissingMarker { label, hint, .. } = problem
+            && let [found, ..] = most_similar(label, &unknown)[..]
+        {
+            let found = marker_name(found);
+            let alias = toml_key(found);
+            *hint = format!(
+                "`{found}` is not in the layout: if it is this marker, rename it or add `aliases = {{ {alias} = \
+                 \"{label}\" }}` to trials.toml; {hint}"
+            );
         }
     }
     let missing =
@@ -96,16 +152,21 @@ pub fn marker_name(label: &str) -> &str {
 }
 
 fn proposals(label: &str, labels: &[String]) -> String {
-    let mut ranked: Vec<(f64, &str)> = labels
-        .iter()
-        .map(|candidate| {
-            let names = strsim::jaro_winkler(marker_name(label), marker_name(candidate));
-            (names.max(strsim::jaro_winkler(label, candidate)), candidate.as_str())
-        })
-        .collect();
+    let all: Vec<&str> = labels.iter().map(String::as_str).collect();
+    let nearest = most_similar(label, &all).join("`, `");
+    format!("the most similar of the file's {} labels are `{nearest}`", labels.len())
+}
+
+/// Returns the labels that are most similar to `label`, beginning with the most similar.
+fn most_similar<'l>(label: &str, labels: &[&'l str]) -> Vec<&'l str> {
+    let similarity = |candidate: &str| {
+        let names = strsim::jaro_winkler(marker_name(label), marker_name(candidate));
+        names.max(strsim::jaro_winkler(label, candidate))
+    };
+    let mut ranked: Vec<(f64, &str)> =
+        labels.iter().map(|candidate| (similarity(candidate), *candidate)).collect();
     ranked.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-    let nearest: Vec<&str> = ranked.iter().take(PROPOSALS).map(|(_, label)| *label).collect();
-    format!("the most similar of the file's {} labels are `{}`", labels.len(), nearest.join("`, `"))
+    ranked.iter().take(PROPOSALS).map(|(_, label)| *label).collect()
 }
 
 #[cfg(test)]

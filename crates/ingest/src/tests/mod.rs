@@ -1,5 +1,6 @@
 //! Tests of the whole ingest stage on known motions and on folders with faults.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -38,6 +39,7 @@ fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
         omega_rad_s: Some(omega_rad_s),
         day: None,
         smoothing_window: None,
+        aliases: BTreeMap::new(),
     }
 }
 
@@ -419,7 +421,8 @@ fn faults_of_a_trial_are_reported() {
     let message = |text: &str| process_text(text, &trial).unwrap_err().to_string();
     assert_eq!(
         message(&text.replace("Robot:F2", "Robot:G2")),
-        "a.csv: the file has no marker `F2`, which markers.link1 of pipeline.toml requires; \
+        "a.csv: the file has no marker `F2`, which markers.link1 of pipeline.toml requires; `G2` is not in the \
+         layout: if it is this marker, rename it or add `aliases = { G2 = \"F2\" }` to trials.toml; \
          the most similar of the file's 10 labels are `Robot:M2`, `Robot:F1`, `Robot:G2`"
     );
     assert_eq!(

@@ -21,7 +21,7 @@ pub(crate) use trial::{html as trial_html, neighbours};
 use trilink_base::files::relative;
 use trilink_plot::Figure;
 use trilink_tables::config::SigmaKind;
-use trilink_tables::{CheckRow, Severity};
+use trilink_tables::{CheckRow, CommonCause, Severity, TrialStatus};
 
 use super::Changes;
 use super::scorecard::JudgedClaim;
@@ -87,6 +87,12 @@ pub(crate) fn html(
         checks => Serde(&tables.checks),
         common => Serde(troubling.filter(|check| is_common(check)).collect::<Vec<_>>()),
         names => trials.len(),
+        causes => Serde(
+            [TrialStatus::Failed, TrialStatus::Flagged]
+                .into_iter()
+                .flat_map(|status| CommonCause::find(&tables.trials, status))
+                .collect::<Vec<_>>(),
+        ),
         missing => Serde(missing),
         changes => Serde(changes),
         campaigns => campaigns::sections(input, (tables, truth), drawn)?,

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use trilink_base::numbers::{as_configured, fixed};
 use trilink_mechanics::{FIT_ACCURACY, Pose, Sample, Solver};
-use trilink_robot::Robot;
+use trilink_tables::config::Markers;
 use trilink_tables::{FitRow, TrialRow};
 
 use super::{Coordinates, Cycles, Direction, MAX_FRAMES, Mark, Marker, Motion, Quantity, Replay};
@@ -22,10 +22,12 @@ const MAX_CYCLES: f64 = 1e6;
 pub(crate) fn of_trial(
     trial: &TrialRow,
     recording: &Recording,
-    robot: Robot,
+    robot: &str,
     input: &ReportInput,
     fit: Option<&FitRow>,
 ) -> Option<Replay> {
+    let markers = input.markers_of(robot);
+    let robot = input.robot(robot)?;
     let window = window(trial, recording);
     let stride = window.len().div_ceil(MAX_FRAMES).max(1);
     let frames: Vec<usize> = window.clone().step_by(stride).collect();
@@ -47,7 +49,7 @@ pub(crate) fn of_trial(
         let period_s = TAU / trial.omega_rad_s;
         Cycles { number: first.cycle, start_s: first.start_s, period_s }
     });
-    let (markers, marks) = marks(recording, input, window, stride);
+    let (markers, marks) = marks(recording, markers, window, stride);
     let skid = Quantity {
         name: "Skid velocity",
         unit: "mm/s",
@@ -207,13 +209,13 @@ fn end_deviation(measured: &Motion, predicted: &Motion) -> String {
 /// the replay stands for all recorded frames up to the next frame shown.
 fn marks(
     recording: &Recording,
-    input: &ReportInput,
+    layout: &Markers,
     window: Range<usize>,
     stride: usize,
 ) -> (Vec<Marker>, Vec<Mark>) {
     let mut markers = Vec::new();
     let mut marks = Vec::new();
-    for (link, layout) in input.markers().links().into_iter().enumerate() {
+    for (link, layout) in layout.links().into_iter().enumerate() {
         for (label, [x_mm, y_mm, _]) in layout {
             let states: Vec<MarkerState> = window
                 .clone()

@@ -11,14 +11,14 @@ use trilink_base::pattern::{matches, matches_label};
 use trilink_robot::{Gait, Laws, Model, Parameter, Quantity, Robot};
 
 use super::{
-    Campaign, Config, ConfigError, GaitConfig, JointConfig, ModelConfig, RobotConfig, Robots,
-    SharedFits, did_you_mean, nearest,
+    Campaign, Config, ConfigError, GaitConfig, JointConfig, Markers, ModelConfig, RobotConfig,
+    Robots, SharedFits, did_you_mean, nearest, toml_key,
 };
 
 /// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
 /// characters; the first matching key applies. More starts or bootstrap replicates than permitted would find nothing
 /// new and might not fit into memory.
-const RANGES: [(&str, f64, f64); 29] = [
+const RANGES: [(&str, f64, f64); 30] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -48,6 +48,7 @@ const RANGES: [(&str, f64, f64); 29] = [
     ("gait.*", -360.0, 360.0),
     ("campaign.*.weights.*", 0.0, 1e6),
     ("markers.*", -1e4, 1e4),
+    ("layout.*", -1e4, 1e4),
 ];
 /// Units of configured values: suffix of the key, unit, unit often used by mistake, and factor from the
 /// mistaken unit to the right one.
@@ -263,9 +264,25 @@ impl Config {
     }
 
     fn check_markers(&self, check: &Checker) -> Result<(), ConfigError> {
+        self.check_layout(check, "markers", &self.markers)?;
+        for (robot, layout) in &self.layout {
+            let key = format!("layout.{}", toml_key(robot));
+            let is_robot = self.robot.contains_key(robot);
+            check.that(is_robot, &key, robot, "the name of a robot, [robot.NAME]")?;
+            self.check_layout(check, &key, layout)?;
+        }
+        Ok(())
+    }
+
+    fn check_layout(
+        &self,
+        check: &Checker,
+        name: &str,
+        markers: &Markers,
+    ) -> Result<(), ConfigError> {
         let mut owners = BTreeMap::new();
-        for (i, layout) in self.markers.links().into_iter().enumerate() {
-            let key = format!("markers.link{i}");
+        for (i, layout) in markers.links().into_iter().enumerate() {
+            let key = format!("{name}.link{i}");
             let is_valid_count = (2..=MAX_MARKERS).contains(&layout.len());
             check.that(is_valid_count, &key, &layout.len(), "2 to 64 markers")?;
             for label in layout.keys() {
