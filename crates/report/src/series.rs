@@ -194,10 +194,11 @@ impl<'t> Source<'t> {
         rows.filter(move |row| row.model == model && row.source == source)
     }
 
-    /// Returns the measurements with error bars in order of increasing frequency: one series for the trials with status
-    /// `ok`, and one for the flagged trials if there are any. `nth` is the index of the campaign in the panel.
+    /// Returns the measurements with error bars in order of increasing frequency: one series for the flagged trials if
+    /// there are any, and one for the trials with status `ok`. `nth` is the index of the campaign in the panel.
     pub(crate) fn measured(self, campaign: &str, quantity: &Quantity, nth: usize) -> Vec<Series> {
-        let looks = [(false, looks::measured(nth)), (true, looks::flagged(nth))];
+        // The first series is drawn beneath the others.
+        let looks = [(true, looks::flagged(nth)), (false, looks::measured(nth))];
         looks
             .into_iter()
             .filter_map(|(flagged, look)| self.measured_as(campaign, quantity, flagged, look))

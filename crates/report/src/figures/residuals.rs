@@ -72,7 +72,7 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);
         100.0 * HALF_WIDTH_95 * se / value
     };
-    let bars_of = [("measured", looks::measured(0), false), ("flagged", looks::flagged(0), true)]
+    let bars_of = [("flagged", looks::flagged(0), true), ("measured", looks::measured(0), false)]
         .map(|(name, look, flagged)| {
             let known: Vec<&&TrialRow> = trials
                 .iter()
