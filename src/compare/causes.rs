@@ -16,6 +16,8 @@ use super::{ADEQUATE, ComparisonResult, Difference, OBJECTIVE, RowId, Verdict};
 
 /// Relative deviation up to which two frequencies, or two ratios of the same quantity, count as equal.
 const SAME: f64 = 0.01;
+/// Deviation of an angle up to which two gaits count as equal, rad.
+const SAME_RAD: f64 = 0.05;
 /// Maximum number of names in a list; the others are counted.
 const MAX_NAMES: usize = 4;
 
@@ -153,7 +155,7 @@ impl<'r> Search<'r> {
             );
             self.add_recordings(&trials, sentence);
         }
-        self.find_frequencies();
+        self.find_other_gaits();
         let failed: Vec<&str> =
             self.in_column("trials", "status").map(|of| of.row.as_str()).collect();
         let mut reasons: BTreeMap<String, BTreeSet<&str>> = BTreeMap::new();
@@ -178,39 +180,35 @@ impl<'r> Search<'r> {
         }
     }
 
-    /// Finds failed trials whose gait has the frequency of another failed trial, or deviates by a common factor.
-    fn find_frequencies(&mut self) {
-        let records = self.runs[1].records("trials");
-        let failed = self.in_column("trials", "status").filter_map(|difference| {
-            let trial = records.get(&difference.row)?;
-            let [measured, commanded] =
-                [number(trial, "omega_rad_s")?, number(trial, "omega_commanded_rad_s")?];
-            let is_other = commanded > 0.0 && !is_same(measured, commanded);
-            is_other.then_some((difference.row.as_str(), measured, commanded))
-        });
-        let mut failed: Vec<(&str, f64, f64)> = failed.collect();
+    /// Finds failed trials whose gait is that of another failed trial, or whose frequency deviates by a common factor.
+    fn find_other_gaits(&mut self) {
+        let [then, now] = self.runs.map(|run| run.records("trials"));
+        let failed = self.in_column("trials", "status").map(|of| of.row.as_str());
+        let mut failed: Vec<&str> = failed.collect();
+        let is_like = |trial: &str, other: &str| is_same_gait(&now[trial], &then[other]);
         while let Some((one, other)) = (0..failed.len()).find_map(|other| {
-            let (_, measured, commanded) = failed[other];
-            let one = failed[..other].iter().position(|(_, own_measured, own_commanded)| {
-                is_same(*own_measured, commanded) && is_same(measured, *own_commanded)
+            let one = failed[..other].iter().position(|one| {
+                let other = failed[other];
+                is_like(one, other) && is_like(other, one) && !is_like(one, one)
             })?;
             Some((one, other))
         }) {
-            let (other, _, other_rad_s) = failed.remove(other);
-            let (one, _, one_rad_s) = failed.remove(one);
+            let other = failed.remove(other);
+            let one = failed.remove(one);
             let sentence = format!(
-                "the files of trials {one} and {other} seem to be exchanged: each gait has the frequency of the other \
-                 trial ({} and {} rad/s)",
-                significant(one_rad_s, 3),
-                significant(other_rad_s, 3)
+                "the files of trials {one} and {other} seem to be exchanged: each has the gait that the other trial \
+                 has in the baseline"
             );
             self.add_recordings(&[one, other].into(), sentence);
         }
-        let ratios: Vec<f64> =
-            failed.iter().map(|(_, measured, commanded)| measured / commanded).collect();
+        let failed = failed.into_iter().filter_map(|trial| {
+            let ratio =
+                number(&now[trial], "omega_rad_s")? / number(&now[trial], "omega_commanded_rad_s")?;
+            (ratio > 0.0 && !is_same(ratio, 1.0)).then_some((trial, ratio))
+        });
+        let (trials, ratios): (BTreeSet<&str>, Vec<f64>) = failed.unzip();
         let ratio = median(ratios.clone());
-        if failed.len() > 1 && ratios.iter().all(|other| is_same(*other, ratio)) {
-            let trials: BTreeSet<&str> = failed.iter().map(|(trial, ..)| *trial).collect();
+        if trials.len() > 1 && ratios.iter().all(|other| is_same(*other, ratio)) {
             let sentence = format!(
                 "the frame rate seems to be wrong: in {} the gait has {} times the commanded frequency",
                 self.name_trials(&trials),
@@ -393,6 +391,15 @@ const STIFFNESS: &str = "stiffness_nm_rad";
 
 fn is_same(one: f64, other: f64) -> bool {
     (one / other - 1.0).abs() <= SAME
+}
+
+/// Returns whether the measured gaits of two trials have the same frequency and, where they are known, offsets and
+/// amplitudes of the joints.
+fn is_same_gait(one: &Record, other: &Record) -> bool {
+    let both = |column: &str| number(one, column).zip(number(other, column));
+    let joints = ["phi1_offset_rad", "phi1_amplitude_rad", "phi2_offset_rad", "phi2_amplitude_rad"];
+    both("omega_rad_s").is_some_and(|(one, other)| is_same(one, other))
+        && joints.into_iter().filter_map(both).all(|(one, other)| (one - other).abs() < SAME_RAD)
 }
 
 /// Returns the trials of differences between numbers, and the medians of these numbers in the baseline and the

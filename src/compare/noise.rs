@@ -13,7 +13,7 @@ pub(super) const BETWEEN: &str = "_between";
 pub(super) const BETWEEN_DOF: &str = "_between_dof";
 
 /// Adds to every trial the standard deviations of its metrics between trials and days: those of repeats, whatever the
-/// models predict, or else, without repeats, the smallest that a fit not known to be inadequate has estimated.
+/// models predict, or else, without repeats, the largest that an adequate model has estimated.
 pub(super) fn add_between(
     trials: &mut Records,
     fits: &Records,
@@ -36,16 +36,23 @@ pub(super) fn add_between(
             insert(trial, metric, deviation, freedom);
         }
     }
-    let inadequate = inadequate(fits);
-    let mut by_fits: BTreeMap<(&str, &str), f64> = BTreeMap::new();
+    let verdicts: BTreeMap<[&str; 2], &str> =
+        fits.values().map(|fit| (campaign_and_model(fit), text(fit, "adequate"))).collect();
+    // Adequate models come before undecided ones; a model without friction does not show how friction varies.
+    let mut by_fits: BTreeMap<(&str, &str), (bool, f64)> = BTreeMap::new();
     for row in residuals.iter().filter(|row| row.noise > 0.0) {
-        if !inadequate.contains(&[&*row.campaign, row.model.name()]) {
+        let verdict =
+            verdicts.get(&[&*row.campaign, row.model.name()]).copied().unwrap_or_default();
+        if verdict != "false" {
             let between = (row.noise.powi(2) - row.standard_error.powi(2)).max(0.0).sqrt();
-            let known = by_fits.entry((&row.trial, &row.metric)).or_insert(between);
-            *known = known.min(between);
+            let own = (verdict == "true", between);
+            let known = by_fits.entry((&row.trial, &row.metric)).or_insert(own);
+            if own > *known {
+                *known = own;
+            }
         }
     }
-    for ((trial, metric), deviation) in by_fits {
+    for ((trial, metric), (_, deviation)) in by_fits {
         if let Some(trial) = trials.get_mut(trial)
             && !trial.contains_key(&format!("{metric}{BETWEEN}"))
         {

@@ -200,6 +200,32 @@ fn missing_values_and_other_statuses_fail_unless_the_trial_is_still_used() {
 }
 
 #[test]
+fn failed_trials_with_the_gaits_of_each_other_have_exchanged_files() {
+    let with_offsets = |offsets_rad: [f64; 2], status: &str| {
+        let mut run = run(&[0.4, 0.41], 100.0);
+        for (trial, offset_rad) in
+            run.tables.get_mut("trials").unwrap().values_mut().zip(offsets_rad)
+        {
+            trial.insert("omega_rad_s".to_owned(), 2.0.into());
+            trial.insert("phi1_offset_rad".to_owned(), offset_rad.into());
+            trial.insert("status".to_owned(), status.into());
+        }
+        run
+    };
+    let baseline = with_offsets([0.0, 0.8], "ok");
+    let first = |offsets_rad: [f64; 2]| {
+        let compared = compared(&baseline, &with_offsets(offsets_rad, "failed"));
+        compared.causes[0].sentence.clone()
+    };
+    let exchanged = "the files of trials trial-0 and trial-1 seem to be exchanged: each has the gait that the other \
+                     trial has in the baseline";
+    assert_eq!(first([0.8, 0.0]), exchanged);
+    for other in [[0.0, 0.8], [0.8, 0.8], [0.4, 0.0]] {
+        assert!(!first(other).contains("exchanged"), "{}", first(other));
+    }
+}
+
+#[test]
 fn a_longer_run_time_fails_only_if_configured() {
     let baseline = run(&[0.4], 100.0);
     let mut candidate = baseline.clone();

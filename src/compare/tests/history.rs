@@ -96,7 +96,7 @@ fn a_planted_step_is_reported_with_its_run_and_the_changes() {
     };
     let unchanged = step(&rows);
     for text in [
-        "<li>skid of the front wheel (wheel 1) +9.",
+        "<li>skid of the front wheel (wheel 1) +10.2",
         " % in skewed (skid-roll), from ",
         "On 2026-12-02 in <a href=\"#run-21\">run 21</a> (neither the program, the configuration nor the trials changed)",
     ] {
