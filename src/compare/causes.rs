@@ -470,8 +470,8 @@ pub(super) struct CoefficientCause {
     pub parameters: Vec<Parameter>,
 }
 
-/// Groups changes of coefficients by coefficient, or by quantity if all wheels change alike. `judged` returns the number
-/// of campaigns with an adequate fit of a coefficient.
+/// Groups changes of coefficients by coefficient, or by quantity if all wheels change alike. `judged` returns the
+/// number of campaigns with an adequate fit of a coefficient.
 pub(super) fn by_coefficient(
     changes: &[CoefficientChange],
     judged: impl Fn(Parameter) -> usize,
