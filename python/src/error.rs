@@ -83,7 +83,9 @@ impl From<RunError> for Failure {
         match error {
             RunError::Trials(error) => error.into(),
             RunError::Store(error) => error.into(),
-            RunError::Unconfigured { .. } => Self(ConfigError::new_err(error.to_string())),
+            RunError::Unconfigured { .. } | RunError::NoProject { .. } => {
+                Self(ConfigError::new_err(error.to_string()))
+            }
             RunError::Held(_) => Self(BusyError::new_err(error.to_string())),
             // The same exception that Python raises on Ctrl-C, with a message that describes the progress of the run.
             RunError::Interrupted { .. } | RunError::Stopped(_) => {

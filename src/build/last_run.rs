@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use trilink_tables::config::Config;
 use trilink_tables::{Reader, RunStatus, StoreError, is_there};
 
@@ -12,18 +12,20 @@ use super::record::{RECORD_FILE, Record, changed_outputs};
 use super::{RunError, Watch};
 
 /// Outcome of the last run, as read from `run.json`.
-#[derive(Debug, Deserialize)]
-pub(super) struct LastRun {
+#[derive(Debug, Clone, Deserialize, Serialize)]
+pub struct LastRun {
     pub status: RunStatus,
     /// Start time of the run (UTC).
     pub started: String,
     /// Error that ended the run; `None` if there was none.
     pub error: Option<String>,
+    /// End time of the run (UTC); `None` if the run was killed.
+    pub ended: Option<String>,
 }
 
 impl LastRun {
     /// Reads `run.json`; returns `None` if the file is missing or invalid.
-    pub(super) fn load(config: &Config) -> Option<Self> {
+    pub fn load(config: &Config) -> Option<Self> {
         serde_json::from_slice(&Reader::default().bytes(&record_path(config)).ok()?).ok()
     }
 }
@@ -53,7 +55,7 @@ pub fn check_finished(
     let derived = &config.paths.derived;
     let path = record_path(config);
     let error = |path: PathBuf, problem: String| Err(RunError::Unfinished { path, problem });
-    let Some(LastRun { status, started, error: why }) = LastRun::load(config) else {
+    let Some(LastRun { status, started, error: why, .. }) = LastRun::load(config) else {
         let problem = match path.try_exists() {
             Ok(true) => "is not the record of a run".to_owned(),
             Ok(false) => "does not exist".to_owned(),

@@ -180,6 +180,7 @@ pub(super) fn take_over(config: &Config, wait: bool, watch: &dyn Watch) -> Resul
     let mut files: Vec<PathBuf> = names.map(|name| derived.join(name)).collect();
     files.extend(trilink_report::FILES.map(|name| reports.join(name)));
     files.push(record_path(config));
+    files.push(config.paths.history.clone());
     hold_places(&folders, &files, wait, watch)
 }
 

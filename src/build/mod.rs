@@ -1,6 +1,7 @@
 //! Incremental runs from trial folders to the report page: which targets are stale and why, the stages in order, and
 //! the record of each run.
 
+mod clean;
 mod fit;
 mod ingest;
 mod last_run;
@@ -31,10 +32,11 @@ use trilink_tables::config::{Config, ConfigError, did_you_mean};
 use trilink_tables::trial::{TRIALS_FILE, TrialFolder, find_folders};
 use trilink_tables::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
+pub use clean::{Cleaned, clean};
 use fit::FitStage;
 use ingest::IngestStage;
-use last_run::{LastRun, confirm};
-pub use last_run::{check_finished, hold};
+use last_run::confirm;
+pub use last_run::{LastRun, check_finished, hold};
 pub use lock::{Lock, share, sweep};
 use lock::{folders, record_path, take_over};
 use missing::MissingFolders;
@@ -50,7 +52,9 @@ pub use shards::{
 use summary::{RunRecord, results_configuration};
 pub use summary::{RunResults, StageRecord, TrialCounts, count};
 pub use target::{Kind, Target};
-pub use unconfigured::{check_unconfigured, check_unconfigured_tables};
+pub use unconfigured::{
+    check_results, check_unconfigured, check_unconfigured_tables, load_unconfigured,
+};
 
 /// Observer of a run.
 pub trait Watch: Sync {
@@ -85,11 +89,12 @@ pub enum RunError {
     #[error(transparent)]
     OwnTable(#[from] OwnTableError),
     #[error(
-        "no pipeline.toml in the current folder, so the paper's experiment is assumed, but {why}; \
-         name the configuration of these trials with -c FILE, or create one with `trilink init \
-         {folders}` (`trilink demo` shows the paper's experiment)"
+        "no pipeline.toml in the current folder, so the paper's experiment is assumed, but {why}; {advice}"
     )]
-    Unconfigured { why: String, folders: String },
+    Unconfigured { why: String, advice: String },
+    /// There is neither a configuration file nor a list of trials or a table.
+    #[error("no pipeline.toml and no trials in the current folder; {advice}")]
+    NoProject { advice: String },
     #[error(
         "{}: this folder holds the ingested trials, whose fits would be replaced; name another \
          folder for the fits of a table from another program",
@@ -116,6 +121,11 @@ pub enum RunError {
         shard_folders.join(", ")
     )]
     OtherFolder { derived: PathBuf, folder: String, shard_folders: Vec<String> },
+    /// It is not known which files runs have written.
+    #[error(
+        "{problem}; only this record lists the files that can be removed: `trilink run` writes it again"
+    )]
+    NoRecord { problem: String },
     #[error("{0}; with --wait, the command waits until the lock is released")]
     Held(StoreError),
     #[error("trials.parquet contains no trial {trial}{meant}")]
@@ -407,7 +417,7 @@ impl<'s> Sequence<'s> {
         let was_up_to_date = !did_something
             && self.is_recorded()
             && unfinished(&folders(config)).is_empty()
-            && crate::compare::is_history_up_to_date(&config.paths.reports);
+            && crate::compare::is_history_up_to_date(&config.paths);
         if !self.may_write && !was_up_to_date {
             return Err(RunError::Outdated);
         }
@@ -507,7 +517,7 @@ pub fn dry_run(config: &Config, options: RerunOptions) -> Result<DryRun, RunErro
         if !sequence.is_recorded() {
             others.push("run.json has changed since the last run");
         }
-        if !crate::compare::is_history_up_to_date(&config.paths.reports) {
+        if !crate::compare::is_history_up_to_date(&config.paths) {
             others.push("history.html does not match history.parquet");
         }
         plan(&report_stage, derived, record, options)?.plan

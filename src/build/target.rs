@@ -47,16 +47,22 @@ impl Target {
     }
 }
 
+impl Kind {
+    /// Returns the noun for a target of this kind.
+    pub fn noun(self) -> &'static str {
+        match self {
+            Self::Trial => "trial",
+            Self::Fit => "fit",
+            Self::SharedFit => "shared fit",
+            Self::Figure => "figure",
+            Self::Page => "page",
+        }
+    }
+}
+
 impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let kind = match self.kind {
-            Kind::Trial => "trial",
-            Kind::Fit => "fit",
-            Kind::SharedFit => "shared fit",
-            Kind::Figure => "figure",
-            Kind::Page => "page",
-        };
-        write!(f, "{kind} {}", self.name)
+        write!(f, "{} {}", self.kind.noun(), self.name)
     }
 }
 
@@ -88,8 +94,8 @@ pub(super) fn reasons(old: &Key, new: &Key, settings: impl Fn() -> Vec<String>) 
     why
 }
 
-/// Lists the changes between two versions of the settings by their dotted keys: `fit.starts: 8 -> 4`. A table that has
-/// no key in common with its earlier version is named as a whole: `robot: kinematic -> semi-passive`.
+/// Lists the changes between two versions of the settings by their dotted keys: `fit.starts changed: 8 to 4`. A table
+/// that has no key in common with its earlier version is named as a whole: `robot changed: kinematic to semi-passive`.
 pub(super) fn changed_settings(old: &Value, new: &Value) -> Vec<String> {
     let mut changed = Vec::new();
     add_changed("", old, new, &mut changed);
@@ -107,7 +113,7 @@ fn add_changed(key: &str, old: &Value, new: &Value, changed: &mut Vec<String>) {
                 add_changed(&key, old, new, changed);
             }
         }
-        _ => changed.push(format!("{key}: {} -> {}", summary(old), summary(new))),
+        _ => changed.push(format!("{key} changed: {} to {}", summary(old), summary(new))),
     }
 }
 
@@ -144,7 +150,10 @@ mod tests {
     fn changed_settings_are_named_by_their_keys() {
         let old = json!({ "fit": { "starts": 8, "seed": 1 }, "robot": { "a": { "h_m": 1.0 } } });
         let new = json!({ "fit": { "starts": 4, "seed": 1 }, "robot": { "b": { "h_m": 1.0 } } });
-        assert_eq!(changed_settings(&old, &new), ["fit.starts: 8 -> 4", "robot: a -> b"]);
+        assert_eq!(
+            changed_settings(&old, &new),
+            ["fit.starts changed: 8 to 4", "robot changed: a to b"]
+        );
         assert!(changed_settings(&old, &old).is_empty());
         let [old, new] = ["0", "1"].map(|hash| parts(&[(SETTINGS, hash)]));
         assert_eq!(reasons(&old, &new, || vec!["fit.seed".to_owned()]), ["fit.seed"]);

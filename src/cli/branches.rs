@@ -61,7 +61,7 @@ impl Branches {
         let config = &context.config;
         let key = &self.over.key;
         let [low, high] = self.over.range;
-        let fits = self.numbers.fits(config, false)?;
+        let fits = self.numbers.fits(&context, false)?;
         let setup =
             self.numbers.setup(config.clone(), campaign, self.model.as_deref(), fits.as_ref())?;
         let vary = Vary::new(config, &self, &setup)?;

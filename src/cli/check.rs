@@ -13,6 +13,7 @@ use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, hash};
 
 use super::output::{self, write_json, write_text};
 use super::{Context, Failure, Interrupted, Outcome};
+use crate::build::load_unconfigured;
 
 /// Check trial folders or marker files without writing anything: list the contents of the
 /// files and the problems found.
@@ -50,20 +51,23 @@ struct CheckLine {
 
 impl Check {
     pub(super) fn run(self, mut context: Context) -> Result<Outcome, Failure> {
-        context.check_assumed(|_| Ok(()))?;
         let folders = self.paths.iter();
         let folders =
             folders.filter(|path| path.is_dir() || is_pattern(path) && !path.exists()).count();
         match self.paths.len() {
             0 => {}
             all if all == folders => context.config.paths.replace_raw(self.paths),
-            _ if folders == 0 => return check_files(&context, &self.paths, self.json),
+            _ if folders == 0 => {
+                context.check_assumed(|_| Ok(()))?;
+                return check_files(&context, &self.paths, self.json);
+            }
             _ => {
                 return Err("found both folders and files, needed either trial folders or marker \
                             files"
                     .into());
             }
         }
+        context.check_assumed(|config| load_unconfigured(config).map(drop))?;
         check_folders(&context, self.json)
     }
 }

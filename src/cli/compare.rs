@@ -63,6 +63,7 @@ impl Compare {
         let (lock, candidate) = match &self.against {
             Some(folder) => (None, load(paths, existing_folder(folder)?)?),
             None => {
+                context.check_results()?;
                 let lock = hold(config, self.exclusive.wait, &watch)?;
                 check_finished(&lock, config, self.max_age)?;
                 if let Some(problem) = record_run(&configured)? {

@@ -19,6 +19,7 @@ use super::results::Format;
 use super::setup::preferred;
 use super::table::{Table, short};
 use super::{Context, Failure, Outcome};
+use crate::build::check_unconfigured_tables;
 use crate::inspect::{View, json as json_of};
 use crate::interrupt;
 
@@ -73,6 +74,7 @@ pub(super) struct Design {
 
 impl Design {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+        context.check_assumed(check_unconfigured_tables)?;
         let config = &context.config;
         let fits = KnownFits::read(config, true)?;
         let model = match &self.model {

@@ -39,6 +39,7 @@ pub(super) struct Export {
 
 impl Export {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+        context.check_results()?;
         let motion = Motion::read(&context.config, &self.trial)?;
         let to_stdout = self.output.as_deref().is_some_and(|path| path.as_os_str() == "-");
         let (extension, format) = match self.format {

@@ -5,7 +5,7 @@ use trilink_tables::config::CONFIG_FILE;
 
 use super::output::{write_json, write_text};
 use super::table::Table;
-use super::{Failure, Outcome};
+use super::{Failure, Outcome, check_not_below_project};
 use crate::init::{Findings, FoundFile, InitError, JointSwing, Request, init};
 use crate::interrupt;
 
@@ -23,6 +23,9 @@ pub(super) struct Init {
 impl Init {
     pub(super) fn run(self, progress: super::Progress) -> Result<Outcome, Failure> {
         let Self { request, json } = self;
+        if request.out.as_os_str().is_empty() && !request.force {
+            check_not_below_project(None)?;
+        }
         let files = request.folders.iter();
         let files =
             files.map(|folder| trilink_mocap::marker_files(folder).map_or(0, |files| files.len()));

@@ -1,13 +1,14 @@
 //! `trilink inspect`.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use polars::prelude::{AnyValue, DataType};
 
 use super::output::{note, say, write_data};
 use super::results::Format;
 use super::table::{self, Table};
-use super::{Context, Failure, Outcome};
+use super::{Anywhere, Context, Failure, Outcome, check_not_below_project};
 use crate::inspect::{
     ColumnInfo, Listed, Query, View, describe, describe_all, find, float, list, meaning, query,
     text, unit,
@@ -36,7 +37,11 @@ pub(super) struct Inspect {
 }
 
 impl Inspect {
-    pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+    pub(super) fn run(self, Anywhere(context): Anywhere) -> Result<Outcome, Failure> {
+        if !self.table.as_ref().is_some_and(|table| Path::new(table).exists()) {
+            check_not_below_project(context.is_configured.then_some(&context.file))?;
+            context.check_results()?;
+        }
         let derived = &context.config.paths.derived;
         let Some(name) = &self.table else {
             return list_tables(&context);

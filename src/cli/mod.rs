@@ -3,6 +3,7 @@
 mod branches;
 mod calibrate;
 mod check;
+mod clean;
 mod compare;
 mod config;
 mod design;
@@ -22,6 +23,7 @@ mod setup;
 mod shell;
 mod simulate;
 mod stages;
+mod status;
 mod synth;
 mod table;
 #[cfg(test)]
@@ -33,7 +35,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use crate::build::RunError;
+use crate::build::{RunError, check_results};
 use crate::interrupt;
 use output::note;
 pub use progress::watch;
@@ -48,7 +50,11 @@ const MAX_THREADS: usize = 1024;
 /// Fit dissipation models to motion-capture trials of a wheeled three-link robot, and draw figures.
 #[derive(Parser)]
 #[command(name = "trilink", version, propagate_version = true, max_term_width = 100)]
-#[command(after_help = include_str!("examples/trilink.txt").trim_end())]
+#[command(after_help = concat!(
+    include_str!("examples/trilink.txt"),
+    "\nReport problems: ",
+    env!("CARGO_PKG_REPOSITORY")
+))]
 struct Arguments {
     #[command(flatten)]
     options: Options,
@@ -105,6 +111,8 @@ commands! {
     Fit(stages::Fit),
     Report(stages::Report),
     Check(check::Check),
+    Status(status::Status),
+    Clean(clean::Clean),
     Config(config::ConfigCommand),
     Explain(explain::Explain),
     Compare(compare::Compare),
@@ -213,13 +221,45 @@ struct Context {
 
 impl Begin for Context {
     fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
+        check_not_below_project(options.config.as_deref())?;
+        Ok(Anywhere::begin(options, line)?.0)
+    }
+}
+
+/// Context of a command that can do without the configuration file of a folder above the current one.
+struct Anywhere(Context);
+
+impl Begin for Anywhere {
+    fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
         let progress = Progress::begin(options, line)?;
         let file = options.config.as_deref();
         let config = Config::load_or_default(file)?;
         let is_configured = Config::file(file).is_some();
         let file = file.unwrap_or(Path::new(CONFIG_FILE)).to_owned();
-        Ok(Self { config, file, is_configured, progress })
+        Ok(Self(Context { config, file, is_configured, progress }))
     }
+}
+
+/// Checks that the command does not ignore a configuration file that is in a folder above the current one.
+fn check_not_below_project(config: Option<&Path>) -> Result<(), Failure> {
+    if Config::file(config).is_some() {
+        return Ok(());
+    }
+    let current = std::env::current_dir()?;
+    let mut above = PathBuf::new();
+    for folder in current.ancestors().skip(1) {
+        above.push("..");
+        if folder.join(CONFIG_FILE).is_file() {
+            let file = above.join(CONFIG_FILE);
+            return Err(format!(
+                "no {CONFIG_FILE} in the current folder, but one in {}: run the command there, or add -c {}",
+                folder.display(),
+                file.display()
+            )
+            .into());
+        }
+    }
+    Ok(())
 }
 
 impl Context {
@@ -235,6 +275,16 @@ impl Context {
             self.say(&format!("no {CONFIG_FILE} in the current folder: {assumed}"));
         }
         Ok(())
+    }
+
+    /// Checks that there are results if there is no configuration file.
+    fn check_results(&self) -> Result<(), RunError> {
+        if self.is_configured { Ok(()) } else { check_results(&self.config) }
+    }
+
+    /// Whether `--quiet` is given.
+    fn is_quiet(&self) -> bool {
+        self.progress.is_quiet()
     }
 
     /// Prints a message to standard error unless `--quiet` is given.

@@ -120,7 +120,7 @@ impl Optimise {
             least: self.least,
         };
         let (objective, other) = self.objectives()?;
-        let fits = self.numbers.fits(&config, self.replicates != Some(0))?;
+        let fits = self.numbers.fits(&context, self.replicates != Some(0))?;
         let setup = self.numbers.setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
         note_caution(campaign, &setup);
         note_starting_values(&context.config, campaign, std::slice::from_ref(&setup));

@@ -1,14 +1,17 @@
 //! `trilink demo` and `trilink run`.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use trilink_fit::Fitted;
 use trilink_ingest::Ingested;
+use trilink_mocap::marker_files;
 use trilink_report::{Reported, shared_fit_sentence};
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::{Parameter, Quantity};
 use trilink_statistics::Estimate;
 use trilink_synth::{Recipe, planted_models};
+use trilink_tables::clock::utc_now;
 use trilink_tables::config::{Campaign, Config, RobotConfig, toml_key};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE};
 use trilink_tables::{
@@ -20,12 +23,16 @@ use super::output::{note, say};
 use super::synth::write_trials;
 use super::{Context, Exclusive, Failure, Folders, Outcome};
 use crate::build::{
-    DryRun, Finished, PlannedTarget, RerunOptions, StagePlan, TrialCounts, check_unconfigured,
+    DryRun, Finished, Kind, PlannedTarget, RerunOptions, Target, TrialCounts, check_unconfigured,
     count, dry_run, run,
 };
 
 /// Maximum number of groups of trials listed on the terminal; the report page lists all of them.
 const MAX_LINES: usize = 20;
+/// Maximum number of lines of each kind with `--quiet`, so that the output stays below 25 lines.
+const MAX_QUIET: usize = 4;
+/// Maximum number of targets with the same reason that a dry run names.
+const MAX_NAMED: usize = 3;
 /// Seed for the synthesis of the demo's trials.
 const DEMO_SEED: u64 = 1;
 /// Seed for the noise of the demo's trials: the lowest for which at most half of a campaign's trials are flagged, and
@@ -83,6 +90,13 @@ impl Demo {
             return Err(format!("{}: {problem}", list.display()).into());
         }
         if !has_list {
+            if !context.is_configured
+                && !marker_files(Path::new(".")).unwrap_or_default().is_empty()
+            {
+                return Err("the current folder contains marker files: run the demo in an empty folder, or draft the \
+                            configuration of these files with `trilink init .`"
+                    .into());
+            }
             if self.update.dry_run {
                 say!("everything would be computed, because {} does not exist", list.display());
                 return Ok(Outcome::Well);
@@ -125,49 +139,115 @@ impl Update {
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
         let Finished { ingested, fitted, reported, history_problem, .. } = &finished;
-        print_fitted(&context.config, fitted);
-        print_parameters(&ingested.parameters);
-        say!("{}", in_words(&ingested.trials));
-        say!("page: {}", reported.page.display());
-        note_together(ingested);
-        say_attention(context, &ingested.trials, history_problem.as_deref());
+        if finished.was_up_to_date {
+            let counts = in_words(&ingested.trials);
+            let verdicts = verdicts(fitted).join(", ");
+            let page = reported.page.display();
+            say!("everything was up to date at {}: {counts}; {verdicts}; page: {page}", utc_now());
+        } else {
+            print_fitted(context, fitted);
+            print_parameters(context, &ingested.parameters);
+            say!("{}", in_words(&ingested.trials));
+            say!("page: {}", reported.page.display());
+        }
+        note_together(context, ingested);
+        say_attention(
+            context,
+            &ingested.trials,
+            history_problem.as_deref(),
+            finished.was_up_to_date,
+        );
         say_missing(context, reported, finished.was_up_to_date);
         // A failed trial needs attention. A model without a periodic solution is a result, not a failure.
         let is_whole = history_problem.is_none() && reported.damaged.is_empty();
         Ok(Outcome::well_if(is_whole && !ingested.needs_a_person()))
     }
 
-    /// Lists what a run would recompute, one target per line.
+    /// Lists what a run would recompute: one target per line or, with reasons, one line for all targets that are
+    /// recomputed for the same reason.
     fn list(&self, dry_run: &DryRun) -> Result<Outcome, Failure> {
         if let Some(problem) = &dry_run.problem {
             note!("{problem}");
         }
-        for (number, plan) in dry_run.stages.iter().enumerate() {
-            let perhaps = if number >= dry_run.uncertain_from { "perhaps " } else { "" };
-            for PlannedTarget { target, why } in &plan.targets {
-                if self.explain {
-                    say!("{perhaps}{target}: {}", why.join("; "));
-                } else {
-                    say!("{perhaps}{target}");
-                }
-            }
-            let reason = if self.explain { ": no longer listed" } else { "" };
-            plan.removed.iter().for_each(|target| say!("remove {target}{reason}"));
-            for why in &plan.whole {
-                say!("{perhaps}{}: {why}", ["tables of trials", "tables of fits", "page"][number]);
-            }
-        }
-        dry_run.others.iter().for_each(|other| say!("{other}"));
-        if dry_run.stages.iter().all(StagePlan::is_empty) && dry_run.others.is_empty() {
+        let planned = planned(dry_run, self.explain);
+        planned.iter().for_each(|line| say!("{line}"));
+        if planned.is_empty() {
             note!("everything is up to date");
         }
         Ok(Outcome::Well)
     }
 }
 
+/// Lists what a run would recompute. With `explain`, each line has its reason, and more than [`MAX_NAMED`] targets of
+/// the same kind and reason are only counted.
+pub(super) fn planned(dry_run: &DryRun, explain: bool) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (number, plan) in dry_run.stages.iter().enumerate() {
+        let perhaps = if number >= dry_run.uncertain_from { "perhaps " } else { "" };
+        if explain {
+            let mut groups: Vec<(Kind, String, Vec<&Target>)> = Vec::new();
+            for PlannedTarget { target, why } in &plan.targets {
+                let why = why.join("; ");
+                let same = |(kind, reason, _): &&mut (Kind, String, _)| {
+                    *kind == target.kind && *reason == why
+                };
+                match groups.iter_mut().find(same) {
+                    Some((_, _, targets)) => targets.push(target),
+                    None => groups.push((target.kind, why, vec![target])),
+                }
+            }
+            for (kind, why, targets) in groups {
+                if targets.len() > MAX_NAMED {
+                    let count = targets.len();
+                    let because = match why.as_str() {
+                        "new" => "that are ",
+                        "--force" => "because of ",
+                        why if why.starts_with("if ") => "",
+                        _ => "because ",
+                    };
+                    let separator = if because == "that are " { "" } else { "," };
+                    lines.push(format!(
+                        "{perhaps}{count} {}s{separator} {because}{why}",
+                        kind.noun()
+                    ));
+                } else {
+                    lines.extend(targets.iter().map(|target| format!("{perhaps}{target}: {why}")));
+                }
+            }
+        } else {
+            lines.extend(plan.targets.iter().map(|of| format!("{perhaps}{}", of.target)));
+        }
+        let reason = if explain { ": no longer listed" } else { "" };
+        lines.extend(plan.removed.iter().map(|target| format!("remove {target}{reason}")));
+        let whole = ["tables of trials", "tables of fits", "page"][number];
+        lines.extend(plan.whole.iter().map(|why| format!("{perhaps}{whole}: {why}")));
+    }
+    lines.extend(dry_run.others.iter().map(|other| (*other).to_owned()));
+    lines
+}
+
+/// Returns the preferred model of each campaign and whether it fits.
+pub(super) fn verdicts(Fitted { fits, comparison, .. }: &Fitted) -> Vec<String> {
+    let by_campaign = comparison.chunk_by(|a, b| a.campaign == b.campaign);
+    let verdicts = by_campaign.filter_map(|models| {
+        Some(format!("{}: {}", models[0].campaign, Comparison::new(models, fits)?.short()))
+    });
+    verdicts.collect()
+}
+
+/// Prints at most [`MAX_QUIET`] of the lines with `--quiet`, and otherwise all.
+fn say_limited(context: &Context, lines: &[String], say: impl Fn(&str)) {
+    let limit = if context.is_quiet() { MAX_QUIET } else { lines.len() };
+    lines.iter().take(limit).for_each(|line| say(line));
+    if lines.len() > limit {
+        say(&format!("and {} more, on the report page", lines.len() - limit));
+    }
+}
+
 /// Prints the failures found by the checks that examine the trials of a campaign or folder together.
-pub(super) fn note_together(ingested: &Ingested) {
-    ingested.together().for_each(|found| note!("{}: {}", found.trial, found.message));
+pub(super) fn note_together(context: &Context, ingested: &Ingested) {
+    let found = ingested.together().map(|found| format!("{}: {}", found.trial, found.message));
+    say_limited(context, &found.collect::<Vec<_>>(), |line| note!("{line}"));
 }
 
 /// Formats the numbers of trials by status.
@@ -176,17 +256,23 @@ pub(super) fn in_words(trials: &[TrialRow]) -> String {
     format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
 }
 
-/// Prints the failed trials, by folder and cause, and the message `other`, if there is one, and then the flagged trials as
-/// a separate block.
-pub(super) fn say_attention(context: &Context, trials: &[TrialRow], other: Option<&str>) {
-    let mut failed = lines(trials, TrialStatus::Failed);
-    failed.extend(other.map(str::to_owned));
+/// Prints the failed trials, by folder and cause, and the message `other`, if there is one, and then, unless the run had
+/// nothing to do, the flagged trials as a separate block.
+pub(super) fn say_attention(
+    context: &Context,
+    trials: &[TrialRow],
+    other: Option<&str>,
+    was_up_to_date: bool,
+) {
+    let mut failed: Vec<String> = other.map(str::to_owned).into_iter().collect();
+    failed.extend(lines(trials, TrialStatus::Failed));
+    let max = if context.is_quiet() { MAX_QUIET } else { MAX_LINES };
     if !failed.is_empty() {
-        note!("needs attention:{}", block(&failed));
+        note!("needs attention:{}", block(&failed, max));
     }
     let flagged = lines(trials, TrialStatus::Flagged);
-    if !flagged.is_empty() {
-        context.say(&format!("used, but flagged:{}", block(&flagged)));
+    if !flagged.is_empty() && !was_up_to_date {
+        context.say(&format!("used, but flagged:{}", block(&flagged, max)));
     }
 }
 
@@ -195,31 +281,30 @@ fn lines(trials: &[TrialRow], status: TrialStatus) -> Vec<String> {
     CommonCause::find(trials, status).iter().map(CommonCause::to_string).collect()
 }
 
-/// Indents at most [`MAX_LINES`] lines, and states how many lines were left out.
-fn block(lines: &[String]) -> String {
-    let mut block: String =
-        lines.iter().take(MAX_LINES).map(|line| format!("\n  {line}")).collect();
-    if lines.len() > MAX_LINES {
-        let more = lines.len() - MAX_LINES;
+/// Indents at most `max` lines, and states how many lines were left out.
+fn block(lines: &[String], max: usize) -> String {
+    let mut block: String = lines.iter().take(max).map(|line| format!("\n  {line}")).collect();
+    if lines.len() > max {
+        let more = lines.len() - max;
         block += &format!("\n  and {more} more, on the report page and in checks.parquet");
     }
     block
 }
 
-/// Prints which figures could not be drawn, or that everything was up to date, and which tables are damaged or
+/// Prints which figures could not be drawn, unless the run had nothing to do, and which tables are damaged or
 /// inconsistent.
 pub(super) fn say_missing(context: &Context, reported: &Reported, was_up_to_date: bool) {
-    if was_up_to_date {
-        context.say("everything was up to date");
-    } else {
+    if !was_up_to_date {
         reported.missing.iter().for_each(|figure| context.say(&format!("not drawn: {figure}")));
     }
-    reported.damaged.iter().for_each(|damaged| note!("damaged: {damaged}"));
+    let damaged = reported.damaged.iter().map(|damaged| format!("damaged: {damaged}"));
+    say_limited(context, &damaged.collect::<Vec<_>>(), |line| note!("{line}"));
 }
 
-/// Prints any robot parameters measured by joint releases and coast-downs, next to the configured values.
-pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
-    if rows.is_empty() {
+/// Prints any robot parameters measured by joint releases and coast-downs, next to the configured values; with
+/// `--quiet`, prints nothing.
+pub(super) fn print_parameters(context: &Context, rows: &[RobotParameterRow]) {
+    if rows.is_empty() || context.is_quiet() {
         return;
     }
     let head = format!("{:<32} {:<15} {:<15}", "trial", "law", "parameter");
@@ -241,10 +326,14 @@ pub(super) fn print_parameters(rows: &[RobotParameterRow]) {
 }
 
 /// Prints the fitted parameters, the comparison of each campaign's models, and whether one set of coefficients
-/// describes all campaigns of each robot.
-pub(super) fn print_fitted(config: &Config, Fitted { fits, comparison, shared, .. }: &Fitted) {
+/// describes all campaigns of each robot. With `--quiet`, prints only the preferred models.
+pub(super) fn print_fitted(context: &Context, fitted: &Fitted) {
+    if context.is_quiet() {
+        return say_limited(context, &verdicts(fitted), |line| say!("{line}"));
+    }
+    let Fitted { fits, comparison, shared, .. } = fitted;
     print_fits(fits);
-    print_exact(config, fits);
+    print_exact(&context.config, fits);
     for models in comparison.chunk_by(|a, b| a.campaign == b.campaign) {
         if let Some(compared) = Comparison::new(models, fits) {
             say!("{}: {compared}", models[0].campaign);

@@ -43,6 +43,11 @@ impl Progress {
         Self { shown, line: write_note }
     }
 
+    /// Whether nothing but results and errors is printed.
+    pub(super) fn is_quiet(self) -> bool {
+        self.shown == Shown::Nothing
+    }
+
     /// Prints a message to standard error unless `--quiet` is given.
     pub(super) fn say(self, message: &str) {
         if self.shown != Shown::Nothing {

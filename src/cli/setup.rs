@@ -5,8 +5,9 @@ use trilink_mechanics::Problem;
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 
-use super::Failure;
 use super::output::note;
+use super::{Context, Failure};
+use crate::build::check_unconfigured_tables;
 
 /// Default model of commands without `--fitted`.
 const MODEL: &str = "skid-roll";
@@ -30,10 +31,15 @@ impl Numbers {
     /// uncertainties are computed if `is_uncertain` is set.
     pub(super) fn fits(
         &self,
-        config: &Config,
+        context: &Context,
         is_uncertain: bool,
     ) -> Result<Option<KnownFits>, Failure> {
-        Ok(self.fitted.then(|| KnownFits::read(config, is_uncertain)).transpose()?)
+        if !self.fitted {
+            context.check_assumed(|_| Ok(()))?;
+            return Ok(None);
+        }
+        context.check_assumed(check_unconfigured_tables)?;
+        Ok(Some(KnownFits::read(&context.config, is_uncertain)?))
     }
 
     /// Returns the setup of a model with configured or fitted coefficients. The default model is the preferred model of

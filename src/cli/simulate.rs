@@ -26,8 +26,9 @@ pub(super) struct Simulate {
     /// Name of a `[campaign.*]` table.
     campaign: String,
     /// Name of a `[model.*]` table: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll, coulomb, coulomb-viscous or
-    /// your own. May be a list, and the option may be given more than once.
-    #[arg(long, required = true)]
+    /// your own. May be a list, and the option may be given more than once. With `--fitted`, the default is the
+    /// preferred model of the comparison.
+    #[arg(long, required_unless_present = "fitted")]
     model: Vec<String>,
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. The option may be given
     /// more than once.
@@ -62,12 +63,18 @@ impl Simulate {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let campaign = &self.campaign;
         let config = &context.config;
-        let models = models(&self.model, config);
+        let mut models: Vec<Option<String>> =
+            models(&self.model, config).into_iter().map(Some).collect();
+        if models.is_empty() {
+            models.push(None);
+        }
         let with_bands = self.bands || self.sensitivities.sensitivities;
-        let fits = self.numbers.fits(config, with_bands)?;
+        let fits = self.numbers.fits(&context, with_bands)?;
         let setups: Vec<Setup> = models
             .iter()
-            .map(|model| self.numbers.setup(config.clone(), campaign, Some(model), fits.as_ref()))
+            .map(|model| {
+                self.numbers.setup(config.clone(), campaign, model.as_deref(), fits.as_ref())
+            })
             .collect::<Result<_, _>>()?;
         let omegas: Vec<f64> = self.omega.concat();
         if self.page.is_some() {

@@ -52,7 +52,7 @@ impl Ingest {
         }
         let ingested =
             context.watched(|watch| build::ingest(&context.config, only, wait, watch))?;
-        pipeline::print_parameters(&ingested.parameters);
+        pipeline::print_parameters(&context, &ingested.parameters);
         Ok(say_ingested(&context, &ingested))
     }
 }
@@ -66,8 +66,8 @@ pub(super) fn say_ingested(context: &Context, ingested: &Ingested) -> Outcome {
 
 /// Prints which trials need attention; returns [`Outcome::NeedsAttention`] if there are any.
 pub(super) fn judge(context: &Context, ingested: &Ingested) -> Outcome {
-    pipeline::note_together(ingested);
-    pipeline::say_attention(context, &ingested.trials, None);
+    pipeline::note_together(context, ingested);
+    pipeline::say_attention(context, &ingested.trials, None, false);
     Outcome::well_if(!ingested.needs_a_person())
 }
 
@@ -114,7 +114,7 @@ impl Fit {
 
 /// Prints the results of the fits to trials from another program, and why some fits have no confidence limits.
 fn say_fitted_own(context: &Context, fitted: &Fitted, home: &Path) -> Outcome {
-    pipeline::print_fitted(&context.config, fitted);
+    pipeline::print_fitted(context, fitted);
     for FitRow { campaign, model, no_interval, .. } in &fitted.fits {
         if let Some(why) = no_interval {
             note!("{campaign} {model}: no confidence limits, because {why}");
@@ -127,7 +127,7 @@ fn say_fitted_own(context: &Context, fitted: &Fitted, home: &Path) -> Outcome {
 /// Prints the results of the fits, and which trials need attention.
 pub(super) fn say_fitted(context: &Context, fitted: &Fitted) -> Result<Outcome, Failure> {
     let ingested = build::ingested(&context.config)?;
-    pipeline::print_fitted(&context.config, fitted);
+    pipeline::print_fitted(context, fitted);
     Ok(judge(context, &ingested))
 }
 

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use polars::prelude::Column;
-use trilink_tables::{Columns as _, Reader, RunStatus, StoreError, UtcTime, rows};
+use trilink_base::files::absolute;
+use trilink_tables::config::Paths;
+use trilink_tables::{Columns as _, Reader, RunStatus, StoreError, UtcTime, is_there, rows};
 
 use super::CompareError;
 
@@ -73,9 +75,9 @@ pub(super) const TRIALS: &str = "trials ";
 /// Suffix of `quantity` for the run time of a stage, which differs even between identical runs.
 pub(super) const SECONDS: &str = "_s of run";
 
-/// Returns the path of the history in the folder of reports.
-pub fn history_path(reports: &Path) -> PathBuf {
-    reports.join("history.parquet")
+/// Returns the path of a history that an earlier version wrote to the folder of reports.
+fn earlier_path(paths: &Paths) -> PathBuf {
+    paths.reports.join("history.parquet")
 }
 
 /// Returns the number of the next run.
@@ -96,13 +98,28 @@ pub(super) struct History {
 }
 
 impl History {
-    /// Reads the history. A damaged file is moved aside, and a new history is started.
+    /// Reads the history. A history from an earlier version, in the folder of reports, is moved to its configured place.
+    /// A damaged file is moved aside, and a new history is started.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read or moved.
-    pub(super) fn load(reports: &Path) -> Result<Self, CompareError> {
-        let path = history_path(reports);
-        let rows = Reader::default().table(&path).and_then(|mut table| {
+    pub(super) fn load(paths: &Paths) -> Result<Self, CompareError> {
+        let path = &paths.history;
+        let earlier = earlier_path(paths);
+        let mut problem = None;
+        if is_there(&earlier)? && absolute(&earlier) != absolute(path) {
+            if is_there(path)? {
+                problem = Some(format!(
+                    "{}: an earlier history, not continued because {} exists; move it, or name it in the key \
+                     `paths.history`",
+                    earlier.display(),
+                    path.display()
+                ));
+            } else {
+                move_file(&earlier, path)?;
+            }
+        }
+        let rows = Reader::default().table(path).and_then(|mut table| {
             let expected = HistoryRow::to_table(&[]).frame;
             for column in expected.columns() {
                 let name = column.name();
@@ -118,24 +135,32 @@ impl History {
             HistoryRow::from_table(&table)
         });
         let damage = match rows {
-            Ok(rows) => return Ok(Self { rows, problem: None }),
+            Ok(rows) => return Ok(Self { rows, problem }),
             Err(error) if error.is_not_there() => {
-                return Ok(Self { rows: Vec::new(), problem: None });
+                return Ok(Self { rows: Vec::new(), problem });
             }
             Err(error @ StoreError::Read { .. }) => return Err(error.into()),
             Err(damage) => damage,
         };
-        let aside = (1..).map(|i| reports.join(format!("history.damaged-{i}.parquet")));
+        let aside = (1..).map(|i| path.with_extension(format!("damaged-{i}.parquet")));
         let aside = aside
             .into_iter()
             .find(|path| path.try_exists().is_ok_and(|is_there| !is_there))
             .unwrap_or_else(|| path.clone());
-        std::fs::rename(&path, &aside)
-            .map_err(|source| StoreError::Write { path: aside.clone(), source })?;
+        move_file(path, &aside)?;
         let problem = format!(
             "{damage}; the file was renamed to {}, and a new history begins",
             aside.display()
         );
         Ok(Self { rows: Vec::new(), problem: Some(problem) })
     }
+}
+
+/// Moves a file within a file system, and creates the folder to which it is moved.
+fn move_file(from: &Path, to: &Path) -> Result<(), StoreError> {
+    let error = |source| StoreError::Write { path: to.to_owned(), source };
+    if let Some(folder) = to.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(error)?;
+    }
+    std::fs::rename(from, to).map_err(error)
 }

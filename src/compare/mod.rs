@@ -23,7 +23,7 @@ use std::path::PathBuf;
 
 pub use causes::{Cause, CauseKind, by_table};
 pub use files::{changes, junit, page, to_json};
-pub use history::{HistoryRow, history_path};
+pub use history::HistoryRow;
 pub use judge::{Judgement, Verdict};
 pub use record::{is_history_up_to_date, note_acceptances, record_failure, record_run};
 pub use snapshot::{Acceptance, Record, Records, Snapshot, tables_folder};

@@ -1,18 +1,18 @@
 //! Recording of runs in the history.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use trilink_robot::Parameter;
 use trilink_robot::metrics::Metric;
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::clock::utc_now;
-use trilink_tables::config::Config;
+use trilink_tables::config::{Config, Paths};
 use trilink_tables::{Columns as _, Provenance, RunStatus, TrialStatus, UtcTime};
 
 use super::history::{
     ACCEPTED, History, HistoryRow, INADEQUATE, MEAN, SECONDS, TRIAL, TRIAL_ADDED, TRIAL_REMOVED,
-    TRIALS, history_path, last_run, next_run,
+    TRIALS, last_run, next_run,
 };
 use super::judge::StandardError;
 use super::means::{MeanOverFrequencies, campaigns};
@@ -21,10 +21,10 @@ use super::trend;
 use super::{Acceptance, CompareError};
 
 /// Returns whether the history exists and its page is up to date.
-pub fn is_history_up_to_date(reports: &Path) -> bool {
-    let modified = |path: PathBuf| std::fs::metadata(path).and_then(|found| found.modified()).ok();
-    let page = modified(reports.join(trend::PAGE));
-    modified(history_path(reports)).is_some_and(|history| page.is_some_and(|page| page >= history))
+pub fn is_history_up_to_date(paths: &Paths) -> bool {
+    let modified = |path: &Path| std::fs::metadata(path).and_then(|found| found.modified()).ok();
+    let page = modified(&paths.reports.join(trend::PAGE));
+    modified(&paths.history).is_some_and(|history| page.is_some_and(|page| page >= history))
 }
 
 /// Adds a run to the history, unless its figures of merit equal those of the previous run, and writes the page of
@@ -35,7 +35,7 @@ pub fn is_history_up_to_date(reports: &Path) -> bool {
 pub fn record_run(config: &Config) -> Result<Option<String>, CompareError> {
     let paths = &config.paths;
     let candidate = Snapshot::from_run(&paths.derived, &paths.reports)?;
-    let History { mut rows, problem } = History::load(&paths.reports)?;
+    let History { mut rows, problem } = History::load(paths)?;
     let template = row_template(&candidate, next_run(&rows));
     let new = figures_of_merit(&candidate, &template);
     let last = last_run(&rows);
@@ -60,7 +60,7 @@ pub fn record_failure(
     status: RunStatus,
     reason: &str,
 ) -> Result<Option<String>, CompareError> {
-    let History { mut rows, problem } = History::load(&config.paths.reports)?;
+    let History { mut rows, problem } = History::load(&config.paths)?;
     rows.push(HistoryRow {
         time: UtcTime::parse(started).unwrap_or_default(),
         run: next_run(&rows),
@@ -79,7 +79,7 @@ pub fn record_failure(
 /// # Errors
 /// Returns an error if a table cannot be read or a file cannot be written.
 pub fn note_acceptances(config: &Config, accepted: &[Acceptance]) -> Result<(), CompareError> {
-    let mut rows = History::load(&config.paths.reports)?.rows;
+    let mut rows = History::load(&config.paths)?.rows;
     let run = last_run(&rows);
     let count = rows.len();
     for Acceptance { time, reason, differences } in accepted {
@@ -103,8 +103,7 @@ pub fn note_acceptances(config: &Config, accepted: &[Acceptance]) -> Result<(), 
 
 fn write(config: &Config, rows: &[HistoryRow]) -> Result<(), CompareError> {
     let provenance = Provenance { input: "runs".to_owned() };
-    let path = history_path(&config.paths.reports);
-    HistoryRow::to_table(rows).write(&path, &provenance)?;
+    HistoryRow::to_table(rows).write(&config.paths.history, &provenance)?;
     trend::write(config, rows)
 }
 

@@ -4,7 +4,6 @@ mod cells;
 mod columns;
 mod condition;
 mod find;
-mod meaning;
 #[cfg(test)]
 mod tests;
 
@@ -15,7 +14,7 @@ pub use cells::{csv, float, json, text};
 pub use columns::{ColumnInfo, FileInfo, describe, describe_all};
 use find::tables_of;
 pub use find::{Listed, find, list};
-pub use meaning::{meaning, unit};
+pub use trilink_tables::{meaning, unit};
 
 use polars::prelude::{
     AnyValue, Column, DataFrame, DataType, IntoColumn, PolarsResult, SortMultipleOptions,

@@ -174,7 +174,7 @@ fn trials_that_vanish_are_named_and_missing_baselines_are_errors() {
 fn every_run_that_changed_something_is_in_the_history() {
     let folder = night(&[]);
     let rows = || {
-        let table = Table::read(&folder.path().join("reports/history.parquet")).unwrap();
+        let table = Table::read(&folder.path().join("history.parquet")).unwrap();
         HistoryRow::from_table(&table).unwrap()
     };
     let first = rows();
@@ -209,7 +209,7 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert!(mean.value_se > 0.0 && of("skid0_kg_s").value_se > 0.0);
     // Conditions compare timestamps by their text.
     let look = |condition: &str| {
-        let arguments = ["inspect", "reports/history.parquet", "--csv", "--columns", "time,run"];
+        let arguments = ["inspect", "history.parquet", "--csv", "--columns", "time,run"];
         let more = ["--head", "1", "--sort", "time", "--where", condition];
         succeed(folder.path(), &[&arguments[..], &more].concat())
     };
@@ -308,7 +308,7 @@ fn with_baseline() -> Small {
 }
 
 fn history(folder: &Small) -> Vec<HistoryRow> {
-    HistoryRow::from_table(&Table::read(&folder.place("reports/history.parquet")).unwrap()).unwrap()
+    HistoryRow::from_table(&Table::read(&folder.place("history.parquet")).unwrap()).unwrap()
 }
 
 #[test]
@@ -381,7 +381,7 @@ fn a_comparison_and_a_run_exclude_each_other() {
     let folder = with_baseline();
     let lock = std::fs::File::open(folder.place("derived/.lock")).unwrap();
     lock.lock().unwrap();
-    let files = || (folder.read("baseline.json"), folder.read("reports/history.parquet"));
+    let files = || (folder.read("baseline.json"), folder.read("history.parquet"));
     let before = files();
     for more in [&[][..], &["--accept", "why"], &["--save", "other.json"]] {
         let (status, said) = own(&folder, more);
@@ -425,7 +425,7 @@ fn reasons_that_are_given_at_the_same_time_are_all_kept() {
     let rows = history(&folder);
     let fewer = &rows[..rows.len() - 1];
     let provenance = trilink_tables::Provenance { input: "runs".to_owned() };
-    let path = folder.place("reports/history.parquet");
+    let path = folder.place("history.parquet");
     HistoryRow::to_table(fewer).write(&path, &provenance).unwrap();
     assert_eq!(own(&folder, &[]).0, Some(0));
     assert_eq!(reasons_of(history(&folder)), reasons);
@@ -449,17 +449,42 @@ fn the_history_is_drawn_again_and_a_damaged_one_is_moved_aside() {
     }
     succeed(folder.path(), &["run", "--dry-run"]);
     for (i, command) in [&["run"][..], &["compare", "baseline.json"]].into_iter().enumerate() {
-        let mut damaged = folder.read("reports/history.parquet");
+        let mut damaged = folder.read("history.parquet");
         let last = damaged.len() - 5;
         damaged[last] ^= 0xff;
-        folder.write("reports/history.parquet", &damaged);
+        folder.write("history.parquet", &damaged);
         std::fs::remove_file(folder.place("reports/history.html")).unwrap();
         let said = trilink(folder.path(), command);
         assert_eq!(said.status.code(), Some(1), "{command:?}: {}", text(&said.stderr));
-        let aside = format!("reports/history.damaged-{}.parquet", i + 1);
+        let aside = format!("history.damaged-{}.parquet", i + 1);
         assert!(text(&said.stderr).contains(&aside), "{}", text(&said.stderr));
         assert_eq!(folder.read(&aside), damaged);
         assert!(history(&folder).iter().all(|row| row.run == 1));
         succeed(folder.path(), command);
     }
+}
+
+#[test]
+fn a_history_of_an_earlier_version_is_moved_out_of_the_reports() {
+    let folder = with_baseline();
+    let before = folder.read("history.parquet");
+    let [old, new] = ["reports/history.parquet", "history.parquet"].map(|name| folder.place(name));
+    std::fs::rename(&new, &old).unwrap();
+    succeed(folder.path(), &["run"]);
+    assert!(!old.exists() && folder.read("history.parquet") == before);
+    // Neither of two histories is touched.
+    std::fs::copy(&new, &old).unwrap();
+    let output = trilink(folder.path(), &["run", "--force"]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = text(&output.stderr);
+    assert!(said.contains("reports/history.parquet: an earlier history, not continued"), "{said}");
+    assert!(old.exists());
+    std::fs::remove_file(&old).unwrap();
+    // The configuration may name another place.
+    let config = folder.read("pipeline.toml");
+    let config = String::from_utf8(config).unwrap();
+    let config = config.replacen("[paths]\n", "[paths]\nhistory = 'kept/runs.parquet'\n", 1);
+    folder.write("pipeline.toml", config.as_bytes());
+    succeed(folder.path(), &["run"]);
+    assert!(folder.place("kept/runs.parquet").exists());
 }

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use trilink_tables::Table;
 
-use crate::common::{Small, UP_TO_DATE, assert_same, text, trilink};
+use crate::common::{Small, assert_same, text, trilink, was_up_to_date};
 
 const TRIAL: &str = "kinematic-symmetric-5.00-r1";
 const RECORD: &str = "derived/up-to-date.json";
@@ -165,7 +165,7 @@ fn damaged_results_are_made_again() {
         assert_same(&folder.results(), &expected, &what);
         assert!(folder.place("reports/run.json").is_file(), "{what}");
         let again = trilink(folder.path(), &["run"]);
-        assert_eq!(text(&again.stderr), UP_TO_DATE, "{what}");
+        assert!(was_up_to_date(&again) && again.stderr.is_empty(), "{what}");
     }
 }
 
@@ -270,7 +270,7 @@ fn stages_without_the_tables_before_them_say_which_command_makes_them() {
 #[test]
 fn trials_and_truth_that_cannot_be_read_are_named() {
     let cases: [(&str, Damage, i32, &[&str]); 6] = [
-        ("raw/trials.toml", Damage::Gone, 2, &["trials.toml: cannot be read"]),
+        ("raw/trials.toml", Damage::Gone, 2, &["this trial folder has no trials.toml"]),
         ("raw/trials.toml", Damage::Folder, 2, &["trials.toml: cannot be read"]),
         ("raw/trials.toml", Damage::Garbage, 2, &["trials.toml: cannot be read"]),
         ("raw/trials.toml", Damage::Empty, 2, &["trials.toml", "at least one [[trial]]"]),

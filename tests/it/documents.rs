@@ -198,3 +198,14 @@ fn the_program_knows_every_command_and_option_that_the_documents_show() {
     }
     assert!(count > 30, "{count}");
 }
+
+#[test]
+fn the_repository_is_the_same_everywhere() {
+    let (root, repository) = (Path::new(env!("CARGO_MANIFEST_DIR")), env!("CARGO_PKG_REPOSITORY"));
+    for name in ["README.md", "CITATION.cff"] {
+        let text = std::fs::read_to_string(root.join(name)).unwrap();
+        assert!(text.contains(repository), "{name}");
+    }
+    let help = crate::common::succeed(root, &["--help"]);
+    assert!(help.contains(&format!("Report problems: {repository}")), "{help}");
+}

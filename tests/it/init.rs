@@ -196,7 +196,7 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     quick(path);
     succeed(path, &["-q", "check"]);
     const EXACT: &str = "limits take the robot's declared parameters as exact";
-    assert!(!succeed(path, &["-q", "run"]).contains(EXACT));
+    assert!(!succeed(path, &["run"]).contains(EXACT));
 
     assert_preferred(path, "skid-roll", &truth(path)["weave"]["skid_kg_s"], 0.15);
     let config = Config::load(&path.join("pipeline.toml")).unwrap();
@@ -228,7 +228,7 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     // Without any, the terminal says so.
     let content = lines.iter().fold(content.clone(), |content, line| content.replace(line, ""));
     std::fs::write(path.join("pipeline.toml"), content).unwrap();
-    let fitted = succeed(path, &["-q", "fit"]);
+    let fitted = succeed(path, &["fit"]);
     assert!(fitted.contains(EXACT) && fitted.contains(".standard_deviation]"), "{fitted}");
     let [first, second] = gait.joints.map(Option::unwrap);
     for (found, expected_deg) in [

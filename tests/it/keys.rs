@@ -42,7 +42,8 @@ fn base() -> Small {
     // The file contains all keys.
     let mut config = Config::load(&folder.place("pipeline.toml")).unwrap();
     let paths = &mut config.paths;
-    for path in paths.raw.iter_mut().chain([&mut paths.derived, &mut paths.reports]) {
+    let others = [&mut paths.derived, &mut paths.reports, &mut paths.history];
+    for path in paths.raw.iter_mut().chain(others) {
         *path = path.strip_prefix(folder.path()).unwrap().to_owned();
     }
     folder.write("pipeline.toml", toml::to_string(&config).unwrap());

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::common::{Small, files, small_settings, succeed, text, trilink};
+use crate::common::{Small, files, small_settings, succeed, text, trilink, was_up_to_date};
 use tempfile::TempDir;
 
 /// Returns the names of all commands that the help text lists.
@@ -262,9 +262,9 @@ fn a_run_reports_removed_trials_and_those_that_need_attention() {
     )));
     let block = said.split("needs attention:\n").nth(1).unwrap();
     assert!(block.starts_with(&format!("  failed: {damaged}: ")), "{said}");
-    // A run that has nothing to do prints the same notes.
-    let again = text(&trilink(folder.path(), &["run"]).stderr);
-    assert!(again.contains("needs attention:\n") && again.contains("everything was up to date"));
+    // A run that has nothing to do names the failed trials, too.
+    let again = trilink(folder.path(), &["run"]);
+    assert!(text(&again.stderr).contains("needs attention:\n") && was_up_to_date(&again));
 }
 
 #[test]
@@ -355,4 +355,77 @@ fn config_show_prints_values_and_where_they_are_set() {
     let check = trilink(folder.path(), &["config", "check"]);
     assert_eq!(check.status.code(), Some(1));
     assert!(text(&check.stdout).contains("key `campaign`"), "{}", text(&check.stdout));
+}
+
+#[test]
+fn without_a_project_every_command_says_what_to_do_and_writes_nothing() {
+    const CAMPAIGN: &str = "semi-passive-symmetric";
+    // The commands of `--help`, each with arguments, and what it says without a project.
+    let needs_project = "`trilink init FOLDER` (`trilink demo` shows the paper's experiment)";
+    let assumed = "no pipeline.toml in the current folder: the paper's robots";
+    let lines: [(&[&str], &str); 17] = [
+        (&["run"], needs_project),
+        (&["ingest"], needs_project),
+        (&["check"], needs_project),
+        (&["status"], needs_project),
+        (&["clean"], needs_project),
+        (&["fit"], needs_project),
+        (&["report"], needs_project),
+        (&["compare"], needs_project),
+        (&["inspect"], needs_project),
+        (&["inspect", "trials"], needs_project),
+        (&["export", "a", "--format", "trc"], needs_project),
+        (&["design", CAMPAIGN], needs_project),
+        (&["simulate", CAMPAIGN, "--model", "skid", "--omega", "3", "--fitted"], needs_project),
+        (&["simulate", CAMPAIGN, "--model", "no-skid", "--omega", "3"], assumed),
+        (&["branches", CAMPAIGN, "--over", "omega_rad_s=2..3"], assumed),
+        (&["merge", "shards"], "shards: cannot be read"),
+        (&["config", "check"], "no pipeline.toml in the current folder: every key has its default"),
+    ];
+    // These commands work in any folder.
+    let anywhere = ["demo", "init", "explain", "optimise", "synth", "completions", "man"];
+    for command in commands() {
+        let is_tested = lines.iter().any(|(line, _)| line[0] == command);
+        assert!(is_tested != anywhere.contains(&command.as_str()), "{command}");
+    }
+    let empty = tempfile::tempdir().unwrap();
+    let markers = tempfile::tempdir().unwrap();
+    std::fs::write(markers.path().join("Take 01.csv"), "Trajectories\n100\n").unwrap();
+    let project = tempfile::tempdir().unwrap();
+    std::fs::write(project.path().join("pipeline.toml"), "").unwrap();
+    let inner = project.path().join("raw/day");
+    std::fs::create_dir_all(&inner).unwrap();
+    for (line, expected) in lines {
+        for folder in [empty.path(), markers.path(), &inner] {
+            let before = files(folder);
+            let output = trilink(folder, line);
+            let all = text(&output.stderr) + &text(&output.stdout);
+            if folder == inner {
+                assert!(all.contains("add -c ../../pipeline.toml") && all.lines().count() == 1);
+                assert_eq!(output.status.code(), Some(2), "{line:?}: {all}");
+            } else {
+                let folder = if folder == empty.path() { "FOLDER" } else { "." };
+                let expected = expected.replace("FOLDER", folder);
+                assert!(all.contains(&expected), "{line:?}: {all}");
+            }
+            assert!(files(folder) == before, "{line:?}");
+        }
+    }
+    for (folder, arguments, expected) in [
+        (markers.path(), &["demo"][..], "run the demo in an empty folder"),
+        (markers.path(), &["check", "."], "`trilink init .`"),
+        (&inner, &["init", "."], "add -c ../../pipeline.toml"),
+        (&inner, &["demo"], "add -c ../../pipeline.toml"),
+        (
+            &inner,
+            &["-c", "../../pipeline.toml", "run", "."],
+            "has no trials.toml; `trilink init .`",
+        ),
+    ] {
+        let output = trilink(folder, arguments);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains(expected) && said.lines().count() == 1, "{arguments:?}: {said}");
+    }
+    assert_eq!(files(markers.path()).len() + files(project.path()).len(), 2);
 }

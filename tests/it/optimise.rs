@@ -15,7 +15,7 @@ use trilink_tables::MapPoint;
 use trilink_tables::config::{Config, GaitInput};
 
 use crate::common::fitted::{CAMPAIGN, folder};
-use crate::common::{succeed, text, trilink};
+use crate::common::{succeed, text, trilink, was_up_to_date};
 
 const CAMPAIGNS: [&str; 3] = ["kinematic-symmetric", "kinematic-skewed", "semi-passive-symmetric"];
 /// Maximum relative improvement that another gait may achieve over an optimum.
@@ -642,8 +642,7 @@ fn saved_optima_are_on_the_page_until_the_model_is_fitted_again() {
     let beyond = "Extrapolated beyond the trials of the fit:</strong> omega 0.675 rad";
     assert_eq!(text.matches("Extrapolated").count(), 1, "{text}");
     assert!(text.contains(beyond), "{text}");
-    let said = text_of(&trilink(home, &["run"]));
-    assert!(said.contains("everything was up to date"), "{said}");
+    assert!(was_up_to_date(&trilink(home, &["run"])));
     // Second harmonics have intervals, too; here the maximum angle of the joint determines them in every replicate.
     let more = ["--free", "omega,second2", "--starts", "2", "--replicates", "4", "--json"];
     let ranges = ["--maximise", "v", "--omega", "0.5..12", "--amplitude-deg", "5..60"];
@@ -674,9 +673,4 @@ fn saved_optima_are_on_the_page_until_the_model_is_fitted_again() {
     succeed(home, &["run"]);
     let text = page();
     assert!(!text.contains("Best gaits") && text.contains("`trilink optimise --keep`"));
-}
-
-fn text_of(output: &Output) -> String {
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    text(&output.stderr)
 }

@@ -39,7 +39,8 @@ fn shared_fits_are_made_retained_and_recomputed() {
     assert_eq!(succeed(folder.path(), &["run", "--dry-run", "--explain"]), "");
     folder.replace("pipeline.toml", "weights = { d = 10.0", "weights = { d = 9.0");
     let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
-    let why = "kinematic-symmetric skid-roll.campaign.kinematic-symmetric.weights.d: 10.0 -> 9.0";
+    let why =
+        "kinematic-symmetric skid-roll.campaign.kinematic-symmetric.weights.d changed: 10.0 to 9.0";
     assert!(ahead.contains("shared fit kinematic skid-roll: "), "{ahead}");
     assert!(ahead.contains(why), "{ahead}");
     folder.run();

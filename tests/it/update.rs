@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use crate::common::{Small, UP_TO_DATE, assert_same, succeed, text, trilink};
+use crate::common::{Small, assert_same, files, succeed, text, trilink, was_up_to_date};
 use serde_json::Value;
 
 const SYMMETRIC: &str = "kinematic-symmetric-5.00-r1";
@@ -66,14 +66,16 @@ fn change_marker_file(folder: &Small, name: &str) {
 #[test]
 fn an_unchanged_run_writes_nothing_and_prints_the_same() {
     let folder = Small::raw();
-    let first = folder.run();
+    folder.run();
     let before = stamps(folder.path());
     let output = trilink(folder.path(), &["run"]);
     assert_eq!(output.status.code(), Some(0));
-    assert_eq!(text(&output.stdout), first);
-    assert_eq!(text(&output.stderr), UP_TO_DATE);
-    let verified = trilink(folder.path(), &["run", "--verify"]);
-    assert_eq!(text(&verified.stderr), UP_TO_DATE);
+    let said = text(&output.stdout);
+    assert!(was_up_to_date(&output) && output.stderr.is_empty(), "{said}");
+    for part in [" trials: ", "kinematic-symmetric: ", "page: reports"] {
+        assert!(said.contains(part), "{said}");
+    }
+    assert!(was_up_to_date(&trilink(folder.path(), &["run", "--verify"])));
     assert_eq!(succeed(folder.path(), &["run", "--dry-run", "--explain"]), "");
     assert!(stamps(folder.path()) == before, "something was written");
 }
@@ -231,7 +233,7 @@ fn a_file_with_another_time_and_the_same_bytes_redoes_nothing_and_is_read_once()
     let before = folder.results();
     let run_json = folder.read("reports/run.json");
     let output = trilink(folder.path(), &["run"]);
-    assert_eq!(text(&output.stderr), UP_TO_DATE);
+    assert!(was_up_to_date(&output) && output.stderr.is_empty());
     assert_same(&folder.results(), &before, "another time");
     assert_eq!(folder.read("reports/run.json"), run_json);
     assert_ne!(folder.read("derived/up-to-date.json"), record);
@@ -317,7 +319,7 @@ fn a_trial_that_failed_is_not_tried_again_until_something_changes() {
     let again = trilink(folder.path(), &["run"]);
     assert_eq!(again.status.code(), Some(1));
     let said = text(&again.stderr);
-    assert!(said.contains(SYMMETRIC) && said.contains("everything was up to date"), "{said}");
+    assert!(said.contains(SYMMETRIC) && was_up_to_date(&again), "{said}");
     folder.write(SYMMETRIC_FILE, whole);
     folder.run();
     assert_same(&folder.results(), &Small::done().results(), "whole again");
@@ -452,4 +454,59 @@ fn pages_beyond_the_limit_are_made_when_asked_for_and_then_kept_up_to_date() {
     folder.run();
     assert!(redone(&folder)[2].contains(&format!("trials/{SYMMETRIC}.html")));
     assert_eq!(pages(&folder).len(), 2);
+}
+
+#[test]
+fn many_targets_with_the_same_reason_are_counted() {
+    let folder = Small::done();
+    folder.replace("pipeline.toml", "[fit]", "[ingest]\nmax_gap_s = 0.2\n[fit]");
+    let ahead = succeed(folder.path(), &["run", "--dry-run", "--explain"]);
+    let expected = " trials, because ingest.max_gap_s changed: 0.1 to 0.2\n";
+    assert!(ahead.contains(expected), "{ahead}");
+    let plain = succeed(folder.path(), &["run", "--dry-run"]);
+    assert!(ahead.lines().count() < 15 && plain.lines().count() > 25, "{ahead}");
+    let status = succeed(folder.path(), &["status"]);
+    assert!(status.contains(&format!("to do          {}", ahead.lines().next().unwrap())));
+}
+
+#[test]
+fn clean_removes_what_a_run_makes_again_and_nothing_else() {
+    let folder = Small::done();
+    succeed(folder.path(), &["compare", "--accept", "first"]);
+    folder.run();
+    let before = folder.results();
+    let status = succeed(folder.path(), &["status"]);
+    for part in [
+        "configuration  pipeline.toml",
+        ": ok",
+        "nothing: everything is up to date",
+        "baseline.json",
+    ] {
+        assert!(status.contains(part), "{part}: {status}");
+    }
+    folder.write("derived/notes.txt", "mine");
+    folder.write("reports/fits.json", "edited");
+    let all = files(folder.path());
+    let counted = succeed(folder.path(), &["clean", "--dry-run"]);
+    assert!(files(folder.path()) == all, "--dry-run removes nothing");
+    let output = trilink(folder.path(), &["clean"]);
+    let said = text(&output.stdout);
+    assert_eq!(said.replacen("removed", "would remove", 1), counted);
+    assert!(text(&output.stderr).contains("has changed since trilink wrote it: reports/fits.json"));
+    let left = files(folder.path());
+    let unmade = all.into_iter().filter(|(name, _)| {
+        let is_result = name.starts_with("derived") || name.starts_with("reports");
+        !is_result || name.ends_with("notes.txt") || name.ends_with("fits.json")
+    });
+    assert!(left == unmade.collect(), "{:?}", left.keys());
+    assert!(
+        left.contains_key(Path::new("history.parquet"))
+            && left.contains_key(Path::new("baseline.json"))
+    );
+    assert!(succeed(folder.path(), &["status"]).contains("last run       none"));
+    std::fs::remove_file(folder.place("derived/notes.txt")).unwrap();
+    folder.run();
+    let mut expected = before;
+    expected.retain(|name, _| !name.to_string_lossy().contains("compare."));
+    assert_same(&folder.results(), &expected, "made again");
 }

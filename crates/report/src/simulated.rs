@@ -44,6 +44,23 @@ pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Opt
     fit.status.is_ok().then_some(problem)
 }
 
+/// Returns the motion problem for a model of a campaign under the commanded gait, with the coefficients of the
+/// campaign's fit or, if there is none, the configured ones, and whether the fit was used; `None` if the campaign or the
+/// model is not configured.
+pub(crate) fn best_known(
+    (tables, input): (&Tables, &ReportInput),
+    campaign: &str,
+    model: Model,
+    omega_rad_s: f64,
+) -> Option<(Problem, bool)> {
+    let mut fits = tables.fits.iter();
+    let fit = fits.find(|fit| fit.campaign == campaign && fit.model == model);
+    match fit.and_then(|fit| fitted(input, fit, omega_rad_s)) {
+        Some(problem) => Some((problem, true)),
+        None => Some((configured(input, campaign, model, omega_rad_s)?, false)),
+    }
+}
+
 /// Returns the motion problem for a fitted model at a trial's frequency, under the gait input of the fit.
 pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<Problem> {
     let problem = fitted(input, fit, trial.omega_rad_s)?;

@@ -2,8 +2,8 @@
 //! parts.
 
 use polars::prelude::{
-    ChunkFull, ChunkSet, Column, DataType, Float64Chunked, IntoColumn, NewChunkedArray,
-    PolarsResult, Series, StringChunked,
+    ChunkSet, Column, DataType, Float64Chunked, IntoColumn, NewChunkedArray, PolarsResult, Series,
+    StringChunked,
 };
 use trilink_base::Named;
 use trilink_base::csv;
@@ -446,7 +446,7 @@ impl<T: NamedCell> Columns for T {
     }
 }
 
-/// A missing value is stored as empty text.
+/// A missing value is stored as null; empty text is read as missing, too.
 impl<T: NamedCell> Columns for Option<T> {
     fn blank() -> Self {
         None
@@ -478,7 +478,8 @@ impl<T: NamedCell> Columns for Vec<T> {
             let names: Vec<_> = list.iter().map(|value| csv::field(value.as_name())).collect();
             lines.push(names.join(", "));
         }
-        columns.push(texts(name, lines.iter().map(String::as_str)));
+        // An empty list is not a missing value.
+        columns.push(StringChunked::from_iter_values(name.into(), lines.iter()).into_column());
     }
 
     fn read(table: &Table, name: &str) -> Result<Vec<Self>, StoreError> {
@@ -521,12 +522,13 @@ pub fn booleans(name: &str, values: Vec<Option<bool>>) -> Column {
     plain(name, values)
 }
 
-/// Builds a column of text.
+/// Builds a column of text; empty text is stored as null.
 pub fn texts<'t>(name: &str, values: impl Iterator<Item = &'t str>) -> Column {
-    StringChunked::from_iter_values(name.into(), values).into_column()
+    let values = values.map(|value| Some(value).filter(|value| !value.is_empty()));
+    StringChunked::from_iter_options(name.into(), values).into_column()
 }
 
 /// Builds a column with the same text in every row.
 pub fn repeated(name: &str, value: &str, rows: usize) -> Column {
-    StringChunked::full(name.into(), value, rows).into_column()
+    texts(name, std::iter::repeat_n(value, rows))
 }

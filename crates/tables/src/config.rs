@@ -439,7 +439,15 @@ impl Config {
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config =
             Self::parse(&text).map_err(|error| ConfigError::toml(path, &text, &error))?;
-        config.check(path)?;
+        if let Err(error) = config.check(path) {
+            let keys = settings::unfilled(&text);
+            // A single value is described better by the error of the check.
+            return Err(if keys.len() > 1 {
+                ConfigError::Unfilled { path: path.to_owned(), keys }
+            } else {
+                error
+            });
+        }
         config.paths.start_at(path.parent().unwrap_or(Path::new("")));
         Ok(config)
     }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Once;
+use std::sync::{Arc, Once};
 
 use polars::polars_utils::compression::ZstdLevel;
 use polars::prelude::{
@@ -16,7 +16,7 @@ use polars::prelude::{
 use polars_parquet::write::{KeyValue, schema_to_metadata_key};
 use trilink_base::files;
 
-use super::{Columns, PendingFile, Reader, Stamp, StoreError, checksum, write_if_changed};
+use super::{Columns, PendingFile, Reader, Stamp, StoreError, checksum, unit, write_if_changed};
 
 /// Level of zstd compression; noisy numbers barely shrink further at higher levels.
 const ZSTD_LEVEL: i32 = 1;
@@ -325,11 +325,16 @@ pub fn is_own_table(path: &Path) -> bool {
         .is_ok_and(|(bytes, _)| bytes.windows(KEY.len()).any(|part| part == KEY))
 }
 
-/// Returns the metadata entry that declares the Arrow types of the columns to other programs. It declares the classic
-/// layout for text and for lists of text, because pandas cannot read the lists of string views that polars would
-/// declare.
+/// Returns the metadata entry that declares the Arrow types of the columns to other programs, each with its unit, if it
+/// has one, as the metadata `unit` of the field. It declares the classic layout for text and for lists of text, because
+/// pandas cannot read the lists of string views that polars would declare.
 fn arrow_schema(frame: &DataFrame) -> KeyValue {
-    schema_to_metadata_key(&frame.schema().to_arrow(CompatLevel::oldest()))
+    let mut schema = frame.schema().to_arrow(CompatLevel::oldest());
+    for (name, field) in schema.iter_mut() {
+        let of_unit = |unit: &str| std::iter::once(("unit".into(), unit.into())).collect();
+        field.metadata = unit(name).map(|unit| Arc::new(of_unit(unit)));
+    }
+    schema_to_metadata_key(&schema)
 }
 
 #[cfg(test)]
@@ -359,6 +364,24 @@ mod tests {
 
     fn provenance() -> Provenance {
         Provenance { input: "0123".to_owned() }
+    }
+
+    #[test]
+    fn units_are_in_the_arrow_schema_and_empty_text_is_null() {
+        let columns = vec![
+            numbers("v_m_s", vec![0.1, 0.2]),
+            crate::texts("campaign", ["", "weave"].into_iter()),
+        ];
+        let table = Table::new(columns);
+        assert_eq!(table.frame.column("campaign").unwrap().null_count(), 1);
+        assert_eq!(table.values::<String>("campaign").unwrap(), ["", "weave"]);
+        let bytes = table.to_parquet(Path::new("t"), &Provenance { input: String::new() }).unwrap();
+        let schema = ParquetReader::new(Cursor::new(bytes)).schema().unwrap();
+        let unit = |name: &str| {
+            let metadata = schema.get(name).unwrap().metadata.clone();
+            metadata.and_then(|metadata| metadata.get("unit").map(ToString::to_string))
+        };
+        assert_eq!((unit("v_m_s").as_deref(), unit("campaign")), (Some("m/s"), None));
     }
 
     #[test]

@@ -4,6 +4,7 @@ mod folders;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
+use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::{Component, Path};
 
@@ -100,8 +101,11 @@ impl TrialList {
     /// trial is left.
     pub fn load(folder: &Path) -> Result<Self, ConfigError> {
         let path = folder.join(TRIALS_FILE);
-        let text = trilink_base::files::read_text(&path)
-            .map_err(|source| ConfigError::Read { path: path.clone(), source })?;
+        let text = files::read_text(&path).map_err(|source| match source.kind() {
+            ErrorKind::NotFound if folder.is_dir() => ConfigError::NoTrialList(folder.to_owned()),
+            ErrorKind::NotFound => ConfigError::NoTrialFolder(folder.to_owned()),
+            _ => ConfigError::Read { path: path.clone(), source },
+        })?;
         let mut list: Self =
             parse_toml(&path, &text).map_err(|error| single_brackets(&path, &text, error))?;
         let error = |key: &str, found, needed: &str| {

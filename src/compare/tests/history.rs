@@ -12,9 +12,7 @@ use trilink_tables::{
     Column, Columns as _, FitRow, Provenance, RunStatus, Table, TrialRow, UtcTime, numbers, texts,
 };
 
-use crate::compare::history::{
-    ACCEPTED, HistoryRow, INADEQUATE, TRIAL_ADDED, TRIAL_REMOVED, history_path,
-};
+use crate::compare::history::{ACCEPTED, HistoryRow, INADEQUATE, TRIAL_ADDED, TRIAL_REMOVED};
 use crate::compare::record_run;
 use crate::compare::trend;
 
@@ -225,7 +223,7 @@ fn a_history_with_fewer_columns_is_continued() {
         numbers("value", rows.iter().map(|row| row.value).collect()),
         text("note", |row| &row.note),
     ]);
-    let path = history_path(&config.paths.reports);
+    let path = config.paths.history.clone();
     former.write(&path, &Provenance { input: "runs".to_owned() }).unwrap();
     let trial = |name: usize| TrialRow {
         trial: name.to_string(),

@@ -207,7 +207,7 @@ pub fn table(program: Program, name: &str, reader: &str, data: &[u8]) {
 pub fn history(program: Program, data: &[u8]) {
     let project = Project::get(program);
     project.restore();
-    project.damage("reports/history.parquet", data);
+    project.damage("history.parquet", data);
     project.does(program, "compare");
 }
 

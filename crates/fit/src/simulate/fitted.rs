@@ -226,14 +226,17 @@ pub fn starting_values(config: &Config, campaign: &str, setups: &[Setup]) -> Vec
             Some(fit) => {
                 let mut differing = fit.free.clone();
                 differing.retain(|parameter| differs_from_fit(*parameter, robot, fit));
-                (differing, format!("use --fitted for the fitted values in {path}"))
+                (differing, format!("--fitted takes the fit in {path}"))
             }
             None if fits.is_empty() => return None,
             None => {
                 let models: Vec<&str> = fits.iter().map(|row| row.model.name()).collect();
                 let free = FitInput::new(config, campaign, *model)?.free();
                 let free = free.into_iter().map(|of| of.parameter).collect();
-                (free, format!("{path} contains fits of {}, but none of {model}", models.join(", ")))
+                (
+                    free,
+                    format!("{path} contains fits of {}, but none of {model}", models.join(", ")),
+                )
             }
         };
         parameters.retain(|parameter| parameter.value_in(robot) == parameter.value_in(&configured));
@@ -242,9 +245,7 @@ pub fn starting_values(config: &Config, campaign: &str, setups: &[Setup]) -> Vec
         }
         let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name()).collect();
         let names = names.join(", ");
-        let warning =
-            format!("the configured starting values of these parameters are used instead of fitted values: {names}; \
-                     {hint}");
+        let warning = format!("starting values, not fitted: {names}; {hint}");
         Some((*model, warning))
     });
     warnings.collect()

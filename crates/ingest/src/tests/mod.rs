@@ -1086,7 +1086,7 @@ fn tables_of_trials_that_are_gone_or_fail_now_are_removed() {
 fn a_folder_without_a_list_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let ingested = ingest_folder(folder.path(), folder.path());
-    assert!(ingested.unwrap_err().to_string().contains("trials.toml: cannot be read"));
+    assert!(ingested.unwrap_err().to_string().contains("this trial folder has no trials.toml"));
     assert!(files(folder.path()).is_empty());
 }
 

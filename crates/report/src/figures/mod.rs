@@ -207,10 +207,12 @@ impl Inputs<'_> {
         if let Some((_, gait)) = config.campaign_setup(campaign) {
             found.add(match gait.passive_joint() {
                 Some(_) => {
-                    simulations::passive([SIMULATED, FROM_REST, SWEEP].map(stem), campaign, config)
+                    let stems = [SIMULATED, FROM_REST, SWEEP].map(stem);
+                    simulations::passive(stems, campaign, (tables, config))
                 }
                 None => {
-                    simulations::skidding(&stem(SIMULATED), campaign, config).map(|of| vec![of])
+                    let inputs = (tables, config);
+                    simulations::skidding(&stem(SIMULATED), campaign, inputs).map(|of| vec![of])
                 }
             });
         }

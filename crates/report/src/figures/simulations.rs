@@ -18,6 +18,7 @@ use crate::ReportInput;
 use crate::looks::{self, ModelLook};
 use crate::series::{DISPLACEMENT, SPEED};
 use crate::simulated::{self, SAMPLES, Steady};
+use crate::tables::Tables;
 
 /// Frequency at which time courses are simulated, rad/s.
 const OMEGA_RAD_S: f64 = 4.0;
@@ -43,27 +44,36 @@ fn no_skid() -> Look {
 pub(super) fn passive(
     [courses, from_rest, sweep]: [String; 3],
     campaign: &str,
-    config: &ReportInput,
+    (tables, config): (&Tables, &ReportInput),
 ) -> Result<Vec<Figure>, String> {
-    // For the paper's robot, the joint parameters are those of the paper's simulations; other robots are simulated as
-    // configured.
+    // For the paper's robot, the joint parameters are those of the paper's simulations.
     let [default, simulated] = [Config::default(), Config::of_simulations()]
         .map(|setup| Some(setup.campaign_setup(SEMI_PASSIVE)?.0));
     let is_papers = config.campaign_setup(campaign).map(|(robot, _)| robot) == default;
     let problem_at = |omega_rad_s| {
-        let mut problem = simulated::configured(config, campaign, Model::NO_SKID, omega_rad_s)?;
+        let inputs = (tables, config);
+        let known = simulated::best_known(inputs, campaign, Model::NO_SKID, omega_rad_s);
+        let (mut problem, is_fitted) = known?;
         if is_papers {
             problem.robot = simulated.clone()?;
         }
-        Some(problem)
+        Some((problem, is_fitted))
     };
     let problem =
         problem_at(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"));
+    let problem_at = |omega_rad_s| problem_at(omega_rad_s).map(|(problem, _)| problem);
     let with_motion = || -> Result<[Figure; 3], String> {
-        let problem = problem?;
+        let (problem, is_fitted) = problem?;
         let no_motion = |error: MotionError| no_motion(&error);
         let steady = simulated::steady(&problem).map_err(no_motion)?;
-        let joint = joint(&problem.robot, is_papers);
+        let origin = if is_papers {
+            "the values of the paper's simulations (Table II); all other parameters are as configured"
+        } else if is_fitted {
+            "as in the fit of this model"
+        } else {
+            "as configured"
+        };
+        let joint = joint(&problem.robot, origin);
         let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
         let from_rest = from_rest.map_err(no_motion)?;
         let courses = time_courses(&courses, (campaign, &joint), &problem, &steady.cycle);
@@ -73,15 +83,9 @@ pub(super) fn passive(
     with_motion().map(Vec::from).map_err(|why| not_drawn(&courses, &why))
 }
 
-/// Describes the parameters of the passive joint and where their values come from: from the paper's simulations if
-/// `is_papers`, otherwise from the configuration.
-fn joint(robot: &Robot, is_papers: bool) -> String {
+/// Describes the parameters of the passive joint and where their values come from.
+fn joint(robot: &Robot, origin: &str) -> String {
     let Robot { stiffness_nm_rad, damping_nm_s_rad, .. } = robot;
-    let origin = if is_papers {
-        "the values of the paper's simulations (Table II); all other parameters are as configured"
-    } else {
-        "as configured"
-    };
     format!(
         "with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {origin}"
     )
@@ -134,11 +138,17 @@ fn time_courses(
 ///
 /// # Errors
 /// Returns a sentence that explains why the figure is not drawn.
-pub(super) fn skidding(stem: &str, campaign: &str, config: &ReportInput) -> Result<Figure, String> {
-    let problem = simulated::configured(config, campaign, SKIDDING, OMEGA_RAD_S);
-    let problem = problem.ok_or_else(|| format!("campaign {campaign} is not configured"));
-    let steady = problem.and_then(|of| simulated::steady(&of).map_err(|error| no_motion(&error)));
-    let Steady { metrics, cycle, .. } = steady.map_err(|why| not_drawn(stem, &why))?;
+pub(super) fn skidding(
+    stem: &str,
+    campaign: &str,
+    inputs: (&Tables, &ReportInput),
+) -> Result<Figure, String> {
+    let problem = simulated::best_known(inputs, campaign, SKIDDING, OMEGA_RAD_S);
+    let (problem, is_fitted) = problem
+        .ok_or_else(|| not_drawn(stem, &format!("campaign {campaign} is not configured")))?;
+    let steady = simulated::steady(&problem);
+    let Steady { metrics, cycle, .. } =
+        steady.map_err(|error| not_drawn(stem, &no_motion(&error)))?;
     let shown = (cycle.as_slice(), 1);
     let wheels = ["wheel 0", "wheel 1", "wheel 2"];
     let forces = ("Ground forces", "Force (N)");
@@ -153,6 +163,7 @@ pub(super) fn skidding(stem: &str, campaign: &str, config: &ReportInput) -> Resu
     let values = context! {
         campaign,
         model => SKIDDING.name(),
+        is_fitted,
         omega => OMEGA_RAD_S.to_string(),
         v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
         roll_n => format!("{max_n:.2}"),

@@ -129,7 +129,7 @@ struct Overlay {
 
 /// Returns the simulated motions to be drawn over the measured motion of a trial.
 ///
-/// The first two are motions of the configured robot without skid; the second has roll resistance if a joint is
+/// The first two are motions without skid, with fitted parameters if there is a fit; the second has roll resistance if a joint is
 /// passive, and otherwise follows the ellipse fitted to the measured gait (with little skid if no motion without skid
 /// exists). The last is that of the preferred fitted model. For each missing motion, a sentence is added to `missing`.
 fn overlays(
@@ -155,9 +155,12 @@ fn overlays(
             ));
         }
     };
-    let configured =
-        |model| simulated::configured(config, &trial.campaign, model, trial.omega_rad_s);
-    let Some(no_skid) = configured(Model::NO_SKID) else { return found };
+    let best_known = |model| {
+        let inputs = (tables, config);
+        let known = simulated::best_known(inputs, &trial.campaign, model, trial.omega_rad_s);
+        known.map(|(problem, _)| problem)
+    };
+    let Some(no_skid) = best_known(Model::NO_SKID) else { return found };
     let is_passive = no_skid.gait.passive_joint().is_some();
     let ellipse = |problem| simulated::under_gait_of(trial, problem);
     let of_ellipse = ellipse(no_skid.clone());
@@ -165,7 +168,7 @@ fn overlays(
     let (name, solved) = if is_passive {
         let model = Model::NO_SKID_ROLL;
         let name = Model::NO_SKID_ROLL.name();
-        (name, configured(model).map(|of| solve(name, line(model), of)))
+        (name, best_known(model).map(|of| solve(name, line(model), of)))
     } else {
         let name = "no-skid, measured elliptic gait";
         match solve(name, line(Model::NO_SKID_MEASURED), of_ellipse) {
@@ -173,7 +176,7 @@ fn overlays(
                 let name = "skid-roll, measured elliptic gait, skid coefficients multiplied by 100";
                 (
                     name,
-                    configured(Model::SKID_ROLL).map(|mut problem| {
+                    best_known(Model::SKID_ROLL).map(|mut problem| {
                         problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
                         solve(name, looks::STIFF, ellipse(problem))
                     }),

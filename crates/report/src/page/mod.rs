@@ -97,6 +97,7 @@ pub(crate) fn html(
         changes => Serde(changes),
         campaigns => campaigns::sections(input, (tables, truth), drawn)?,
         shared => shared::sections(tables),
+        not_shared => Serde(shared::not_tested(input, tables)),
         comparisons => images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
         }),

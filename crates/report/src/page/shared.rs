@@ -1,11 +1,14 @@
 //! Report-page sections on joint fits to all campaigns of a robot.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 use trilink_base::text::known;
 use trilink_robot::Parameter;
 use trilink_tables::{FitRow, SharedFitRow, Sharing};
 
+use crate::ReportInput;
 use crate::parameters::FittedParameter;
 use crate::tables::Tables;
 
@@ -14,6 +17,23 @@ use crate::tables::Tables;
 pub(super) fn sections(tables: &Tables) -> Vec<Value> {
     let robots = tables.shared_fits.chunk_by(|a, b| a.robot == b.robot);
     robots.map(|rows| section(rows, tables)).collect()
+}
+
+/// Returns the robots whose campaigns were fitted only separately, each with these campaigns.
+pub(super) fn not_tested<'t>(
+    input: &'t ReportInput,
+    tables: &'t Tables,
+) -> BTreeMap<&'t str, BTreeSet<&'t str>> {
+    let mut robots: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for fit in &tables.fits {
+        if let Some(campaign) = input.campaigns().get(&fit.campaign) {
+            robots.entry(&campaign.robot).or_default().insert(&fit.campaign);
+        }
+    }
+    robots.retain(|robot, campaigns| {
+        campaigns.len() > 1 && tables.shared_fits.iter().all(|row| row.robot != *robot)
+    });
+    robots
 }
 
 /// Returns the template values of the section on a robot; `rows` are the fits of each model to all its campaigns

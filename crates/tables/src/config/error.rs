@@ -13,6 +13,14 @@ use super::strict::Strict;
 pub enum ConfigError {
     #[error("{}: cannot be read: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: this trial folder, with its trials.toml, does not exist", .0.display())]
+    NoTrialFolder(PathBuf),
+    #[error(
+        "{folder}: this trial folder has no trials.toml; `trilink init {folder}` drafts it from the marker files (add \
+         --out DIR to leave an existing pipeline.toml unchanged)",
+        folder = .0.display()
+    )]
+    NoTrialList(PathBuf),
     #[error("{}, line {line}: {}{message}{}", path.display(), key_prefix(key), hint(suggestion))]
     Syntax {
         path: PathBuf,
@@ -24,6 +32,13 @@ pub enum ConfigError {
     },
     #[error("{}: key `{key}`: found {found}, needed {needed}", path.display())]
     Value { path: PathBuf, key: String, found: String, needed: String },
+    /// Several values are not yet filled in.
+    #[error("{}: found nan for {} keys, needed numbers: {}", path.display(), keys.len(), keys.join(", "))]
+    Unfilled {
+        path: PathBuf,
+        /// Keys with their lines, such as `robot.a.b_m (line 7)`.
+        keys: Vec<String>,
+    },
     #[error("{}: found {found}, needed {needed}", pattern.display())]
     Pattern { pattern: PathBuf, found: String, needed: &'static str },
 }

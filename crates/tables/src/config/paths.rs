@@ -18,6 +18,8 @@ pub struct Paths {
     pub reports: PathBuf,
     /// File that contains the baseline with which later results are compared.
     pub baseline: PathBuf,
+    /// Table of the figures of merit of all runs, the only result that cannot be made again.
+    pub history: PathBuf,
     /// Folder of the configuration file.
     #[serde(skip)]
     pub base: PathBuf,
@@ -29,7 +31,8 @@ pub struct Paths {
 impl Paths {
     /// Prepends `base`, the folder of the configuration file, to the relative paths.
     pub fn start_at(&mut self, base: &Path) {
-        let others = [&mut self.derived, &mut self.reports, &mut self.baseline];
+        let Self { derived, reports, baseline, history, .. } = self;
+        let others = [derived, reports, baseline, history];
         for path in self.raw.iter_mut().chain(others) {
             // In front of a pattern, wildcard characters in the name of the folder itself must be escaped.
             let is_pattern = is_pattern(path) && !base.join(&*path).exists();

@@ -38,6 +38,23 @@ impl Config {
     }
 }
 
+/// Returns the keys that a configuration file sets to nan, or to a list with a nan, with their lines, in the order of
+/// the file.
+pub(super) fn unfilled(text: &str) -> Vec<String> {
+    let mut settings = Config::settings(text).unwrap_or_default();
+    settings.retain(|setting| match &setting.value {
+        Value::Array(list) => list.iter().any(is_nan),
+        value => is_nan(value),
+    });
+    settings.sort_by_key(|setting| setting.line);
+    let keys = settings.into_iter().filter_map(|Setting { key, line, .. }| Some((key, line?)));
+    keys.map(|(key, line)| format!("{key} (line {line})")).collect()
+}
+
+fn is_nan(value: &Value) -> bool {
+    value.as_float().is_some_and(f64::is_nan)
+}
+
 /// Returns the dotted key of `key` inside `table`.
 pub(super) fn join_key(table: &str, key: &str) -> String {
     let key = toml_key(key);
@@ -93,6 +110,23 @@ fn flatten(value: Value, key: String, settings: &mut Vec<Setting>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_value_that_is_nan_is_named_at_once_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.toml");
+        let text = "[fit]\nstarts = 3\n[robot.a]\nh_m = 0.1\nl_m = nan\nb_m = 0.05\nmass_kg = [1.0, nan, 0.2]\n\
+                    inertia_kg_m2 = [0.01, 0.001, 0.001]\nroll_kg_s = [0.6, 0.3, 0.3]\n\
+                    skid_kg_s = [1.0, 1.0, 1.0]\n[campaign]\n";
+        std::fs::write(&path, text).unwrap();
+        let message = Config::load(&path).unwrap_err().to_string();
+        let expected =
+            "found nan for 2 keys, needed numbers: robot.a.l_m (line 5), robot.a.mass_kg (line 7)";
+        assert!(message.ends_with(expected), "{message}");
+        std::fs::write(&path, text.replace("nan, 0.2", "0.2, 0.2")).unwrap();
+        let message = Config::load(&path).unwrap_err().to_string();
+        assert!(message.contains("key `robot.a.l_m`: found NaN"), "{message}");
+    }
 
     #[test]
     fn settings_have_values_and_lines_and_reproduce_the_configuration() {

@@ -113,6 +113,17 @@ impl<'r> Comparison<'r> {
         text
     }
 
+    /// Formats the preferred model and whether it is adequate, in a few words.
+    pub fn short(&self) -> String {
+        let Some((first, fit)) = self.ranked.first() else { return "no fit".to_owned() };
+        match fit.adequate {
+            Some(true) => format!("{} fits", first.model),
+            Some(false) if self.ranked.len() > 1 => "no model fits".to_owned(),
+            Some(false) => format!("{} does not fit", first.model),
+            None => format!("{} may fit", first.model),
+        }
+    }
+
     /// Formats a sentence that states which model is preferred and why.
     fn preference(&self, model: Model) -> String {
         let lowest = self.lowest(|row| row.criterion);
