@@ -30,8 +30,8 @@ pub struct ReportInput {
 impl ReportInput {
     pub fn new(config: &Config, asked_pages: BTreeSet<String>) -> Self {
         let mut shown = config.clone();
-        let Paths { raw, derived, reports, baseline, .. } = &mut shown.paths;
-        for path in raw.iter_mut().chain([derived, reports, baseline]) {
+        let Paths { raw, derived, reports, baseline, history, .. } = &mut shown.paths;
+        for path in raw.iter_mut().chain([derived, reports, baseline, history]) {
             *path = relative(&config.paths.reports, path).into();
         }
         Self { paths: config.paths.clone(), sigma: config.fit.sigma, asked_pages, shown }
