@@ -1,7 +1,5 @@
 //! Tests of optimal gaits: no other gait is better, and the reported values are correct.
 
-use std::process::Output;
-
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

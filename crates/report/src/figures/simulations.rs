@@ -283,7 +283,9 @@ mod tests {
         ] {
             let input = ReportInput::new(&config, Default::default());
             let stems = ["a", "b", "c"].map(str::to_owned);
-            let figures = passive(stems, SEMI_PASSIVE, &input).expect("there are motions");
+            let tables = Tables::default();
+            let figures =
+                passive(stems, SEMI_PASSIVE, (&tables, &input)).expect("there are motions");
             assert_eq!(figures.len(), 3);
             for Figure { caption, .. } in figures {
                 assert!(caption.contains(joint), "{caption}");
