@@ -157,7 +157,7 @@ fn use_everything(browser: &mut Browser) {
 fn hostile_names_are_text_on_the_pages_of_history_comparison_scorecard_and_motion() {
     let Some(mut browser) = Browser::start() else { return };
     let (project, names) = (Small::done(), names());
-    change::<HistoryRow>(&project, "reports/history", |rows| {
+    change::<HistoryRow>(&project, "history", |rows| {
         let like = rows[0].clone();
         rows.extend(names.iter().enumerate().map(|(nth, name)| HistoryRow {
             campaign: if nth % 8 == 0 { name.clone() } else { String::new() },
