@@ -345,7 +345,7 @@ fn untrustworthy_tables_are_not_compared() {
     let list = folder.read("raw/trials.toml");
     std::fs::remove_file(folder.place("raw/trials.toml")).unwrap();
     assert_eq!(trilink(folder.path(), &["run", "--quiet"]).status.code(), Some(2));
-    refused(&[], ": failed: raw/trials.toml: ");
+    refused(&[], ": failed: raw: this trial folder has no trials.toml; ");
     folder.write("raw/trials.toml", list);
     well();
     folder.replace("reports/run.json", "\"status\": \"ok\"", "\"status\": \"running\"");

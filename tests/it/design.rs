@@ -370,7 +370,8 @@ fn the_command_prints_its_recommendation_and_errors() {
     let output = trilink(empty.path(), &begin);
     let stderr = text(&output.stderr);
     assert!(
-        output.status.code() == Some(2) && stderr.contains("fits.parquet: does not exist"),
+        output.status.code() == Some(2)
+            && stderr.contains("no pipeline.toml and no trials in the current folder"),
         "{stderr}"
     );
 }
