@@ -274,7 +274,7 @@ fn flagged_trials_are_named_with_their_reasons() {
     folder.write("pipeline.toml", format!("{settings}\n[ingest]\nmax_residual_mm = 0.08\n"));
     let said = text(&trilink(folder.path(), &["run"]).stderr);
     let block = said.split("used, but flagged:\n").nth(1).unwrap();
-    assert!(block.starts_with("  flagged: kinematic-"), "{said}");
+    assert!(block.starts_with("  flagged: raw: all 5 trials: "), "{said}");
     assert!(block.contains("mm on average"), "{said}");
 }
 

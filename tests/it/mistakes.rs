@@ -780,7 +780,7 @@ fn shortcomings(sound: &Small, Mistake { name, make, words }: &Mistake) -> Vec<S
     let night = sound.copy();
     make(&night);
     let said = |command: &str| {
-        let output = trilink(night.path(), &["-q", command, "--threads", "1"]);
+        let output = trilink(night.path(), &[command, "--threads", "1"]);
         (output.status.code(), text(&output.stdout) + &text(&output.stderr))
     };
     let mut wrong = Vec::new();
@@ -803,8 +803,7 @@ fn shortcomings(sound: &Small, Mistake { name, make, words }: &Mistake) -> Vec<S
     let named: Vec<&str> = named.collect();
     // None of these trials has results.
     let is_lost = |campaign: &&str| {
-        ingest.contains(&format!("campaign {campaign}3 of 3"))
-            && ingest.contains(&format!("  failed: {}-", campaign.trim_end_matches(": ")))
+        ingest.contains(&format!("campaign {campaign}3 of 3")) && ingest.contains("  failed: ")
     };
     let lost = ["kinematic-skewed: ", "kinematic-symmetric: "].into_iter().filter(is_lost);
     let lost: Vec<&str> = lost.collect();
@@ -844,7 +843,7 @@ fn every_mistake_is_named_by_its_cause_and_none_ends_well() {
     let night = night();
     let output = trilink(night.path(), &["-q", "ingest"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let fitted = crate::common::succeed(night.path(), &["-q", "fit"]);
+    let fitted = crate::common::succeed(night.path(), &["fit"]);
     assert!(fitted.contains("kinematic-skewed: The data prefer skid-roll"), "{fitted}");
     assert_all_are_named(&night, MISTAKES);
 }

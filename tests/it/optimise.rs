@@ -414,7 +414,10 @@ fn an_optimum_beyond_the_trials_of_the_fit_says_so() {
     assert!(toml.contains(&format!("# extrapolated: {beyond}")), "{toml}");
     let within = ["--free", "omega", "--omega", "1..5"];
     let (rows, said) = found(&within);
-    assert_eq!((&rows[0]["extrapolated"], &rows[0]["beyond_trials"]), (&false.into(), &"".into()));
+    assert_eq!(
+        (&rows[0]["extrapolated"], &rows[0]["beyond_trials"]),
+        (&false.into(), &Value::Null)
+    );
     assert!(!said.contains("extrapolated"), "{said}");
     // Without a range, the search hardly leaves that of the trials.
     let (rows, said) = found(&["--free", "omega"]);
@@ -510,7 +513,7 @@ fn invalid_searches_are_rejected_with_the_cause() {
     refused(&[of[0], "--maximise", "v"], &["--model"]);
     refused(
         &with(&["--maximise", "v", "--fitted"]),
-        &["fits.parquet: does not exist; `trilink run`"],
+        &["no pipeline.toml and no trials in the current folder", "trilink init"],
     );
     refused(&with(&["--maximise", "v", "--free", "phase1"]), &["only the difference"]);
     refused(&with(&["--maximise", "v", "--free", "omga"]), &["`omga`", "did you mean `omega`"]);
