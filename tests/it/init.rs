@@ -191,7 +191,10 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     assert!(GIVEN.len() + EDITED.len() <= 5);
     // Before the edits, commands reject the unknown numbers.
     let unknown = refused(path, &["check"]);
-    assert!(unknown.contains("b_m") && unknown.contains("NaN"), "{unknown}");
+    assert!(
+        unknown.contains("found nan for 3 keys") && unknown.contains("b_m (line "),
+        "{unknown}"
+    );
     edit(path, "pipeline.toml", &EDITED);
     quick(path);
     succeed(path, &["-q", "check"]);
