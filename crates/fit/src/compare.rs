@@ -210,7 +210,7 @@ mod tests {
         assert_eq!(
             sentence_for(&rows, &[Some(false), Some(true)]),
             "The data prefer skid-roll: J = 0.3000 with 3 free parameters, Schwarz criterion 28.8 lower than that of \
-             skid (J = 0.4000 with 3); it has the lowest criterion in 196 of 200 replicates; it fits (misfit 1.10 \
+             skid (J = 0.4000 with 3); lowest of all in 196 of 200 replicates; it fits (misfit 1.10 \
              times the noise, limit 1.50); it predicts left-out frequencies best (0.3500)."
         );
     }

@@ -30,7 +30,8 @@ fn told(browser: &mut Browser) -> String {
 
 #[track_caller]
 fn assert_says_trial_omega_and_value(told: &str) {
-    for part in ["measured, ", "-r1", "rad/s) ", "(mm", " ± "] {
+    assert!(["measured, ", "flagged, "].iter().any(|kind| told.starts_with(kind)), "{told:?}");
+    for part in ["-r1", "rad/s) ", "(mm", " ± "] {
         assert!(told.contains(part), "no {part:?} in {told:?}");
     }
 }
@@ -49,6 +50,8 @@ fn the_tooltip_of_the_nearest_point_works_by_pointer_and_keyboard_and_opens_its_
 
     browser.evaluate(&within("panel.focus();"));
     browser.key("ArrowRight");
+    // The flagged trials are drawn first, beneath the others.
+    browser.key("ArrowDown");
     let first = told(&mut browser);
     assert_says_trial_omega_and_value(&first);
     browser.key("ArrowRight");
@@ -76,7 +79,7 @@ fn the_tooltip_of_the_nearest_curve_has_its_interval_by_pointer_and_keyboard() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(1400, 900);
     browser.open(&demo().join("index.html"));
-    // The first entry of the legend is for the measured points, which are switched off.
+    // The measured points, which would be nearer, are switched off.
     let curve = browser.place(&within(
         r#"panel.closest(".sheet").querySelector('.key[data-name="measured"]')
           .dispatchEvent(new MouseEvent("click"));

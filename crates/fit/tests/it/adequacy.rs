@@ -171,7 +171,7 @@ fn models_with_as_many_coefficients_as_measurements_are_neither_tested_nor_prefe
     let start = "The data do not clearly prefer one model; ";
     let end = "is unknown, because there are no more measurements than free parameters.";
     assert!(sentence.starts_with(start) && sentence.ends_with(end), "{sentence}");
-    assert!(sentence.contains("it has the lowest criterion in 10 of 20 replicates"), "{sentence}");
+    assert!(sentence.contains("lowest of all in 10 of 20 replicates"), "{sentence}");
     // A model with a tested adequacy ranks before one that could not be tested.
     let weights = &mut config.campaign.get_mut(CAMPAIGN).unwrap().weights;
     weights.d = 10.0;

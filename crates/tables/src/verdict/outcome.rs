@@ -105,10 +105,7 @@ impl<'r> Comparison<'r> {
         });
         if first.wins.is_finite() {
             let won = (first.wins * first.replicates as f64).round();
-            text += &format!(
-                "; it has the lowest criterion in {won} of {} replicates",
-                first.replicates
-            );
+            text += &format!("; lowest of all in {won} of {} replicates", first.replicates);
         }
         text
     }
