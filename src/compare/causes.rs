@@ -9,6 +9,7 @@ use trilink_base::Named as _;
 use trilink_base::numbers::{share, significant};
 use trilink_robot::{Parameter, Per};
 use trilink_statistics::median;
+use trilink_tables::without_file;
 
 use super::noise::inadequate;
 use super::snapshot::{Record, Snapshot, number, text};
@@ -421,8 +422,7 @@ fn ratio(difference: &Difference) -> Option<f64> {
 
 /// Returns the reason why a trial failed, without the name of its file.
 fn reason(trial: &Record) -> &str {
-    let message = text(trial, "message");
-    message.split_once(&format!("{}: ", text(trial, "file"))).map_or(message, |(_, reason)| reason)
+    without_file(text(trial, "message"), text(trial, "file"))
 }
 
 /// Formats a ratio as a relative change.

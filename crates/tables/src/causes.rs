@@ -22,23 +22,31 @@ pub struct CommonCause<'r> {
 impl<'r> CommonCause<'r> {
     /// Groups the trials with a status, in the order of the first trial of each group.
     pub fn find(trials: &'r [TrialRow], status: TrialStatus) -> Vec<Self> {
-        let mut causes: Vec<(String, Self)> = Vec::new();
+        let mut groups: Vec<(String, Vec<&TrialRow>)> = Vec::new();
         for row in trials.iter().filter(|row| row.status == status) {
-            let reason = without_numbers(&without_files(&row.message));
-            let same = |(other, cause): &&mut (String, Self)| {
-                *other == reason && cause.folder == row.folder
+            let reason = without_numbers(&without_files(&row.message, &row.file));
+            let same = |(other, rows): &&mut (String, Vec<&TrialRow>)| {
+                *other == reason && rows[0].folder == row.folder
             };
-            if let Some((_, cause)) = causes.iter_mut().find(same) {
-                cause.trials.push(&row.trial);
-                cause.message = without_files(&cause.message);
-            } else {
-                let of = trials.iter().filter(|other| other.folder == row.folder).count();
-                let TrialRow { folder, trial, message, .. } = row;
-                let message = message.clone();
-                causes.push((reason, Self { status, folder, trials: vec![trial], of, message }));
+            match groups.iter_mut().find(same) {
+                Some((_, rows)) => rows.push(row),
+                None => groups.push((reason, vec![row])),
             }
         }
-        causes.into_iter().map(|(_, cause)| cause).collect()
+        let causes = groups.iter().map(|(_, rows)| {
+            let TrialRow { folder, file, message, .. } = rows[0];
+            Self {
+                status,
+                folder,
+                trials: rows.iter().map(|row| row.trial.as_str()).collect(),
+                of: trials.iter().filter(|other| other.folder == *folder).count(),
+                message: match rows.len() {
+                    1 => message.clone(),
+                    _ => without_files(message, file),
+                },
+            }
+        });
+        causes.collect()
     }
 }
 
@@ -53,19 +61,17 @@ impl fmt::Display for CommonCause<'_> {
     }
 }
 
-/// Returns the messages of several checks, joined by semicolons, without the name of the marker file.
-fn without_files(messages: &str) -> String {
-    messages.split("; ").map(without_file).collect::<Vec<_>>().join("; ")
+/// Returns the messages of several checks, joined by semicolons, without the path of the marker `file`.
+fn without_files(messages: &str, file: &str) -> String {
+    messages.split("; ").map(|message| without_file(message, file)).collect::<Vec<_>>().join("; ")
 }
 
-/// Returns a message about a trial without the name of the marker file.
-pub fn without_file(message: &str) -> &str {
-    let endings = [".csv: ", ".tsv: ", ".trc: ", ".c3d: ", ".gz: "];
-    let file = endings.into_iter().find_map(|end| message.split_once(end));
-    match file {
-        Some((file, rest)) if file.contains(['/', '\\']) || !file.contains(' ') => rest,
-        _ => message,
+/// Returns a message about a trial without the path of its marker `file`, with which it may begin.
+pub fn without_file<'m>(message: &'m str, file: &str) -> &'m str {
+    if file.is_empty() {
+        return message;
     }
+    message.split_once(&format!("{file}: ")).map_or(message, |(_, rest)| rest)
 }
 
 /// Removes all numbers that are not part of a quoted name from a message.
@@ -87,8 +93,9 @@ mod tests {
     use crate::Columns as _;
 
     fn failed(folder: &str, trial: &str, message: &str) -> TrialRow {
+        let file = format!("{trial}.csv");
         let [folder, trial, message] = [folder, trial, message].map(str::to_owned);
-        TrialRow { folder, trial, message, status: TrialStatus::Failed, ..TrialRow::blank() }
+        TrialRow { folder, trial, file, message, status: TrialStatus::Failed, ..TrialRow::blank() }
     }
 
     #[test]

@@ -107,38 +107,44 @@ fn unlisted_files(TrialFolder { path, list, .. }: &TrialFolder) -> Vec<String> {
 /// of the original, only the copies fail; the folder that is first by name counts as the original.
 fn find_same_files(rows: &mut Ingested, contents: &BTreeMap<String, String>) {
     let Ingested { trials, checks, .. } = rows;
-    let mut by_content: BTreeMap<&str, Vec<TrialRow>> = BTreeMap::new();
+    let mut by_content: BTreeMap<&str, Vec<&TrialRow>> = BTreeMap::new();
     for row in trials.iter() {
         if let Some(content) = contents.get(&row.trial) {
-            by_content.entry(content).or_default().push(row.clone());
+            by_content.entry(content).or_default().push(row);
         }
     }
-    for row in trials {
-        let Some(content) = contents.get(&row.trial) else { continue };
-        let same = &by_content[content.as_str()];
-        let is_copied = same.iter().all(|other| {
-            let is_itself = other.trial == row.trial;
-            is_itself || other.folder != row.folder && entry_of(other) == entry_of(row)
+    let messages = trials.iter().map(|row| {
+        let content = contents.get(&row.trial)?;
+        same_file_message(row, &by_content[content.as_str()])
+    });
+    let messages: Vec<Option<String>> = messages.collect();
+    for (row, message) in trials.iter_mut().zip(messages) {
+        if let Some(message) = message {
+            fail(row, checks, Check::SameFile, message);
+        }
+    }
+}
+
+/// Returns why a trial fails, given all trials with the content of its marker file; `None` if it does not.
+fn same_file_message(row: &TrialRow, same: &[&TrialRow]) -> Option<String> {
+    let others: Vec<&TrialRow> =
+        same.iter().copied().filter(|other| other.trial != row.trial).collect();
+    let is_copied =
+        others.iter().all(|other| other.folder != row.folder && entry_of(other) == entry_of(row));
+    if is_copied {
+        let original = same.iter().min_by_key(|other| &other.folder)?;
+        return (original.trial != row.trial).then(|| {
+            format!(
+                "copy of the trial with this id in folder {}: remove one of the two folders",
+                original.folder
+            )
         });
-        if is_copied {
-            let original = same.iter().min_by_key(|other| &other.folder);
-            if let Some(original) = original.filter(|original| original.trial != row.trial) {
-                let message = format!(
-                    "copy of the trial with this id in folder {}: remove one of the two folders",
-                    original.folder
-                );
-                fail(row, checks, Check::SameFile, message);
-            }
-            continue;
-        }
-        let others = same.iter().filter(|other| other.trial != row.trial);
-        let others: Vec<&str> = others.map(|other| other.trial.as_str()).collect();
-        let message = format!(
-            "trial `{}` has the same marker file: correct `file` in trials.toml, or remove all but one of these trials",
-            others.join("`, `")
-        );
-        fail(row, checks, Check::SameFile, message);
     }
+    let others: Vec<&str> = others.iter().map(|other| other.trial.as_str()).collect();
+    Some(format!(
+        "trial `{}` has the same marker file: correct `file` in trials.toml, or remove all but one of these trials",
+        others.join("`, `")
+    ))
 }
 
 /// Returns what the list of trials says about a trial, apart from its day.
@@ -182,7 +188,8 @@ fn find_common_reasons(rows: &mut Ingested) {
     }
     let mut found = Vec::new();
     for (campaign, trials) in campaigns {
-        let mut reasons: BTreeMap<(&str, String), Vec<&CheckRow>> = BTreeMap::new();
+        // Messages of the trials' worst checks, by check and reason.
+        let mut reasons: BTreeMap<(&str, String), Vec<&str>> = BTreeMap::new();
         for row in &trials {
             let of_trial = by_trial.get(row.trial.as_str()).into_iter().flatten().copied();
             let worst = of_trial.clone().map(|check| check.severity).max();
@@ -195,17 +202,18 @@ fn find_common_reasons(rows: &mut Ingested) {
                 worst_checks.retain(|check| check.check != failed);
             }
             for check in worst_checks {
-                let reason = (check.check.as_str(), without_numbers(without_file(&check.message)));
-                reasons.entry(reason).or_default().push(check);
+                let message = without_file(&check.message, &row.file);
+                let reason = (check.check.as_str(), without_numbers(message));
+                reasons.entry(reason).or_default().push(message);
             }
         }
-        for checks in reasons.into_values().filter(|checks| 2 * checks.len() > trials.len()) {
-            if checks.len() < 2 {
+        for messages in reasons.into_values().filter(|of| 2 * of.len() > trials.len()) {
+            if messages.len() < 2 {
                 continue;
             }
-            let count = checks.len() as f64;
+            let count = messages.len() as f64;
             let all = trials.len() as f64;
-            let message = format!("{count} of {all} trials: {}", without_file(&checks[0].message));
+            let message = format!("{count} of {all} trials: {}", messages[0]);
             let finding = Finding::new(Check::CommonReason, false, count, all, message);
             found.push(finding.row(&format!("campaign {campaign}")));
         }
