@@ -297,6 +297,18 @@ fn inverse_and_log_determinant(symmetric: &DMatrix<f64>) -> Option<(DMatrix<f64>
     Some((&scale * inverse * &scale, of_scaled - of_scales))
 }
 
+/// Returns a matrix whose product with its transpose is the covariance, to draw correlated errors; `None` if the
+/// covariance is not finite.
+pub fn covariance_root(covariance: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    // The decomposition would not end.
+    if covariance.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
+    let eigen = SymmetricEigen::try_new(covariance, f64::EPSILON, MAX_EIGENVALUE_ITERATIONS)?;
+    let deviations = eigen.eigenvalues.map(|variance| variance.max(0.0).sqrt());
+    Some(eigen.eigenvectors * DMatrix::from_diagonal(&deviations))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

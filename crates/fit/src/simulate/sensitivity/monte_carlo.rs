@@ -4,13 +4,14 @@
 //! distributions (6.4.7), those of the fitted coefficients' logarithms from a multivariate one (6.4.8); the intervals
 //! are probabilistically symmetric (7.7).
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
+use trilink_statistics::variance_components::covariance_root;
 use trilink_statistics::{mean, quantiles};
 use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
@@ -21,8 +22,6 @@ use super::quantity::Quantity;
 /// Largest part of the draws that may have no periodic solution; the limits of 95 % would hardly change if these draws
 /// were all beyond one of them.
 const MAX_UNSOLVED: f64 = 1e-3;
-/// Maximum number of iterations per eigenvalue; nalgebra's own limit is none.
-const MAX_EIGENVALUE_ITERATIONS: usize = 1_000;
 
 /// Number of draws, and the seed of their random numbers.
 #[derive(Debug, Clone, Copy)]
@@ -44,7 +43,10 @@ pub(in crate::simulate) fn add_monte_carlo(
     draws: Draws,
     cancel: &CancelToken,
 ) -> Result<(), Cancelled> {
-    let root = uncertainty.fitted.as_ref().and_then(|fitted| root(&fitted.covariance));
+    let root = uncertainty.fitted.as_ref().and_then(|fitted| {
+        let size = fitted.coefficients.len();
+        covariance_root(DMatrix::from_fn(size, size, |i, j| fitted.covariance[i][j]))
+    });
     let is_known = uncertainty.fitted.is_some() == root.is_some();
     if !is_known || uncertainty.quantities().next().is_none() {
         return Ok(());
@@ -81,18 +83,6 @@ pub(in crate::simulate) fn add_monte_carlo(
         }
     }
     Ok(())
-}
-
-/// Returns a matrix whose product with its transpose is the covariance; `None` if that has numbers that are not finite.
-fn root(covariance: &[Vec<f64>]) -> Option<DMatrix<f64>> {
-    let size = covariance.len();
-    let matrix = DMatrix::from_fn(size, size, |i, j| covariance[i][j]);
-    if matrix.iter().any(|number| !number.is_finite()) {
-        return None;
-    }
-    let eigen = SymmetricEigen::try_new(matrix, f64::EPSILON, MAX_EIGENVALUE_ITERATIONS)?;
-    let deviations = eigen.eigenvalues.map(|variance| variance.max(0.0).sqrt());
-    Some(eigen.eigenvectors * DMatrix::from_diagonal(&deviations))
 }
 
 /// Draws the inputs of a problem.
