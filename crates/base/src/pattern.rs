@@ -11,7 +11,7 @@ pub fn matches_label(pattern: &str, label: &str) -> bool {
 pub fn matches(pattern: &str, text: &str, [any, one]: [char; 2]) -> bool {
     let mut pattern = pattern.chars();
     let mut text = text.chars();
-    // The pattern after the last `any`, and the text after the characters that this `any` stands for.
+    // Where to resume after a mismatch: the pattern after the last `any`, and the text that follows what it matched.
     let mut last_any = None;
     while let Some(c) = text.clone().next() {
         match pattern.clone().next() {

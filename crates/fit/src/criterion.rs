@@ -9,8 +9,8 @@
 //! plus `k ln N`, for `k` free parameters and a total of `N` measurements.
 //!
 //! The criterion is evaluated at the maximum of the likelihood rather than at the fit. The fit follows the weights of
-//! the objective; if these neglected a metric, a model with superfluous coefficients would be selected for fitting that
-//! metric as well. The maximum is found with the model linearised at the fit, by reweighting the metrics until their
+//! the objective. If a metric has a small weight, the criterion at the fit would favour superfluous coefficients that
+//! improve this metric. The maximum is found with the model linearised at the fit, by reweighting the metrics until their
 //! scales converge. A parameter that ended at a bound counts as free: the likelihood then equals that of the simpler
 //! model without the parameter, and the simpler model should be preferred.
 //!

@@ -247,8 +247,8 @@ impl<'o> FittedPoint<'o> {
         }
     }
 
-    /// Returns the objective of the measurements at the given indices, predicted by the fit to all others, and the
-    /// number of periodic solutions computed.
+    /// Fits the model without the measurements at the given indices. Returns the objective of these measurements, and
+    /// the number of periodic solutions computed.
     fn prediction_error(&self, left_out: &[usize]) -> (f64, usize) {
         let (values, solves) = if self.evaluator.parameters.is_empty() {
             (Vec::new(), 0)

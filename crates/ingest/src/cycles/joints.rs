@@ -59,8 +59,8 @@ fn gait_shifts(
     })
 }
 
-/// Returns, for each part of the trial, the change in a wheel's mean squared skid velocity if the joint positions are
-/// estimated without this part.
+/// Leaves out one part of the trial at a time from the estimate of the joint positions, and returns the changes in a
+/// wheel's mean squared skid velocity.
 fn skid_shifts(
     data: &CycleData,
     frames: &Range<usize>,

@@ -17,8 +17,8 @@ use crate::series::{DISPLACEMENT, Quantity, SPEED, Series, Source};
 /// Explanation of the markers and error bars, for captions.
 pub(crate) const BARS: &str = "Markers: means over the used cycles of each trial, orange for \
                                flagged trials, beneath the others (if there are many trials, \
-                               overlapping markers are omitted); bars: 95 % intervals (1.96 standard errors), if longer \
-                               than the marker.";
+                               overlapping markers are omitted); bars: 95 % intervals (1.96 \
+                               standard errors), if longer than the marker.";
 /// Upper limit of a panel's vertical axis, as a multiple of the highest measurement; model curves that rise higher are
 /// cut off, because they would flatten the measurements.
 const MAX_HEIGHT: f64 = 1.5;

@@ -129,9 +129,10 @@ struct Overlay {
 
 /// Returns the simulated motions to be drawn over the measured motion of a trial.
 ///
-/// The first two are motions without skid, with fitted parameters if there is a fit; the second has roll resistance if a joint is
-/// passive, and otherwise follows the ellipse fitted to the measured gait (with little skid if no motion without skid
-/// exists). The last is that of the preferred fitted model. For each missing motion, a sentence is added to `missing`.
+/// The first two are motions without skid, with fitted parameters if there is a fit; the second has roll resistance if
+/// a joint is passive, and otherwise follows the ellipse fitted to the measured gait (with little skid if no motion
+/// without skid exists). The last is that of the preferred fitted model. For each missing motion, a sentence is added to
+/// `missing`.
 fn overlays(
     stem: &str,
     trial: &TrialRow,
