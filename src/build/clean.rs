@@ -1,5 +1,6 @@
 //! Removal of everything that a run can make again.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use trilink_base::files::absolute;
@@ -11,8 +12,8 @@ use super::lock::{Lock, record_path};
 use super::record::{RECORD_FILE, Record};
 use super::{RunError, Watch};
 
-/// Files in `reports/` that are not listed in the record of results.
-const UNRECORDED: [&str; 4] = ["history.html", "compare.html", "compare.xml", "compare.json"];
+/// Files in `reports/` that `compare` writes.
+const COMPARISON: [&str; 3] = ["compare.html", "compare.xml", "compare.json"];
 
 /// Files that [`clean`] has removed, or would remove.
 #[derive(Debug, Default)]
@@ -58,7 +59,9 @@ pub fn clean(
     let mut files: Vec<(PathBuf, Option<Stamp>)> =
         of_tables.map(|file| in_folder(derived, file)).collect();
     files.extend(record.report.written().map(|file| in_folder(reports, file)));
-    files.extend(UNRECORDED.map(|name| (reports.join(name), None)));
+    // The record of results does not list these files.
+    let unrecorded = COMPARISON.into_iter().chain(["history.html"]);
+    files.extend(unrecorded.map(|name| (reports.join(name), None)));
     files.push((record_path(config), None));
     // The record comes last, so that an interrupted removal can be continued.
     files.push((derived.join(RECORD_FILE), None));
@@ -88,4 +91,20 @@ pub fn clean(
         }
     }
     Ok(cleaned)
+}
+
+/// Removes the files of the last comparison from `reports`, because its results are about to change.
+///
+/// # Errors
+/// Returns an error if a file cannot be removed.
+pub(super) fn remove_comparison(reports: &Path) -> Result<(), StoreError> {
+    for path in COMPARISON.map(|name| reports.join(name)) {
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != ErrorKind::NotFound => {
+                return Err(StoreError::Remove { path, source });
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }

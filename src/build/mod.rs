@@ -32,6 +32,7 @@ use trilink_tables::config::{Config, ConfigError, did_you_mean};
 use trilink_tables::trial::{TRIALS_FILE, TrialFolder, find_folders};
 use trilink_tables::{Reader, RunStatus, Stamp, StoreError, unfinished, write_bytes};
 
+use clean::remove_comparison;
 pub use clean::{Cleaned, clean};
 use fit::FitStage;
 use ingest::IngestStage;
@@ -387,8 +388,11 @@ impl<'s> Sequence<'s> {
         let planned = plan(stage, derived, &self.record, self.options)?;
         let (output, plan) = if self.may_write {
             let is_first = !self.stages.iter().any(|stage| stage.did_something);
-            if self.is_run && is_first && !planned.plan.is_empty() {
-                self.write_record(RunStatus::Running, None, None)?;
+            if is_first && !planned.plan.is_empty() {
+                remove_comparison(&self.config.paths.reports)?;
+                if self.is_run {
+                    self.write_record(RunStatus::Running, None, None)?;
+                }
             }
             let (output, plan, state) = planned.carry_out(stage, (self.watch, ""))?;
             *self.record.state_mut(S::NAME) = state;

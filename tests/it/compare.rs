@@ -162,6 +162,12 @@ fn trials_that_vanish_are_named_and_missing_baselines_are_errors() {
     let (status, said, _) = compared(folder.path(), &[]);
     assert_eq!(status, Some(1));
     assert!(said.contains("vanished from trials: kinematic-symmetric-5.00-r1"), "{said}");
+    let page = folder.path().join("reports/compare.html");
+    succeed(folder.path(), &["run", "--quiet"]);
+    assert!(page.is_file(), "unchanged results stay compared");
+    std::fs::write(&list, text_of).unwrap();
+    succeed(folder.path(), &["run", "--quiet"]);
+    assert!(!page.exists(), "this page compares results that no longer exist");
     let none = trilink(folder.path(), &["compare", "nowhere.json"]);
     assert_eq!(none.status.code(), Some(2));
     assert!(
