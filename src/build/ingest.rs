@@ -45,9 +45,9 @@ impl IngestStage {
     /// Returns an error if a list of trials is unreadable or invalid.
     pub(super) fn new(config: &Config) -> Result<Self, RunError> {
         let all = TrialFolders::load(&config.paths)?;
-        let together = Some(FolderInput::new(config, &all.folders));
-        let notes = all.ignored().into_iter().collect();
-        let TrialFolders { folders, trials } = all;
+        let together = Some(FolderInput::new(config, &all));
+        let notes = all.ignored_sentence().into_iter().collect();
+        let TrialFolders { folders, trials, .. } = all;
         let trials = trials.into_par_iter().map(|listed| {
             // The error concerns an entry of the list, which has the id and not the name.
             let input = IngestInput::new(config, &listed.trial)

@@ -83,7 +83,10 @@ impl<'r> RunResults<'r> {
     /// Summarises the results of a completed run.
     pub fn new(finished: &'r Finished) -> Self {
         let Finished { ingested, fitted, reported, .. } = finished;
-        let trials = ingested.trials.iter().filter(|trial| trial.status != TrialStatus::Ok);
+        let trials = ingested
+            .trials
+            .iter()
+            .filter(|trial| matches!(trial.status, TrialStatus::Flagged | TrialStatus::Failed));
         let attention = trials
             .map(|row| Attention { trial: &row.trial, status: row.status, message: &row.message })
             .chain(ingested.together().map(|row| Attention {
@@ -146,11 +149,12 @@ pub struct TrialCounts {
     pub ok: usize,
     pub flagged: usize,
     pub failed: usize,
+    pub ignored: usize,
 }
 
 /// Counts trials by their status.
 pub fn count(trials: &[TrialRow]) -> TrialCounts {
-    let [ok, flagged, failed] =
+    let [ok, flagged, failed, ignored] =
         TrialStatus::ALL.map(|status| trials.iter().filter(|trial| trial.status == status).count());
-    TrialCounts { total: trials.len(), ok, flagged, failed }
+    TrialCounts { total: trials.len(), ok, flagged, failed, ignored }
 }

@@ -52,7 +52,7 @@ fn advice(folders: &str) -> String {
 /// # Errors
 /// Returns an error if the defaults match no trial, or if there is no list of trials.
 pub fn check_unconfigured(config: &Config) -> Result<(), RunError> {
-    let TrialFolders { folders: all, mut trials } = load_unconfigured(config)?;
+    let TrialFolders { folders: all, mut trials, .. } = load_unconfigured(config)?;
     let is_of_gait = |listed: &ListedTrial| listed.trial.kind == TrialKind::Gait;
     if trials.iter().any(is_of_gait) {
         trials.retain(is_of_gait);

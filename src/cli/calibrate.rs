@@ -10,7 +10,7 @@ use super::{Context, Failure, Outcome};
 
 /// Estimates the marker layouts from one trial and prints them.
 pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
-    let TrialFolders { folders, trials } = TrialFolders::load(&context.config.paths)?;
+    let TrialFolders { folders, trials, .. } = TrialFolders::load(&context.config.paths)?;
     let listed = trials.iter().find(|listed| listed.trial.id == trial);
     let (folder, id) = match (listed, &folders[..]) {
         (Some(listed), _) => (&folders[listed.folder], listed.id.as_str()),

@@ -75,8 +75,8 @@ impl Check {
 /// Checks all trials of the configured folders.
 fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
     let all = TrialFolders::load(&context.config.paths)?;
-    all.ignored().iter().for_each(|sentence| context.say(sentence));
-    let TrialFolders { folders, trials: listed } = all;
+    all.ignored_sentence().iter().for_each(|sentence| context.say(sentence));
+    let TrialFolders { folders, trials: listed, .. } = &all;
     let stage = context.progress.stage("check", listed.len());
     let found: Vec<Ingested> = listed
         .par_iter()
@@ -100,7 +100,7 @@ fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
         let bytes = trilink_mocap::read_file(&folders[*folder].path.join(&trial.file)).ok()?.0;
         Some((trial.id.clone(), hash(&bytes)))
     });
-    FolderInput::new(&context.config, &folders).diagnose(&mut rows, &contents.collect());
+    FolderInput::new(&context.config, &all).diagnose(&mut rows, &contents.collect());
     let checked: Vec<CheckedTrial> =
         rows.trials.iter().map(|row| CheckedTrial::new(row, &rows.checks)).collect();
     if json {

@@ -116,8 +116,8 @@ fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
         );
     }
     let found = found?;
-    found.ignored().iter().for_each(|sentence| say!("{sentence}"));
-    let TrialFolders { folders, trials } = found;
+    found.ignored_sentence().iter().for_each(|sentence| say!("{sentence}"));
+    let TrialFolders { folders, trials, .. } = found;
     let mut wrong = 0;
     for ListedTrial { folder, trial, .. } in &trials {
         let path = &folders[*folder].path;

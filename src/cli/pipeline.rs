@@ -252,8 +252,9 @@ pub(super) fn note_together(context: &Context, ingested: &Ingested) {
 
 /// Formats the numbers of trials by status.
 pub(super) fn in_words(trials: &[TrialRow]) -> String {
-    let TrialCounts { total, ok, flagged, failed } = count(trials);
-    format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed")
+    let TrialCounts { total, ok, flagged, failed, ignored } = count(trials);
+    let counts = format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed");
+    if ignored == 0 { counts } else { format!("{counts}, {ignored} ignored") }
 }
 
 /// Prints the failed trials, by folder and cause, and the message `other`, if there is one, and then, unless the run had

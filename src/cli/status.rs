@@ -69,7 +69,7 @@ impl Summary {
     fn new(context: &Context) -> Result<Self, Failure> {
         let config = &context.config;
         let paths = &config.paths;
-        let TrialFolders { folders, trials } = TrialFolders::load(paths)?;
+        let TrialFolders { folders, trials, .. } = TrialFolders::load(paths)?;
         let folders = folders.iter().enumerate().map(|(index, folder)| {
             let own = trials.iter().filter(|listed| listed.folder == index);
             let files = own.clone().map(|listed| folder.path.join(&listed.trial.file));

@@ -13,9 +13,7 @@ use trilink_mocap::{ReadError, Recording, read_markers};
 use trilink_robot::{Pose, Robot};
 use trilink_tables::config::{Config, ConfigError, nearest};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
-use trilink_tables::{
-    Coordinates, Frames as _, Reader, StoreError, TrialRow, TrialStatus, poses_path,
-};
+use trilink_tables::{Coordinates, Frames as _, Reader, StoreError, TrialRow, poses_path};
 
 /// Format of an exported trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -192,8 +190,8 @@ fn why_without_poses(config: &Config, trial: &str) -> Result<String, StoreError>
     let rows: Option<Vec<TrialRow>> = Reader::default().rows_if_there(&path)?;
     let row = rows.into_iter().flatten().find(|row| row.trial == trial);
     Ok(match row {
-        Some(row) if row.status == TrialStatus::Failed => {
-            format!("the trial failed: {}", row.message)
+        Some(row) if !row.status.has_metrics() => {
+            format!("the trial has the status `{}`: {}", row.status, row.message)
         }
         _ => "the trial has not been ingested; run `trilink ingest`".to_owned(),
     })

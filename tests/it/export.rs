@@ -215,7 +215,7 @@ fn a_failed_trial_has_markers_and_the_reason() {
     let output = trilink(folder.path(), &["export", TRIAL, "--format", "trc"]);
     assert_eq!(output.status.code(), Some(1));
     let said = text(&output.stderr);
-    assert!(said.contains("without poses, because the trial failed: "), "{said}");
+    assert!(said.contains("without poses, because the trial has the status `failed`: "), "{said}");
     let trc = text(&folder.read(&format!("{TRIAL}.trc")));
     assert_eq!(trc.lines().nth(2).unwrap().split('\t').nth(3), Some("10"));
 }

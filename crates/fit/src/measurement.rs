@@ -7,7 +7,7 @@ use trilink_robot::JointCommand;
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_statistics::{c4, student};
 use trilink_tables::config::SigmaKind;
-use trilink_tables::{SAME_FREQUENCY, TrialRow, TrialStatus};
+use trilink_tables::{SAME_FREQUENCY, TrialRow};
 
 /// Measured metrics and gait of one trial.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +52,7 @@ impl Measurement {
             let is_missing = metric.definition().is_size && !PLAUSIBLE.contains(&value);
             if is_missing { f64::NAN } else { value }
         }));
-        let usable = trial.status != TrialStatus::Failed
+        let usable = trial.status.has_metrics()
             && trial.omega_rad_s > 0.0
             && trial.omega_rad_s.is_finite()
             && (metrics.d_m.is_finite() || metrics.v_m_s.is_finite());

@@ -150,7 +150,7 @@ impl<'t> Source<'t> {
         self.trials
             .iter()
             .filter(move |trial| trial.campaign == campaign && trial.kind == TrialKind::Gait)
-            .filter(|trial| trial.status != TrialStatus::Failed)
+            .filter(|trial| trial.status.has_metrics())
     }
 
     /// Returns whether a campaign has measurements that can be plotted.

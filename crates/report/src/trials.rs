@@ -38,7 +38,7 @@ pub(crate) fn pages(input: &ReportInput, tables: &Tables) -> TrialPages {
             let omega = trial.omega_commanded_rad_s.to_bits();
             let is_first = conditions.insert((&trial.campaign, trial.kind, omega));
             let rank = match trial.status {
-                TrialStatus::Failed => 0,
+                TrialStatus::Failed | TrialStatus::Ignored => 0,
                 TrialStatus::Flagged => 1,
                 TrialStatus::Ok => 3 - usize::from(is_first),
             };
@@ -68,10 +68,11 @@ fn robot_of<'t>(trial: &TrialRow, input: &'t ReportInput, tables: &'t Tables) ->
     })
 }
 
-/// Returns the first row for each trial name.
+/// Returns the first row for each trial name, except ignored trials.
 fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
     let mut seen = BTreeSet::new();
-    tables.trials.iter().filter(move |trial| seen.insert(trial.trial.as_str()))
+    let read = tables.trials.iter().filter(|trial| trial.status != TrialStatus::Ignored);
+    read.filter(move |trial| seen.insert(trial.trial.as_str()))
 }
 
 /// Returns the campaign and the input hashes of each trial page, keyed by the page's path within `reports/`. `stamp`
@@ -148,8 +149,8 @@ pub(crate) fn write(
     let inputs = (tables, input);
     let written = trials.into_par_iter().with_max_len(1).map(|trial| {
         let recording = match trial.status {
-            TrialStatus::Failed => None,
-            _ => {
+            TrialStatus::Failed | TrialStatus::Ignored => None,
+            TrialStatus::Ok | TrialStatus::Flagged => {
                 let TrialRow { trial, smoothing_window, .. } = trial;
                 Recording::read(&input.paths.derived, trial, *smoothing_window, reader)?
             }

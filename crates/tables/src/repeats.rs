@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use trilink_robot::metrics::Metric;
 use trilink_statistics::median;
 
-use crate::{TrialRow, TrialStatus};
+use crate::TrialRow;
 
 /// Relative difference below which frequencies count as equal.
 pub const SAME_FREQUENCY: f64 = 0.005;
@@ -46,7 +46,7 @@ impl UnlikeRepeats {
     pub fn find(trials: &[TrialRow]) -> Vec<Self> {
         let mut campaigns: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for (index, trial) in trials.iter().enumerate() {
-            if trial.status != TrialStatus::Failed && trial.frequency_rad_s() > 0.0 {
+            if trial.status.has_metrics() && trial.frequency_rad_s() > 0.0 {
                 campaigns.entry(&trial.campaign).or_default().push(index);
             }
         }

@@ -10,6 +10,15 @@ named! {
         Flagged = "flagged",
         /// The trial has no metrics.
         Failed = "failed",
+        /// A pattern in `ignore` of `trials.toml` matches the marker file, which was not read.
+        Ignored = "ignored",
+    }
+}
+
+impl TrialStatus {
+    /// Returns whether trials with this status have metrics.
+    pub fn has_metrics(self) -> bool {
+        matches!(self, Self::Ok | Self::Flagged)
     }
 }
 

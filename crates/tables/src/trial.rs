@@ -86,9 +86,9 @@ pub struct TrialList {
     pub aliases: BTreeMap<String, String>,
     #[serde(default)]
     pub trial: Vec<Trial>,
-    /// Ids of the entries that [`TrialList::load`] has removed from `trial` because their files match `ignore`.
+    /// Trials that [`TrialList::load`] has removed from `trial` because their files match `ignore`.
     #[serde(skip)]
-    pub ignored: Vec<String>,
+    pub ignored: Vec<Trial>,
 }
 
 impl TrialList {
@@ -140,7 +140,7 @@ impl TrialList {
                 return error(&key, found, "an id that no other trial has");
             }
         }
-        let (ignored, trials): (Vec<Trial>, _) = list.trial.into_iter().partition(|trial| {
+        let (ignored, trials): (Vec<_>, Vec<_>) = list.trial.into_iter().partition(|trial| {
             let mut patterns = list.ignore.iter();
             patterns.any(|one| matches_label(one, &trial.file) && !is_catch_all(one))
         });
@@ -152,8 +152,7 @@ impl TrialList {
                 "at least one [[trial]] whose file none of these patterns matches",
             );
         }
-        list.ignored = ignored.into_iter().map(|trial| trial.id).collect();
-        list.trial = trials;
+        (list.ignored, list.trial) = (ignored, trials);
         Ok(list)
     }
 
@@ -290,7 +289,7 @@ mod tests {
     #[test]
     fn an_ignored_file_is_not_a_trial_although_it_has_an_entry() {
         let ids =
-            |list: &TrialList| list.trial.iter().map(|trial| trial.id.clone()).collect::<Vec<_>>();
+            |trials: &[Trial]| trials.iter().map(|trial| trial.id.clone()).collect::<Vec<_>>();
         for (ignore, left, ignored) in [
             ("", &["a-1", "a-2", "b-1"][..], &[][..]),
             ("'a-2.csv'", &["a-1", "b-1"], &["a-2"]),
@@ -301,7 +300,7 @@ mod tests {
             ("'*.csv', 'b-1.csv'", &["a-1", "a-2"], &["b-1"]),
         ] {
             let list = loaded(ignore).unwrap();
-            assert_eq!((&ids(&list)[..], &list.ignored[..]), (&own(left)[..], &own(ignored)[..]));
+            assert_eq!((ids(&list.trial), ids(&list.ignored)), (own(left), own(ignored)));
             assert!(["a-1", "a-2", "b-1"].iter().all(|id| !list.lacks(&format!("{id}.csv"))));
         }
         let message = loaded("'a-*', 'b-1.csv'").unwrap_err();

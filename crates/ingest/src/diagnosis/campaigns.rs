@@ -107,7 +107,7 @@ pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, 
     for (campaign, gait) in gaits {
         let of_campaign: Vec<&TrialRow> = trials
             .iter()
-            .filter(|row| row.campaign == *campaign && row.status != TrialStatus::Failed)
+            .filter(|row| row.campaign == *campaign && row.status.has_metrics())
             .collect();
         for (joint, command) in gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
@@ -133,7 +133,7 @@ pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, 
             found.push((campaign.clone(), message));
         }
     }
-    for row in trials.iter_mut().filter(|row| row.status != TrialStatus::Failed) {
+    for row in trials.iter_mut().filter(|row| row.status.has_metrics()) {
         let messages: Vec<&str> = found
             .iter()
             .filter(|(campaign, _)| *campaign == row.campaign)

@@ -8,13 +8,14 @@ use serde_json::Value;
 use trilink_base::Named as _;
 use trilink_robot::Gait;
 use trilink_tables::config::Config;
-use trilink_tables::trial::{TrialFolder, TrialKind};
+use trilink_tables::trial::{ListedTrial, Trial, TrialFolder, TrialFolders, TrialKind};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats, without_file};
 
 use super::campaigns::{add, fail, find_common_offsets, find_other_campaigns};
 use super::heading::flag_slopes;
 use crate::Ingested;
 use crate::checks::{Check, Finding};
+use crate::cycles::summary::blank_row;
 use crate::identification::floor::{estimate_slopes, forget_slopes};
 
 /// Configuration and trial lists with which the trials of all folders are compared.
@@ -27,22 +28,39 @@ pub struct FolderInput {
     /// Number of trials in each folder that had tables but is gone, by folder name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     gone: BTreeMap<String, usize>,
+    /// Trials with marker files to be ignored.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    ignored: Vec<IgnoredTrial>,
     /// Configured roll resistances of every robot, kg/s.
     roll_kg_s: BTreeMap<String, [f64; 3]>,
 }
 
+/// Trial with a marker file to be ignored.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct IgnoredTrial {
+    folder: String,
+    id: String,
+    trial: Trial,
+}
+
 impl FolderInput {
-    pub fn new(config: &Config, folders: &[TrialFolder]) -> Self {
+    pub fn new(config: &Config, TrialFolders { folders, ignored, .. }: &TrialFolders) -> Self {
         let gaits = config.campaign.iter().filter_map(|(name, campaign)| {
             Some((name.clone(), config.gait.get(&campaign.gait)?.to_gait()))
         });
         let unlisted = folders.iter().map(|folder| (folder.name.clone(), unlisted_files(folder)));
         let roll_kg_s =
             config.robot.iter().map(|(name, robot)| (name.clone(), robot.to_robot().roll_kg_s));
+        let ignored = ignored.iter().map(|ListedTrial { folder, id, trial }| IgnoredTrial {
+            folder: folders[*folder].name.clone(),
+            id: id.clone(),
+            trial: trial.clone(),
+        });
         Self {
             gaits: gaits.collect(),
             unlisted: unlisted.collect(),
             gone: BTreeMap::new(),
+            ignored: ignored.collect(),
             roll_kg_s: roll_kg_s.collect(),
         }
     }
@@ -64,7 +82,7 @@ impl FolderInput {
         serde_json::from_value(serialised["gone"].clone()).unwrap_or_default()
     }
 
-    /// Adds the findings that concern several trials. `contents` has the hash of each trial's marker file if the file
+    /// Adds the findings that concern several trials, and a row for each ignored trial. `contents` has the hash of each trial's marker file if the file
     /// was read.
     pub fn diagnose(&self, rows: &mut Ingested, contents: &BTreeMap<String, String>) {
         find_other_campaigns(rows, &self.gaits);
@@ -94,6 +112,15 @@ impl FolderInput {
             let finding = Finding::new(Check::FolderGone, false, count, 0.0, message);
             rows.checks.push(finding.row(&format!("folder {folder}")));
         }
+        rows.trials.extend(self.ignored.iter().map(|IgnoredTrial { folder, id, trial }| {
+            TrialRow {
+                folder: folder.clone(),
+                id: id.clone(),
+                status: TrialStatus::Ignored,
+                message: format!("`ignore` in trials.toml matches {}", trial.file),
+                ..blank_row(trial)
+            }
+        }));
     }
 }
 

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2, Vector2};
 use trilink_statistics::{fisher, mean, normal_tail};
-use trilink_tables::{TrialRow, TrialStatus};
+use trilink_tables::TrialRow;
 
 use super::campaigns::insert;
 use super::folder::restate;
@@ -55,7 +55,7 @@ pub(super) fn flag_slopes(rows: &mut Ingested) {
 /// Returns whether a trial has a displacement in a constant direction.
 fn has_direction(row: &TrialRow) -> bool {
     let turn_rad = row.metrics.dtheta_rad.abs() * row.cycles as f64;
-    row.status != TrialStatus::Failed
+    row.status.has_metrics()
         && row.metrics.d_m > 0.0
         && row.heading_rad.is_finite()
         && turn_rad <= MAX_TURN_RAD
@@ -148,6 +148,8 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use trilink_tables::Columns as _;
     use trilink_tables::trial::TrialKind;
+
+    use trilink_tables::TrialStatus;
 
     use super::*;
 

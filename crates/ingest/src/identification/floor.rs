@@ -16,7 +16,7 @@ use trilink_robot::GRAVITY_M_S2;
 use trilink_robot::decay::DecayLaw;
 use trilink_statistics::{Estimate, c4, fisher, mean, normal_tail};
 use trilink_tables::trial::TrialKind;
-use trilink_tables::{CheckRow, LawStatus, RobotParameterRow, SlopeStatus, TrialStatus};
+use trilink_tables::{CheckRow, LawStatus, RobotParameterRow, SlopeStatus};
 
 use super::coast::{WORDS, configured_law, own_resistance, set_resistance};
 use super::laws::{checks, decay_check, preferred};
@@ -42,7 +42,7 @@ pub(crate) fn estimate_slopes(rows: &mut Ingested, roll_kg_s: &BTreeMap<String, 
     let folders: BTreeMap<String, String> = rows
         .trials
         .iter()
-        .filter(|trial| trial.status != TrialStatus::Failed && trial.kind != TrialKind::Gait)
+        .filter(|trial| trial.status.has_metrics() && trial.kind != TrialKind::Gait)
         .map(|trial| (trial.trial.clone(), trial.folder.clone()))
         .collect();
     let mut floors: BTreeMap<&str, Vec<usize>> = BTreeMap::new();

@@ -128,7 +128,7 @@ impl OwnTable {
 }
 
 fn is_fitted(row: &TrialRow) -> bool {
-    row.kind == TrialKind::Gait && row.status != TrialStatus::Failed
+    row.kind == TrialKind::Gait && row.status.has_metrics()
 }
 
 /// Returns whether a commanded joint of a trial has no measured gait.

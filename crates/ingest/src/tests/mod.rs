@@ -579,7 +579,8 @@ fn ingest_folder(
     let mut config = Config::default();
     config.paths.raw = vec![folder.to_owned()];
     config.paths.base = folder.parent().unwrap().to_owned();
-    let TrialFolders { folders, trials } = TrialFolders::load(&config.paths)?;
+    let listed = TrialFolders::load(&config.paths)?;
+    let TrialFolders { folders, trials, .. } = &listed;
     let inputs: Vec<_> =
         trials.iter().map(|listed| IngestInput::new(&config, &listed.trial)).collect();
     let entries: Vec<Entry> = trials
@@ -597,7 +598,7 @@ fn ingest_folder(
         let names = tables.into_keys().map(|path| path.strip_prefix(derived).unwrap().to_owned());
         written.extend(names.map(|name| name.to_str().unwrap().to_owned()));
     }
-    FolderInput::new(&config, &folders).diagnose(&mut all, &Default::default());
+    FolderInput::new(&config, &listed).diagnose(&mut all, &Default::default());
     for path in outdated_tables(derived, &written.iter().map(String::as_str).collect())? {
         fs::remove_file(path)?;
     }

@@ -10,7 +10,7 @@ use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_robot::{Model, Parameter};
 use trilink_statistics::{self, HALF_WIDTH_95, wrap};
 use trilink_tables::config::{Config, GaitInput, SigmaKind};
-use trilink_tables::{FitRow, PredictionSource, Sharing, TrialRow, TrialStatus};
+use trilink_tables::{FitRow, PredictionSource, Sharing, TrialRow};
 
 use super::curve::{Curve, Point};
 use super::missing::{NO_TRIALS, missing, unknown};
@@ -58,7 +58,7 @@ impl Trials {
         let of = self.tables.trials.iter().filter(move |row| row.campaign == campaign);
         of.filter(|row| {
             let GaitMetrics { d_m, v_m_s, .. } = row.metrics;
-            row.status != TrialStatus::Failed && d_m.is_finite() && v_m_s.is_finite()
+            row.status.has_metrics() && d_m.is_finite() && v_m_s.is_finite()
         })
     }
 

@@ -44,6 +44,8 @@ pub struct TrialFolders {
     pub folders: Vec<TrialFolder>,
     /// Trials, in the order of the folders and, within each folder, of its list.
     pub trials: Vec<ListedTrial>,
+    /// Trials with marker files to be ignored, in the same order.
+    pub ignored: Vec<ListedTrial>,
 }
 
 /// Finds the folders that match the paths and patterns in a configuration, each folder once, sorted by name.
@@ -116,15 +118,16 @@ impl TrialFolders {
     /// same name.
     pub fn load(paths: &Paths) -> Result<Self, ConfigError> {
         let mut folders = Vec::new();
-        let mut trials = Vec::new();
+        let (mut trials, mut ignored) = (Vec::new(), Vec::new());
         for (folder, path) in find_folders(paths)?.into_iter().enumerate() {
             let read = TrialFolder::load(paths, &path)?;
-            for trial in &read.list.trial {
-                trials.push(ListedTrial { folder, id: trial.id.clone(), trial: trial.clone() });
-            }
+            let listed =
+                |trial: &Trial| ListedTrial { folder, id: trial.id.clone(), trial: trial.clone() };
+            trials.extend(read.list.trial.iter().map(listed));
+            ignored.extend(read.list.ignored.iter().map(listed));
             folders.push(read);
         }
-        let mut all = Self { folders, trials };
+        let mut all = Self { folders, trials, ignored };
         all.name_trials(paths.only_folder().as_deref())?;
         Ok(all)
     }
@@ -133,19 +136,19 @@ impl TrialFolders {
     /// alone. A name depends on no other folder, so it stays when folders are added or removed. Returns an error if two
     /// trials have the same name.
     fn name_trials(&mut self, only_folder: Option<&str>) -> Result<(), ConfigError> {
-        let Self { folders, trials } = self;
+        let Self { folders, trials, ignored } = self;
         let prefixes: Vec<Option<String>> = folders
             .iter()
             .map(|folder| (only_folder != Some(&folder.name)).then(|| prefix(&folder.name)))
             .collect();
-        for ListedTrial { folder, trial, .. } in &mut *trials {
+        for ListedTrial { folder, trial, .. } in trials.iter_mut().chain(&mut *ignored) {
             if let Some(prefix) = &prefixes[*folder] {
                 trial.id = format!("{prefix}_{}", trial.id);
             }
         }
         let mut names = BTreeMap::new();
-        for ListedTrial { folder, id, trial } in trials {
-            if let Some(other) = names.insert(trial.id.to_ascii_lowercase(), (*folder, &*id)) {
+        for ListedTrial { folder, id, trial } in trials.iter().chain(ignored.iter()) {
+            if let Some(other) = names.insert(trial.id.to_ascii_lowercase(), (*folder, id)) {
                 let (other_folder, other_id) = other;
                 let other = &folders[other_folder].name;
                 let path = folders[*folder].path.join(TRIALS_FILE);
@@ -167,9 +170,8 @@ impl TrialFolders {
 
     /// Returns a sentence that names the trials left out because a pattern in `ignore` of `trials.toml` matches their
     /// files; `None` if there are no such trials.
-    pub fn ignored(&self) -> Option<String> {
-        let ids: Vec<&str> =
-            self.folders.iter().flat_map(|one| &one.list.ignored).map(String::as_str).collect();
+    pub fn ignored_sentence(&self) -> Option<String> {
+        let ids: Vec<&str> = self.ignored.iter().map(|listed| listed.id.as_str()).collect();
         if ids.is_empty() {
             return None;
         }
