@@ -14,7 +14,7 @@ use super::parse::low_high;
 use super::results::{Files, Format};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
 use super::table::{Table, short};
-use super::{Context, Failure, Outcome};
+use super::{Context, Failure, Outcome, candidates};
 use crate::interrupt;
 
 /// Name of the frequency as a parameter of a continuation.
@@ -26,6 +26,7 @@ const OMEGA: &str = "omega_rad_s";
 #[command(after_help = include_str!("examples/branches.txt").trim_end())]
 pub(super) struct Branches {
     /// Name of a `[campaign.*]` table.
+    #[arg(add = candidates::campaigns())]
     campaign: String,
     /// Parameter to vary and its range, in which branches are followed from the lower limit upwards: the frequency
     /// (`omega_rad_s=0.5..12`), or a parameter of the robot or the gait such as `damping_nm_s_rad=0.0002..0.01`. The
@@ -35,7 +36,7 @@ pub(super) struct Branches {
     over: Over,
     /// Name of a `[model.*]` table: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own
     /// [default: skid-roll, with --fitted the preferred model of the comparison].
-    #[arg(long)]
+    #[arg(long, add = candidates::models())]
     model: Option<String>,
     #[command(flatten)]
     numbers: Numbers,

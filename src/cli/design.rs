@@ -18,7 +18,7 @@ use super::parse::{NumberList, parse_numbers, parse_omegas};
 use super::results::Format;
 use super::setup::preferred;
 use super::table::{Table, short};
-use super::{Context, Failure, Outcome};
+use super::{Context, Failure, Outcome, candidates};
 use crate::build::check_unconfigured_tables;
 use crate::inspect::{View, json as json_of};
 use crate::interrupt;
@@ -36,9 +36,10 @@ const MAX_RELATIVE_HALF_WIDTH: f64 = 10.0;
 #[command(after_help = include_str!("examples/design.txt").trim_end())]
 pub(super) struct Design {
     /// Name of a `[campaign.*]` table whose trials were fitted.
+    #[arg(add = candidates::campaigns())]
     campaign: String,
     /// Name of the `[model.*]` table [default: the preferred model of the comparison].
-    #[arg(long)]
+    #[arg(long, add = candidates::models())]
     model: Option<String>,
     /// Number of trials to add.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=50))]

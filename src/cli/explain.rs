@@ -4,7 +4,7 @@ use trilink_tables::Explanation;
 use trilink_tables::config::did_you_mean;
 
 use super::output::{say, write_json};
-use super::{Failure, Outcome};
+use super::{Failure, Outcome, candidates};
 
 /// Maximum number of characters per line, so that the text fits any terminal.
 const MAX_CHARACTERS: usize = 80;
@@ -14,7 +14,7 @@ const MAX_CHARACTERS: usize = 80;
 #[command(after_help = include_str!("examples/explain.txt").trim_end())]
 pub(super) struct Explain {
     /// Codes or names of checks, such as W018 or joint-places [default: list all].
-    #[arg(value_name = "CHECK")]
+    #[arg(value_name = "CHECK", add = candidates::checks())]
     checks: Vec<String>,
     /// Print one JSON array: an object per check.
     #[arg(long)]

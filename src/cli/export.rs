@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use trilink_tables::write_bytes;
 
 use super::output::{note, say};
-use super::{Context, Failure, Outcome};
+use super::{Context, Failure, Outcome, candidates};
 use crate::export::{ExportFormat, Motion};
 
 /// Format of an exported trial.
@@ -25,6 +25,7 @@ enum Format {
 #[command(after_help = include_str!("examples/export.txt").trim_end())]
 pub(super) struct Export {
     /// Name of the trial, or `FOLDER/ID`.
+    #[arg(add = candidates::trials())]
     trial: String,
     /// File format.
     #[arg(long, value_enum)]

@@ -8,7 +8,7 @@ use polars::prelude::{AnyValue, DataType};
 use super::output::{note, say, write_data};
 use super::results::Format;
 use super::table::{self, Table};
-use super::{Anywhere, Context, Failure, Outcome, check_not_below_project};
+use super::{Anywhere, Context, Failure, Outcome, candidates, check_not_below_project};
 use crate::inspect::{
     ColumnInfo, Listed, Query, View, describe, describe_all, find, float, list, meaning, query,
     text, unit,
@@ -23,6 +23,7 @@ const MAX_METADATA: usize = 100;
 pub(super) struct Inspect {
     /// Table of `derived`, such as `trials`, `fits`, `poses/TRIAL` or `poses` of all trials, or any
     /// Parquet file [default: list the tables of `derived`].
+    #[arg(add = candidates::tables())]
     table: Option<String>,
     #[command(flatten)]
     query: Query,

@@ -2,6 +2,7 @@
 
 mod branches;
 mod calibrate;
+mod candidates;
 mod check;
 mod clean;
 mod compare;
@@ -33,7 +34,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use clap_complete::CompleteEnv;
 
 use crate::build::{RunError, check_results};
 use crate::interrupt;
@@ -300,6 +302,8 @@ impl Context {
 
 /// Runs the program with the command line of this process; returns its exit status.
 pub fn main() -> ExitCode {
+    // Prints candidates and exits if a script of `trilink completions` has called the program.
+    CompleteEnv::with_factory(Arguments::command).var(candidates::VARIABLE).complete();
     main_with(std::env::args_os().collect()).into()
 }
 

@@ -21,7 +21,7 @@ use super::parse::{finite, low_high, positive};
 use super::results::{Files, Format, write_rows};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
 use super::table::{Table, short};
-use super::{Context, Exclusive, Failure, Outcome};
+use super::{Context, Exclusive, Failure, Outcome, candidates};
 use crate::build::hold;
 use crate::interrupt;
 
@@ -31,10 +31,11 @@ use crate::interrupt;
 #[command(mut_arg("figure", |arg| arg.help("Draw the objective around the optimum as a function of the two commands to which it is most sensitive; the file extension selects SVG, PNG or PDF")))]
 pub(super) struct Optimise {
     /// Name of a `[campaign.*]` table, whose robot and gait are the starting point.
+    #[arg(add = candidates::campaigns())]
     campaign: String,
     /// Name of a `[model.*]` table: skid-roll, coulomb or your own [default with --fitted: the preferred
     /// model of the comparison].
-    #[arg(long, required_unless_present = "fitted")]
+    #[arg(long, required_unless_present = "fitted", add = candidates::models())]
     model: Option<String>,
     #[command(flatten)]
     numbers: Numbers,

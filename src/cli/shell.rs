@@ -6,12 +6,14 @@ use std::path::PathBuf;
 use clap::CommandFactory;
 use clap::builder::Resettable;
 use clap_complete::Shell;
+use clap_complete::env::Shells;
 use trilink_tables::write_bytes;
 
 use super::output::write_data;
-use super::{Arguments, Failure, Outcome};
+use super::{Arguments, Failure, Outcome, candidates};
 
-/// Print a script that lets a shell complete commands and options.
+/// Print a script that lets a shell complete commands, options, and names of campaigns, models, tables, trials and
+/// checks.
 #[derive(clap::Args)]
 #[command(after_help = include_str!("examples/completions.txt").trim_end())]
 pub(super) struct Completions {
@@ -31,7 +33,10 @@ pub(super) struct Man {
 impl Completions {
     pub(super) fn run(self, (): ()) -> Result<Outcome, Failure> {
         let mut script = Vec::new();
-        clap_complete::generate(self.shell, &mut Arguments::command(), "trilink", &mut script);
+        let shells = Shells::builtins();
+        let shell = shells.completer(&self.shell.to_string()).expect("all shells are known");
+        let name = env!("CARGO_PKG_NAME");
+        shell.write_registration(candidates::VARIABLE, name, name, name, &mut script)?;
         write_data(String::from_utf8(script)?.trim_end());
         Ok(Outcome::Well)
     }

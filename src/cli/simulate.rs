@@ -16,7 +16,7 @@ use super::output::write_json;
 use super::parse::{NumberList, parse_omegas};
 use super::results::{Format, check_ending};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
-use super::{Context, Failure, Interrupted, Outcome};
+use super::{Context, Failure, Interrupted, Outcome, candidates};
 use sensitivities::Sensitivities;
 
 /// Solve for a model's steady-state motion.
@@ -24,11 +24,12 @@ use sensitivities::Sensitivities;
 #[command(after_help = include_str!("examples/simulate.txt").trim_end())]
 pub(super) struct Simulate {
     /// Name of a `[campaign.*]` table.
+    #[arg(add = candidates::campaigns())]
     campaign: String,
     /// Name of a `[model.*]` table: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll, coulomb, coulomb-viscous or
     /// your own. May be a list, and the option may be given more than once. With `--fitted`, the default is the
     /// preferred model of the comparison.
-    #[arg(long, required_unless_present = "fitted")]
+    #[arg(long, required_unless_present = "fitted", add = candidates::models())]
     model: Vec<String>,
     /// Frequencies, rad/s: `3.9,4`, or `0.5..6/12` for twelve from 0.5 to 6. The option may be given
     /// more than once.

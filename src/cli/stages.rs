@@ -7,7 +7,7 @@ use trilink_ingest::Ingested;
 use trilink_tables::FitRow;
 
 use super::output::{note, say};
-use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, pipeline};
+use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, candidates, pipeline};
 use crate::build::{self, Shard};
 
 /// Process marker files into tables of poses, wheel velocities, cycles and trials.
@@ -139,6 +139,7 @@ pub(super) struct Report {
         long,
         value_name = "NAME",
         num_args = 1..,
+        add = candidates::trials(),
         help = "Also make pages for these trials if there are more trials than the configuration's `trial_pages`; \
                 later runs keep these pages up to date"
     )]

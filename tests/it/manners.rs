@@ -34,18 +34,36 @@ fn here() -> &'static Path {
 }
 
 #[test]
-fn shells_complete_every_command() {
-    let commands = commands();
+fn shells_complete_commands_and_names_of_the_project() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let script = succeed(here(), &["completions", shell]);
-        for command in &commands {
-            assert!(script.contains(command), "{shell} {command}");
-        }
+        assert!(script.contains("TRILINK_COMPLETE"), "{shell}: {script}");
     }
     let script = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(script.path(), succeed(here(), &["completions", "bash"])).unwrap();
     if let Ok(checked) = Command::new("bash").arg("-n").arg(script.path()).output() {
         assert!(checked.status.success(), "{}", text(&checked.stderr));
+    }
+    let folder = Small::raw();
+    succeed(folder.path(), &["-q", "ingest"]);
+    let complete = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trilink"));
+        command.env("TRILINK_COMPLETE", "fish").args(["--", "trilink"]).args(words);
+        let output = command.current_dir(folder.path()).output().unwrap();
+        let lines = text(&output.stdout);
+        lines.lines().map(|line| line.split('\t').next().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let offered = complete(&[""]);
+    assert!(commands().iter().all(|command| offered.contains(command)), "{offered:?}");
+    let [table] = complete(&["inspect", "tri"]).try_into().unwrap();
+    assert_eq!(table, "trials");
+    for (words, name) in [
+        (&["simulate", ""][..], "kinematic-symmetric"),
+        (&["simulate", "kinematic-symmetric", "--model", "skid"], "skid-roll"),
+        (&["explain", "W01"], "W018"),
+        (&["export", ""], "kinematic-symmetric-5.00-r1"),
+    ] {
+        assert!(complete(words).iter().any(|offered| offered == name), "{words:?}");
     }
 }
 
