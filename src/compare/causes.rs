@@ -516,7 +516,7 @@ pub(super) fn by_coefficient(
 }
 
 /// Returns the name of one coefficient, or of the coefficients of all wheels, in words.
-fn coefficient(parameters: &[Parameter]) -> String {
+pub(super) fn coefficient(parameters: &[Parameter]) -> String {
     let quantity = parameters[0].quantity().definition();
     match parameters {
         [parameter] => match parameter.number().filter(|_| quantity.per == Per::Wheel) {

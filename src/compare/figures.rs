@@ -1,27 +1,32 @@
-//! Figures of curves that differ between the compared runs.
+//! Figures of the differences between the compared runs, with their tolerances.
 
 use std::collections::BTreeSet;
 
-use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
-use trilink_report::colours;
-use trilink_robot::metrics::Metric;
+use trilink_plot::{Figure, Layer, Layout, Panel};
+use trilink_report::trends;
+use trilink_robot::metrics::{Metric, MetricDefinition};
+use trilink_statistics::HALF_WIDTH_95;
 
 use super::means::campaigns;
 use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{ComparisonResult, Difference};
 
-/// Curves of the baseline run and the candidate run against frequency: metrics of a campaign's trials, or predictions
-/// of a model.
+/// Legend label of the tolerances.
+const TOLERANCE: &str = "tolerance";
+/// Legend label of the differences.
+const CHANGE: &str = "this run minus baseline, 95 % interval";
+
+/// Differences between the candidate run and the baseline run against frequency: metrics of a campaign's trials, or
+/// predictions of a model.
 struct Curves<'s> {
+    compared: &'s ComparisonResult,
     runs: [&'s Records; 2],
     campaign: &'s str,
-    /// Model of the predictions; `None` for curves of trials.
+    /// Model of the predictions; `None` for trials.
     model: Option<&'s str>,
-    /// Name of the frequency column.
-    omega: &'s str,
 }
 
-/// Draws a figure for each campaign and each model whose curves have values out of tolerance.
+/// Draws a figure for each campaign and each model that has values out of tolerance.
 pub(super) fn figures(
     compared: &ComparisonResult,
     baseline: &Snapshot,
@@ -31,61 +36,64 @@ pub(super) fn figures(
         ["trials", "predictions"].map(|table| [baseline.records(table), candidate.records(table)]);
     let mut figures = Vec::new();
     for campaign in trials.into_iter().flat_map(campaigns).collect::<BTreeSet<&str>>() {
-        let omega = "omega_commanded_rad_s";
-        let curves = Curves { runs: trials, campaign, model: None, omega };
-        let quantities = columns(compared, |difference| match difference.table {
-            "campaigns" => difference.row == campaign,
-            table => table == "trials" && curves.include(&difference.row),
-        });
-        figures.extend(curves.figure(format!("Trials of {campaign}"), &quantities));
+        let curves = Curves { compared, runs: trials, campaign, model: None };
+        let of_means = compared.out().filter(|of| of.table == "campaigns" && of.row == campaign);
+        let mut columns: BTreeSet<&str> = of_means.map(metric_column).collect();
+        columns.extend(curves.differences().filter(|of| of.is_out()).map(metric_column));
+        figures.extend(curves.figure(format!("Trials of {campaign}"), &columns));
         let records = predictions.into_iter().flat_map(Records::values);
         let of_campaign = records.filter(|record| text(record, "campaign") == campaign);
         let models: BTreeSet<&str> = of_campaign.map(|record| text(record, "model")).collect();
         for model in models {
-            let omega = "omega_rad_s";
-            let curves = Curves { runs: predictions, campaign, model: Some(model), omega };
-            let mut quantities = columns(compared, |difference| {
-                difference.table == "predictions" && curves.include(&difference.row)
-            });
+            let curves = Curves { compared, runs: predictions, campaign, model: Some(model) };
+            let out = curves.differences().filter(|of| of.is_out());
+            let mut columns: BTreeSet<&str> = out.map(metric_column).collect();
             let fit = format!("{campaign} {model}");
-            if compared.out().any(|difference| difference.table == "fits" && difference.row == fit)
-            {
-                quantities.insert(Metric::D.column());
-                quantities.extend(Metric::SIGMA.map(Metric::column));
+            if compared.out().any(|of| of.table == "fits" && of.row == fit) {
+                columns.insert(Metric::D.column());
+                columns.extend(Metric::SIGMA.map(Metric::column));
             }
-            figures.extend(curves.figure(format!("Model {model} of {campaign}"), &quantities));
+            figures.extend(curves.figure(format!("Model {model} of {campaign}"), &columns));
         }
     }
     figures
 }
 
-/// Returns the columns with values out of tolerance, among the differences that satisfy `is_selected`.
-fn columns(
-    compared: &ComparisonResult,
-    is_selected: impl Fn(&&Difference) -> bool,
-) -> BTreeSet<&str> {
-    let out = compared.out().filter(is_selected);
-    out.map(|difference| difference.column.trim_end_matches("_debiased")).collect()
+/// Returns the column of a difference; for a debiased skid ratio, the column of the raw one.
+fn metric_column(difference: &Difference) -> &str {
+    difference.column.trim_end_matches("_debiased")
 }
 
-impl Curves<'_> {
+impl<'s> Curves<'s> {
+    fn table(&self) -> &'static str {
+        if self.model.is_some() { "predictions" } else { "trials" }
+    }
+
     /// Returns whether a record belongs to these curves.
     fn holds(&self, record: &Record) -> bool {
         text(record, "campaign") == self.campaign
             && self.model.is_none_or(|model| text(record, "model") == model)
     }
 
-    /// Returns whether the table row `name` of the baseline run or of the candidate run belongs to these curves.
-    fn include(&self, name: &str) -> bool {
-        self.runs.iter().any(|run| run.get(name).is_some_and(|record| self.holds(record)))
+    /// Returns the differences in rows of these curves.
+    fn differences(&self) -> impl Iterator<Item = &'s Difference> {
+        self.compared.differences.iter().filter(|difference| {
+            let mut rows = self.runs.iter().filter_map(|run| run.get(&difference.row));
+            difference.table == self.table() && rows.any(|record| self.holds(record))
+        })
     }
 
-    fn points(&self, records: &Records, column: &str) -> Vec<(f64, f64)> {
-        let mut points: Vec<(f64, f64)> = records
-            .values()
-            .filter(|record| self.holds(record))
-            .filter_map(|record| Some((number(record, self.omega)?, number(record, column)?)))
-            .collect();
+    /// Returns the differences in a metric, debiased if there are such values, with their frequencies, sorted by
+    /// frequency.
+    fn points(&self, of: &MetricDefinition) -> Vec<(f64, &'s Difference)> {
+        let omega = if self.model.is_some() { "omega_rad_s" } else { "omega_commanded_rad_s" };
+        let has = |column: &&str| self.differences().any(|of| of.column == *column);
+        let column = of.debiased.filter(has).unwrap_or(of.column);
+        let own = self.differences().filter(|difference| difference.column == column);
+        let points = own.filter_map(|difference| {
+            Some((number(self.runs[1].get(&difference.row)?, omega)?, difference))
+        });
+        let mut points: Vec<_> = points.collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
     }
@@ -94,23 +102,26 @@ impl Curves<'_> {
     fn figure(&self, title: String, columns: &BTreeSet<&str>) -> Option<Figure> {
         let metrics = Metric::ALL.into_iter().map(Metric::definition);
         let panels = metrics.filter(|of| columns.contains(of.column)).map(|of| {
-            let label = match of.dimension.units()[0] {
-                "" => of.plain.to_owned(),
-                unit => format!("{} ({unit})", of.plain),
-            };
-            let [baseline, candidate] = self.runs.map(|records| self.points(records, of.column));
-            let runs = [
-                ("baseline", baseline, colours::BASELINE),
-                ("this run", candidate, colours::CANDIDATE),
-            ];
-            let layers = runs.map(|(name, points, colour)| {
-                Layer::new(name, points, Look::Dots { colour, joined: true })
+            let points = self.points(of);
+            let zero = points.iter().map(|(omega, _)| (*omega, 0.0));
+            let band = points.iter().map(|(_, difference)| {
+                let limit = difference.judgement.limit.unwrap_or(f64::NAN);
+                [-limit, limit]
             });
-            let layers = layers.into();
-            let panel = Panel::new(&*label, "omega (rad/s)", &*label, layers);
-            Panel { y_scale: Scale::Decades, ..panel }
+            let band = band.collect();
+            let changes = points.iter().filter_map(|(omega, difference)| {
+                let change = difference.candidate.as_f64()? - difference.baseline.as_f64()?;
+                let errors = difference.judgement.errors.unwrap_or(f64::NAN);
+                Some((*omega, change, HALF_WIDTH_95 * change.abs() / errors))
+            });
+            let layers = vec![
+                Layer { band, ..Layer::new(TOLERANCE, zero, trends::BASELINE) },
+                Layer::with_errors(CHANGE, changes, trends::RUN),
+            ];
+            let label = of.dimension.with_unit(&format!("change of {}", of.plain));
+            Panel::new(of.in_words(), "omega (rad/s)", label, layers)
         });
-        let texts = [title, "Grey: baseline. Orange: this run.".to_owned()];
+        let texts = [title, String::new()];
         let figure = Figure::new("", texts, &[self.campaign], Layout::Grid, panels.collect());
         (!figure.is_empty()).then_some(figure)
     }

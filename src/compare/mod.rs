@@ -68,6 +68,11 @@ pub struct Difference {
 }
 
 impl Difference {
+    /// Returns whether the difference is out of tolerance.
+    pub fn is_out(&self) -> bool {
+        self.judgement.verdict == Verdict::Out
+    }
+
     /// Returns the ratio of the difference to the largest difference within tolerance; infinite if no such limit
     /// exists.
     pub fn severity(&self) -> f64 {
@@ -121,7 +126,7 @@ pub struct ComparisonResult {
 impl ComparisonResult {
     /// Returns the differences that are out of tolerance.
     pub fn out(&self) -> impl Iterator<Item = &Difference> {
-        self.differences.iter().filter(|difference| difference.judgement.verdict == Verdict::Out)
+        self.differences.iter().filter(|difference| difference.is_out())
     }
 
     /// Returns the number of differences with the given verdict.

@@ -8,12 +8,13 @@ use trilink_base::numbers::{percent, significant};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_report::{colours, fill, image, notice_of_folders, trends};
 use trilink_robot::Parameter;
+use trilink_robot::metrics::Metric;
 use trilink_tables::config::{Compare, Config, Tolerance, tolerance};
 use trilink_tables::write_bytes;
 
 use super::CompareError;
-use super::causes::{CoefficientCause, CoefficientChange, by_coefficient};
-use super::history::{ACCEPTED, HistoryRow, INADEQUATE, MEAN};
+use super::causes::{CoefficientCause, CoefficientChange, by_coefficient, coefficient};
+use super::history::{ACCEPTED, HistoryRow, INADEQUATE, MEAN, SECONDS, TRIALS};
 use super::judge::limit;
 use super::runs::Runs;
 use super::steps::{Step, find_steps};
@@ -95,10 +96,79 @@ fn tolerance_of(config: &Compare, row: &HistoryRow) -> Option<Tolerance> {
     tolerance.filter(Tolerance::judges)
 }
 
+/// Names of a figure of merit.
+struct Names {
+    /// Title of its panel.
+    title: String,
+    /// Label of its axis: symbol or model, with the unit.
+    label: String,
+    /// Symbol of the mean of a metric; empty for other figures of merit.
+    symbol: &'static str,
+}
+
+impl Names {
+    fn new(HistoryRow { model, quantity, .. }: &HistoryRow) -> Self {
+        let names = |title: &str, label: &str| Self {
+            title: title.to_owned(),
+            label: label.to_owned(),
+            symbol: "",
+        };
+        if let Some(parameter) = Parameter::of_name(quantity).filter(|_| !model.is_empty()) {
+            let of_wheel = coefficient(&[parameter]);
+            let title = of_wheel.split(" (").next().unwrap_or_default();
+            return names(title, &format!("{model} ({})", parameter.unit()));
+        }
+        if let Some(column) = quantity.strip_prefix(MEAN) {
+            let mut metrics = Metric::ALL.into_iter().map(Metric::definition);
+            let metric = metrics.find(|of| of.column == column || of.debiased == Some(column));
+            return match metric {
+                Some(of) => Self {
+                    title: of.in_words(),
+                    label: of.dimension.with_unit(&format!("mean {}", of.plain)),
+                    symbol: of.plain,
+                },
+                None if column == "residual_mm" => names("Marker residual", "mean (mm)"),
+                None => names(quantity, ""),
+            };
+        }
+        if let Some(stage) = quantity.strip_suffix(SECONDS) {
+            names(&format!("Run time of {stage}"), "s")
+        } else if let Some(status) = quantity.strip_prefix(TRIALS) {
+            names(&format!("Trials {status}"), "number")
+        } else if quantity == "j" {
+            names("Objective J", model)
+        } else {
+            names(quantity, model)
+        }
+    }
+}
+
 impl<'r> Series<'r> {
-    fn name(&self) -> String {
-        let HistoryRow { model, quantity, .. } = self.rows[0];
-        if model.is_empty() { quantity.clone() } else { format!("{model}: {quantity}") }
+    fn names(&self) -> Names {
+        Names::new(self.rows[0])
+    }
+
+    fn in_words(&self) -> String {
+        let Names { title, .. } = self.names();
+        let model = &self.rows[0].model;
+        if model.is_empty() { title } else { format!("{model}: {title}") }
+    }
+
+    /// Returns whether the values are numbers of trials.
+    fn is_count(&self) -> bool {
+        self.rows[0].quantity.starts_with(TRIALS)
+    }
+
+    /// Returns whether the series is drawn: models that never fitted the trials and counts of zero are only listed.
+    fn is_drawn(&self) -> bool {
+        let fits = |row: &&HistoryRow| row.model.is_empty() || row.basis != INADEQUATE;
+        let has_value =
+            |row: &&HistoryRow| row.value.is_finite() && (row.value != 0.0 || !self.is_count());
+        self.rows.iter().filter(|row| fits(row)).any(has_value)
+    }
+
+    fn shown(&self, value: f64) -> String {
+        if self.is_count() { value.to_string() } else { significant(value, 5) }
     }
 
     /// Finds steps among the values with the same basis.
@@ -128,12 +198,11 @@ impl<'r> Series<'r> {
 
     /// Describes a step in words.
     fn sentence(&self, Step { before, after, .. }: &Step) -> String {
-        let verb = if after > before { "rose" } else { "fell" };
+        let [from, to] = [before, after].map(|level| self.shown(*level));
         let by = percent(*after, *before);
-        let by = by.trim_start_matches(['+', '\u{2212}']);
-        let [from, to] = [before, after].map(|level| significant(*level, 5));
-        let campaign = &self.rows[0].campaign;
-        format!("{} of {campaign} {verb} by {by}, from {from} to {to}", self.name())
+        let Names { symbol, .. } = self.names();
+        let name = if symbol.is_empty() { self.in_words() } else { format!("mean {symbol}") };
+        format!("{name} {by}, from {from} to {to}")
     }
 
     /// Returns the accepted baselines, each with the rows from its acceptance up to the next acceptance.
@@ -217,9 +286,11 @@ impl<'r> Series<'r> {
         layers.push(Layer::new("accepted", accepted, Look::Guides));
         let rings = self.steps.iter().map(|step| self.rows[step.index]);
         layers.push(Layer::new("step", rings.map(|row| (x(row), row.value)), Look::Rings));
-        let panel = Panel::new(self.name(), "run", &*self.rows[0].quantity, layers);
+        let Names { title, label, .. } = self.names();
+        let panel = Panel::new(title, "run", label, layers);
         let x_names = runs.labels().to_vec();
-        Panel { x_scale: Scale::Whole, y_scale: Scale::Decades, x_names, ..panel }
+        let y_scale = if self.is_count() { Scale::Whole } else { Scale::Decades };
+        Panel { x_scale: Scale::Whole, y_scale, x_names, ..panel }
     }
 }
 
@@ -251,8 +322,16 @@ fn sentences(steps: &[(&Series, &Step)], all: &[&Series], run: i64) -> Vec<Strin
             _ => sentence,
         }
     });
-    let others = steps.iter().filter(|(series, _)| series.parameter().is_none());
-    grouped.chain(others.map(|(series, step)| series.sentence(step))).collect()
+    // Steps in other figures of merit of a campaign share a sentence.
+    let mut others: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for (series, step) in steps.iter().filter(|(series, _)| series.parameter().is_none()) {
+        others.entry(&series.rows[0].campaign).or_default().push(series.sentence(step));
+    }
+    let others = others.into_iter().map(|(campaign, all)| {
+        let all = all.join("; ");
+        if campaign.is_empty() { all } else { format!("{campaign}: {all}") }
+    });
+    grouped.chain(others).collect()
 }
 
 /// Legend label of the baseline.
@@ -271,7 +350,8 @@ fn group(
 ) -> Result<Json, CompareError> {
     let name =
         if campaign.is_empty() { "Whole runs".to_owned() } else { format!("Campaign {campaign}") };
-    let panels = series.iter().map(|series| series.panel(runs)).collect();
+    let drawn = series.iter().filter(|series| series.is_drawn() && runs.count() > 1);
+    let panels: Vec<Panel> = drawn.map(|series| series.panel(runs)).collect();
     let texts = [format!("{name}, run by run"), String::new()];
     let layout = if runs.count() > MAX_MARKERS { Layout::Pairs } else { Layout::Grid };
     let figure = Figure { is_synthetic, ..Figure::new("", texts, &[campaign], layout, panels) };
@@ -280,15 +360,16 @@ fn group(
         let mut earlier =
             series.rows.iter().filter(|row| row.run < now.run && row.basis == now.basis);
         Some(json!({
-            "name": series.name(),
-            "last": significant(now.value, 5),
+            "name": series.in_words(),
+            "last": series.shown(now.value),
             "since_last": change(earlier.clone().next_back(), now),
             "since_first": change(earlier.next(), now),
             "since_baseline": series.since_baseline(runs),
         }))
     });
     let rows: Vec<Json> = rows.collect();
-    Ok(json!({ "name": name, "figure": image(&figure)?, "rows": rows }))
+    let figure = if figure.is_empty() { Json::Null } else { json!(image(&figure)?) };
+    Ok(json!({ "name": name, "figure": figure, "rows": rows }))
 }
 
 /// Formats the relative change since an earlier run; empty if there is no earlier run.

@@ -71,6 +71,14 @@ impl Dimension {
         }
     }
 
+    /// Adds the unit in table columns, if there is one, to the label of an axis.
+    pub fn with_unit(self, label: &str) -> String {
+        match self.units()[0] {
+            "" => label.to_owned(),
+            unit => format!("{label} ({unit})"),
+        }
+    }
+
     /// Returns the factor that converts the unit in table columns to the unit for display.
     fn shown_per_unit(self) -> f64 {
         match self {
@@ -103,6 +111,17 @@ pub struct MetricDefinition {
     /// Whether the metric is a magnitude: never negative and rarely near zero, so that deviations can be
     /// divided by it (eq. 21 of the paper).
     pub is_size: bool,
+}
+
+impl MetricDefinition {
+    /// Returns the name of the metric in words, such as `Skid ratio of wheel 0 (middle)`.
+    pub fn in_words(&self) -> String {
+        if self.title.starts_with("Wheel") {
+            format!("{} of {}", self.label, self.title.to_lowercase())
+        } else {
+            self.title.to_owned()
+        }
+    }
 }
 
 /// Defines the metrics and the table of their definitions.

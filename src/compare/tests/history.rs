@@ -181,7 +181,12 @@ fn the_page_marks_baselines_their_tolerance_and_every_run() {
     // The axis shows days, and no fractional run numbers.
     assert!(page.contains(" Dec</text>") && !page.contains(">0.5</text>"));
     let one = self::page(&runs(1, 1, None));
-    assert!(one.contains(">12 Nov</text>") && !one.contains(">0.9995<") && one.contains(NO_STEP));
+    assert!(
+        !one.contains("<svg class=\"panel\"") && one.contains("skid-roll: skid of the front wheel")
+    );
+    assert!(one.contains(NO_STEP));
+    let two = self::page(&runs(2, 1, None));
+    assert!(two.contains(">12 Nov</text>") && !two.contains(">0.9995<") && two.contains(NO_STEP));
     let none = self::page(&[]);
     assert!(none.contains("0 runs") && none.contains(NO_STEP));
 }
