@@ -204,7 +204,7 @@ fn every_run_that_changed_something_is_in_the_history() {
     assert_eq!(text_of(&second[..first.len()]), text_of(&first));
     assert!(second.iter().any(|row| row.run == 2));
     let page = std::fs::read_to_string(folder.path().join("reports/history.html")).unwrap();
-    assert!(page.contains("2 runs, ") && page.contains("skid-roll: skid0_kg_s"));
+    assert!(page.contains("2 runs, ") && page.contains("skid-roll: skid of the middle wheel"));
     assert!(page.contains("2 trials removed: kinematic-symmetric-3.90-r1, "), "{page}");
     assert!(second.iter().all(|row| row.program.len() == 64 && row.configuration.len() == 64));
     let of = |quantity: &str| {
