@@ -14,10 +14,16 @@ use crate::interrupt;
 /// Format of the marker files.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum FileFormat {
-    /// Text, as exported by Nexus (`Trajectories`), with six significant digits.
+    /// Text, as exported by Vicon Nexus (`Trajectories`), with six significant digits.
     Csv,
-    /// Binary format of Vicon Nexus.
+    /// C3D with floating-point numbers.
     C3d,
+    /// OptiTrack Motive CSV, in m with y up.
+    Motive,
+    /// TRC, as written by Cortex and OpenSim.
+    Trc,
+    /// Qualisys Track Manager TSV.
+    Qualisys,
 }
 
 /// Synthesise trials with known parameters, in the format of the camera system.
@@ -116,6 +122,9 @@ impl Synth {
             format: match self.format {
                 FileFormat::Csv => Format::Csv,
                 FileFormat::C3d => Format::C3d,
+                FileFormat::Motive => Format::Motive,
+                FileFormat::Trc => Format::Trc,
+                FileFormat::Qualisys => Format::Qualisys,
             },
             misplaced: self.misplaced,
             ..Recipe::new(seed)

@@ -103,7 +103,7 @@ impl Motion {
     /// Returns the content of an export file in the given format.
     pub fn write(&self, format: ExportFormat) -> Vec<u8> {
         match format {
-            ExportFormat::Trc => trc::write(self).into_bytes(),
+            ExportFormat::Trc => trc::write(self),
             ExportFormat::Csv => table::write(self).into_bytes(),
             ExportFormat::Mcap => foxglove::write(self),
         }

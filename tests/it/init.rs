@@ -409,6 +409,37 @@ fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
 }
 
 #[test]
+fn every_format_leads_to_the_same_project_without_being_named() {
+    let setup = |format: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        std::fs::write(path.join("pipeline.toml"), CART).unwrap();
+        let synth = ["-q", "synth", "raw", "--omega", "3,4", "--seed", "3", "--law", "skid-roll"];
+        succeed(path, &[&synth[..], &["--format", format]].concat());
+        for file in ["pipeline.toml", "raw/trials.toml", "raw/truth.json"] {
+            std::fs::remove_file(path.join(file)).unwrap();
+        }
+        let mut setup = found(path, &["raw", "--l-m", "0.13"], 0);
+        [setup["links"].take(), setup["campaigns"].take()]
+    };
+    let [links, campaigns] = setup("csv");
+    for format in ["c3d", "motive", "trc", "qualisys"] {
+        let [own, own_campaigns] = setup(format);
+        assert_eq!(own, links, "{format}");
+        // Names and offsets in whole degrees.
+        let gaits = |all: &Value| {
+            let of = |one: &Value| {
+                let offset_deg = one["joints"][0]["offset_deg"].as_f64().unwrap().round();
+                (one["name"].clone(), offset_deg as i64)
+            };
+            all.as_array().unwrap().iter().map(of).collect::<Vec<_>>()
+        };
+        assert_eq!(gaits(&own_campaigns), gaits(&campaigns), "{format}");
+        assert_eq!(gaits(&campaigns).len(), 2);
+    }
+}
+
+#[test]
 fn nothing_is_overwritten_and_errors_are_reported() {
     let folder = recorded(CART, "3", |name| name.starts_with("weave"));
     let path = folder.path();

@@ -182,29 +182,45 @@ fn kinematic(gait: &str) -> tempfile::TempDir {
     folder
 }
 
-/// Returns the poses in a kinematic trial that was synthesised and ingested in the given file format.
-fn poses(format: &str) -> Vec<Vec<f64>> {
+/// Returns the poses and the metrics of a kinematic trial that was synthesised and ingested in the given file format.
+fn measured(format: &str, extension: &str) -> (Vec<Vec<f64>>, Vec<f64>) {
     let folder = kinematic("symmetric");
     succeed(folder.path(), &["synth", "trials", "--omega", "3.9", "--format", format]);
-    assert!(folder.path().join(format!("trials/kinematic-symmetric-3.90-r1.{format}")).is_file());
+    let trial = "kinematic-symmetric-3.90-r1";
+    assert!(folder.path().join(format!("trials/{trial}.{extension}")).is_file());
     succeed(folder.path(), &["ingest"]);
-    let path = folder.path().join("derived/poses/kinematic-symmetric-3.90-r1.parquet");
-    let table = Table::read(&path).unwrap();
+    let read = |name: &str| Table::read(&folder.path().join("derived").join(name)).unwrap();
+    let poses = read(&format!("poses/{trial}.parquet"));
     let columns = ["time_s", "x_m", "y_m", "theta_rad", "phi1_rad", "phi2_rad"];
-    columns.map(|column| table.values::<f64>(column).unwrap().to_vec()).into()
+    let trials = read("trials.parquet");
+    let row = trials.values::<String>("trial").unwrap().iter().position(|name| name == trial);
+    let metrics = ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "omega_rad_s"];
+    (
+        columns.map(|column| poses.values::<f64>(column).unwrap().to_vec()).into(),
+        metrics.map(|column| trials.values::<f64>(column).unwrap()[row.unwrap()]).into(),
+    )
 }
 
 #[test]
-fn c3d_and_csv_of_a_trial_give_the_same_poses() {
-    let (c3d, csv) = (poses("c3d"), poses("csv"));
+fn every_format_of_a_trial_gives_the_same_poses_and_metrics() {
+    let (csv, metrics) = measured("csv", "csv");
     // The tolerance is 0.01 mm on a link of 0.1 m.
-    let bounds = [1e-12, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4];
-    for ((c3d, csv), bound) in c3d.iter().zip(&csv).zip(bounds) {
-        assert_eq!(c3d.len(), csv.len());
-        assert!(csv.len() > 1000);
-        for (c3d, csv) in c3d.iter().zip(csv) {
-            assert_eq!(c3d.is_nan(), csv.is_nan());
-            assert!(c3d.is_nan() || (c3d - csv).abs() < bound, "{c3d} {csv}");
+    let bounds = [1e-9, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4];
+    for (format, extension) in
+        [("c3d", "c3d"), ("motive", "csv"), ("trc", "trc"), ("qualisys", "tsv")]
+    {
+        let (poses, others) = measured(format, extension);
+        for ((own, csv), bound) in poses.iter().zip(&csv).zip(bounds) {
+            assert_eq!(own.len(), csv.len());
+            assert!(csv.len() > 1000);
+            for (own, csv) in own.iter().zip(csv) {
+                assert_eq!(own.is_nan(), csv.is_nan());
+                assert!(own.is_nan() || (own - csv).abs() < bound, "{format}: {own} {csv}");
+            }
+        }
+        for (own, csv) in others.iter().zip(&metrics) {
+            println!("{format}: {own} {csv}");
+            assert!((own / csv - 1.0).abs() < 1e-4, "{format}: {own} {csv}");
         }
     }
 }

@@ -13,7 +13,7 @@
 //!     `vertical`; `foreign` identifies other files;
 //!   - C3D: `c3d` (<https://www.c3d.org>), with the integers and floats of all three processor types;
 //! - `markers`: the resulting recording; `error`: what was found, what was needed, and in which line;
-//! - `write` writes the same formats as Nexus does.
+//! - `write` writes the same formats.
 //!
 //! ```
 //! use trilink_mocap::{LengthUnit, Recording, csv_bytes, parse_markers};
@@ -54,7 +54,7 @@ pub use error::{FileProblem, ReadError};
 pub use markers::Recording;
 pub use sections::Section;
 pub use trilink_base::LengthUnit;
-pub use write::{c3d_bytes, csv_bytes};
+pub use write::{Format, c3d_bytes, csv_bytes, trc_bytes};
 
 /// File-name extensions of marker files, with which they are found in a folder; `.gz` may follow.
 pub const ENDINGS: [&str; 4] = [".csv", ".c3d", ".trc", ".tsv"];

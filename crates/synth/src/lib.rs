@@ -41,13 +41,14 @@ use rayon::prelude::*;
 use trilink_base::cancel::Cancelled;
 use trilink_base::files;
 use trilink_mechanics::MotionError;
-use trilink_mocap::{c3d_bytes, csv_bytes};
+pub use trilink_mocap::Format;
+use trilink_mocap::csv_bytes;
 use trilink_robot::Model;
 use trilink_tables::config::{Config, ConfigError};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 use trilink_tables::{StoreError, remove_unfinished, write_bytes};
 
-use cameras::{Film, Scene};
+use cameras::Scene;
 pub use cameras::{LabelError, Tilt};
 pub use decay::{DecayTruth, Slope};
 use plan::{Plan, Source};
@@ -58,40 +59,18 @@ pub use truth::{CampaignTruth, Law, TrialTruth, Truth, planted_models};
 pub const OMEGAS_RAD_S: [f64; 13] =
     [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
 
-/// Format of the synthetic marker files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
-    /// Text as in the `Trajectories` section exported by Nexus, with six significant digits.
-    Csv,
-    /// Binary C3D.
-    C3d,
-}
-
-impl Format {
-    /// Returns a trial whose file has this format, with campaign and robot left empty.
-    fn trial(self, id: String, kind: TrialKind) -> Trial {
-        let extension = match self {
-            Self::Csv => "csv",
-            Self::C3d => "c3d",
-        };
-        Trial {
-            file: format!("{id}.{extension}"),
-            id,
-            kind,
-            campaign: None,
-            robot: None,
-            omega_rad_s: None,
-            day: None,
-            smoothing_window: None,
-            aliases: BTreeMap::new(),
-        }
-    }
-
-    fn bytes(self, film: &Film) -> Vec<u8> {
-        match self {
-            Self::Csv => csv_bytes(&film.markers),
-            Self::C3d => c3d_bytes(&film.markers),
-        }
+/// Returns a trial whose file has the given format, with campaign and robot left empty.
+fn blank_trial(id: String, format: Format, kind: TrialKind) -> Trial {
+    Trial {
+        file: format!("{id}.{}", format.extension()),
+        id,
+        kind,
+        campaign: None,
+        robot: None,
+        omega_rad_s: None,
+        day: None,
+        smoothing_window: None,
+        aliases: BTreeMap::new(),
     }
 }
 
@@ -354,7 +333,7 @@ fn write_trial(
         Source::Decay(decay) => {
             let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
             let film = cameras::film(&scene, &decay.coordinates, seed.clone());
-            write_bytes(&path, &recipe.format.bytes(&film))?;
+            write_bytes(&path, &recipe.format.encode(&trial.id, &film.markers))?;
             return Ok(None);
         }
     };
@@ -363,7 +342,7 @@ fn write_trial(
     let (coordinates, metrics) =
         planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz).map_err(failed)?;
     let film = cameras::film(&scene, &coordinates, seed.clone());
-    write_bytes(&path, &recipe.format.bytes(&film))?;
+    write_bytes(&path, &recipe.format.encode(&trial.id, &film.markers))?;
     Ok(Some(TrialTruth {
         omega_rad_s: problem.omega_rad_s,
         metrics,
@@ -390,7 +369,7 @@ pub fn export(
         tilt: Tilt::default(),
         heading_rad: None,
     };
-    Format::Csv.bytes(&cameras::film(&scene, coordinates, plan::random(seed, 0)))
+    csv_bytes(&cameras::film(&scene, coordinates, plan::random(seed, 0)).markers)
 }
 
 /// Checks that no user file would be overwritten, and removes the folder's trial list so that the folder is not taken

@@ -12,7 +12,7 @@ use trilink_tables::config::{Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
 use super::decay::{self, Decay};
-use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, planted};
+use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, blank_trial, planted};
 
 /// First random-number stream for joint releases and coast-downs.
 const DECAY_STREAMS: u64 = 1 << 32;
@@ -184,7 +184,7 @@ pub(super) fn gaits(
                 campaign: Some(name.clone()),
                 omega_rad_s: Some(omega_rad_s),
                 day: (recipe.days > 1).then(|| format!("day {day}")),
-                ..format.trial(id, TrialKind::Gait)
+                ..blank_trial(id, format, TrialKind::Gait)
             };
             let floor = days.get(&day).filter(|_| !is_tidy);
             let mut friction = spread.sample(&mut random(noise_seed, TRIAL_STREAMS + stream));
@@ -245,7 +245,8 @@ pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
                 _ => None,
             };
             let id = format!("{name}-{}-r{repeat}", kind.name());
-            let trial = Trial { robot: Some(name.to_owned()), ..recipe.format.trial(id, kind) };
+            let trial =
+                Trial { robot: Some(name.to_owned()), ..blank_trial(id, recipe.format, kind) };
             if let Some(noise_seed) = recipe.noise_seed {
                 let position = seed.get_word_pos();
                 seed = random(noise_seed, seed.get_stream());
