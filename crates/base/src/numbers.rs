@@ -49,8 +49,8 @@ pub fn short(value: Option<f64>) -> String {
     }
 }
 
-/// Formats a value and its standard error, both rounded to the second significant digit of the error. Without a
-/// positive error, formats only the value, with four significant digits.
+/// Formats a value and its standard error, both rounded to the second significant digit of the error (GUM 7.2.6).
+/// Without a positive error, formats only the value, with four significant digits.
 pub fn with_error(value: f64, error: f64) -> String {
     if !error.is_finite() || error <= 0.0 {
         return significant(value, 4);
@@ -58,18 +58,63 @@ pub fn with_error(value: f64, error: f64) -> String {
     if !value.is_finite() {
         return NONE.to_owned();
     }
-    let decimals = decimals(error, 2).min(6);
-    format!("{} ± {}", fixed(value, decimals), fixed(error, decimals))
+    let place = place(error, value);
+    format!("{} ± {}", rounded(value, place), rounded(error, place))
+}
+
+/// Formats a value and its standard error in the concise notation, such as `104.31(22)`: the digits in parentheses are
+/// the error in the last digits of the value. Without a positive error, formats only the value.
+pub fn concise(value: f64, error: f64) -> String {
+    if !(value.is_finite() && error.is_finite() && error > 0.0) {
+        return with_error(value, error);
+    }
+    let place = place(error, value);
+    let last = (error * 10_f64.powi(place.max(0))).round();
+    let error = if place < 0 { rounded(last, place) } else { fixed(last, 0) };
+    format!("{}({error})", rounded(value, place))
+}
+
+/// Returns the decimal place to which a value and its uncertainty are rounded, as a number of decimals: that of the
+/// second significant digit of the uncertainty or, without a positive uncertainty, that of the fourth significant digit
+/// of the value. The number is negative for places left of the decimal point.
+pub fn place(uncertainty: f64, value: f64) -> i32 {
+    if !uncertainty.is_finite() || uncertainty <= 0.0 {
+        return i32::try_from(decimals(value, 4)).expect("at most 12");
+    }
+    // The rounded number determines the place, because 0.0996 is rounded to 0.10.
+    let rounded = format!("{uncertainty:.1e}");
+    let power = rounded.split_once('e').and_then(|(_, power)| power.parse::<i32>().ok());
+    (1 - power.expect("an exponent")).clamp(-12, 12)
+}
+
+/// Formats a number rounded to a decimal place, such as one returned by [`place`].
+pub fn rounded(value: f64, place: i32) -> String {
+    match usize::try_from(place) {
+        Ok(decimals) => fixed(value, decimals),
+        Err(_) => {
+            let unit = 10_f64.powi(-place);
+            fixed((value / unit).round() * unit, 0)
+        }
+    }
 }
 
 /// Formats a confidence interval for a positive quantity, with `0` or `∞` in place of an open limit; empty if
 /// both limits are open.
-pub fn interval([low, high]: [f64; 2], digits: i32) -> String {
+pub fn interval(limits: [f64; 2], digits: i32) -> String {
+    between(limits, |limit| significant(limit, digits))
+}
+
+/// Formats a confidence interval like [`interval`], with both limits rounded to a decimal place.
+pub fn interval_to(limits: [f64; 2], place: i32) -> String {
+    between(limits, |limit| rounded(limit, place))
+}
+
+fn between([low, high]: [f64; 2], number: impl Fn(f64) -> String) -> String {
     if !low.is_finite() && !high.is_finite() {
         return String::new();
     }
-    let low = if low.is_finite() { significant(low, digits) } else { "0".to_owned() };
-    let high = if high.is_finite() { significant(high, digits) } else { "∞".to_owned() };
+    let low = if low.is_finite() { number(low) } else { "0".to_owned() };
+    let high = if high.is_finite() { number(high) } else { "∞".to_owned() };
     format!("{low} to {high}")
 }
 
@@ -107,6 +152,13 @@ mod tests {
         assert_eq!(with_error(104.3128, 0.2177), "104.31 ± 0.22");
         assert_eq!(with_error(437.2, 12.4), "437 ± 12");
         assert_eq!(with_error(104.3128, f64::NAN), "104.3");
+        let of = [(104.3128, 0.2177), (58.42, 1.31), (12_345.6, 1234.0), (-0.5, f64::NAN)];
+        let texts = of.map(|(value, error)| concise(value, error));
+        assert_eq!(texts, ["104.31(22)", "58.4(13)", "12300(1200)", "\u{2212}0.5000"]);
+        assert_eq!(with_error(12_345.6, 1234.0), "12300 ± 1200");
+        assert_eq!(with_error(1.234_56, 0.0996), "1.23 ± 0.10");
+        assert_eq!(interval_to([98.413, f64::INFINITY], place(2.1, 104.2)), "98.4 to ∞");
+        assert_eq!(rounded(104.21, place(f64::NAN, 104.21)), "104.2");
         assert_eq!(with_error(f64::NAN, 0.1), NONE);
     }
 

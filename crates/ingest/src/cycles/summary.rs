@@ -165,8 +165,13 @@ pub(crate) fn gait_checks(
         0 => String::new(),
         off_gait => format!("; cycles in which the joints did not follow the gait: {off_gait}"),
     };
+    let after_last = steady.used.last().map_or(&[][..], |last| &cycles[last + 1..]);
+    let after_last = match after_last.iter().filter(|cycle| !cycle.is_whole()).count() {
+        0 => String::new(),
+        several => format!("; with gaps after the last used cycle: {several}"),
+    };
     let counted = format!(
-        "{used} of {} cycles used; the first {} were still settling{off_gait}",
+        "{used} of {} cycles used; the first {} were still settling{off_gait}{after_last}",
         cycles.len(),
         steady.skipped
     );

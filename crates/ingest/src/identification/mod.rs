@@ -7,6 +7,7 @@ mod laws;
 pub(crate) mod release;
 
 use nalgebra::{Cholesky, SMatrix, SVector};
+use trilink_base::numbers::{as_configured, with_error};
 use trilink_statistics::least_squares::{Minimum, minimise};
 use trilink_statistics::{fisher, normal_tail};
 use trilink_tables::{RobotParameterRow, RobotQuantity};
@@ -62,12 +63,13 @@ pub(crate) fn against_configured(row: &RobotParameterRow) -> Finding {
     let mistake = mistaken_unit(largest)
         .filter(|mistake| known.iter().all(|one| mistaken_unit(one) == Some(mistake)));
     let RobotQuantity { name, unit, measured, configured } = largest;
-    let measured = measured.value;
     let ratio = largest.times_configured();
     let hint = mistake.map_or(String::new(), |mistake| format!(": probably {mistake}"));
     let message = format!(
-        "{name} is measured as {measured:.3e} {unit}, but configured as {configured:.3e} {unit}: the measured value \
-         is {ratio:.4} times the configured one{hint}"
+        "{name} is measured as {} {unit}, but configured as {} {unit}: the measured value is {ratio:.4} times the \
+         configured one{hint}",
+        with_error(measured.value, measured.se),
+        as_configured(*configured),
     );
     let finding = Finding::at_most(Check::RobotParameters, factor(largest), message);
     if mistake.is_some() { finding.failing() } else { finding }
