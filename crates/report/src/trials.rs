@@ -1,6 +1,7 @@
 //! Pages on individual trials, in the folder `trials/`.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::SQRT_2;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -68,6 +69,24 @@ fn robot_of<'t>(trial: &TrialRow, input: &'t ReportInput, tables: &'t Tables) ->
     })
 }
 
+/// Returns, for each robot, the skid velocity (m/s) that sets the scale of the arrows in the replays of its trials: the
+/// largest amplitude in any trial, rounded up so that a further trial rarely changes it.
+fn skid_scales<'t>(input: &'t ReportInput, tables: &'t Tables) -> BTreeMap<&'t str, f64> {
+    let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
+    for trial in &tables.trials {
+        let Some(name) = robot_of(trial, input, tables) else { continue };
+        let Some(robot) = input.robot(name) else { continue };
+        let sigma = trial.metrics.sigma.into_iter().fold(0.0, f64::max);
+        // The skid ratio is the RMS of the velocity over l omega (eq. 20 of the paper).
+        let amplitude_m_s = SQRT_2 * sigma * robot.skid_length_m() * trial.omega_rad_s;
+        if amplitude_m_s.is_finite() && amplitude_m_s > 0.0 {
+            let entry = largest.entry(name).or_default();
+            *entry = entry.max(replay::nice(amplitude_m_s));
+        }
+    }
+    largest
+}
+
 /// Returns the first row for each trial name, except ignored trials.
 fn first_of_each(tables: &Tables) -> impl Iterator<Item = &TrialRow> {
     let mut seen = BTreeSet::new();
@@ -95,6 +114,7 @@ pub(crate) fn parts(
         .into_iter()
         .map(|campaign| (campaign, tables.preferred(campaign)))
         .collect();
+    let scales = skid_scales(input, tables);
     let with_page =
         first_of_each(tables).filter_map(|trial| Some((trial, pages.get(&trial.trial)?)));
     with_page
@@ -106,8 +126,10 @@ pub(crate) fn parts(
             let robot = robots.first().and_then(|row| input.robot(&row.robot));
             let markers = robot_of(trial, input, tables).map(|name| input.markers_of(name));
             let neighbours = page::neighbours(trial, tables, pages);
+            let scale = robot_of(trial, input, tables).and_then(|name| scales.get(name));
             let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
-            let rows = (trial, checks, robots, setup, robot, markers, neighbours, is_synthetic);
+            let rows =
+                (trial, checks, robots, setup, robot, markers, neighbours, is_synthetic, scale);
             let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));
             let recorded = own.iter().filter_map(|path| stamp(path)).collect::<Vec<_>>().join(" ");
             let source = tables.source(input);
@@ -147,6 +169,7 @@ pub(crate) fn write(
 ) -> Result<PagesWritten, ReportError> {
     let trials: Vec<&TrialRow> = first_of_each(tables).collect();
     let inputs = (tables, input);
+    let scales = skid_scales(input, tables);
     let written = trials.into_par_iter().with_max_len(1).map(|trial| {
         let recording = match trial.status {
             TrialStatus::Failed | TrialStatus::Ignored => None,
@@ -163,12 +186,17 @@ pub(crate) fn write(
             let mut figures = recording
                 .as_ref()
                 .map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, inputs));
+            let row = tables.robots.iter().find(|row| row.trial == trial.trial);
+            let decay = row.zip(recording.as_ref());
+            let decay = decay.and_then(|(row, recording)| figures::decay(row, recording));
+            figures.splice(0..0, decay);
             figures.iter_mut().for_each(|figure| figure.is_synthetic = is_synthetic);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;
             let replay = recording.as_ref().zip(robot_of(trial, input, tables));
             let replay = replay.and_then(|(recording, robot)| {
                 let fit = tables.preferred(&trial.campaign);
-                replay::of_trial(trial, recording, robot, input, fit)
+                let scale = scales.get(robot).copied();
+                replay::of_trial(trial, recording, robot, input, fit, scale)
             });
             let recording = recording.as_ref();
             let replay = replay.as_ref();

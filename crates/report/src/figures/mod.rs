@@ -1,6 +1,7 @@
 //! Figures of the report: their kinds and names, and the choice of those for which the tables have data.
 
 mod amplitude;
+mod coast;
 mod common;
 mod fits;
 pub(crate) mod frequency;
@@ -23,7 +24,7 @@ pub(crate) use texts::texts;
 use trilink_plot::Figure;
 use trilink_robot::{Gait, JointCommand};
 use trilink_tables::trial::TrialKind;
-use trilink_tables::{Reader, StoreError, TrialRow};
+use trilink_tables::{Reader, RobotParameterRow, StoreError, TrialRow};
 
 use super::recording::Recording;
 use super::tables::Tables;
@@ -108,9 +109,27 @@ pub(crate) fn number(stem: &str) -> String {
     digits.map_or(String::new(), |digits| format!("Fig. {}", digits.trim_start_matches('0')))
 }
 
+/// Returns the anchor of a figure on a page, such as `fig-16` for `fig16`, or `fig-` with the stem for figures that are
+/// not in the paper.
+pub(crate) fn id(stem: &str) -> String {
+    let number = number(stem);
+    let number = number.strip_prefix("Fig. ").unwrap_or(stem);
+    format!("fig-{number}")
+}
+
 /// Returns the name by which sentences refer to a figure, such as `Fig. 16` or `Figure work`.
 fn called(stem: &str) -> String {
     Some(number(stem)).filter(|number| !number.is_empty()).unwrap_or(format!("Figure {stem}"))
+}
+
+/// Returns the kind of the figure with a given stem: the suffix that the names of such figures have, such as `models`;
+/// empty for a figure of another kind.
+pub(crate) fn kind(stem: &str) -> &'static str {
+    let is_of = |Kind(end, printed): &&Kind| {
+        let is_printed = printed.iter().any(|(printed, _)| *printed == stem);
+        is_printed || stem.strip_suffix(end).is_some_and(|name| name.ends_with('-'))
+    };
+    KINDS.iter().find(is_of).map_or("", |Kind(end, _)| end)
 }
 
 /// Figures to draw, and sentences that explain which figures are missing.
@@ -126,6 +145,15 @@ impl Figures {
             Ok(figures) => self.figures.extend(figures),
             Err(sentence) => self.missing.push(sentence),
         }
+    }
+}
+
+/// Returns the figure of the decay that a joint release or a coast-down measures, with the fitted law, for the page of
+/// the trial.
+pub(crate) fn decay(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
+    match row.kind {
+        TrialKind::CoastDown => coast::figure("coast", row, recording),
+        _ => release::figure("release", row, recording),
     }
 }
 

@@ -74,7 +74,7 @@ fn text(estimate: Estimate) -> String {
 }
 
 /// Formats an estimate with its standard error; `None` if the estimate has no value.
-fn known(estimate: Estimate) -> Option<String> {
+pub(super) fn known(estimate: Estimate) -> Option<String> {
     estimate.value.is_finite().then(|| text(estimate))
 }
 

@@ -76,7 +76,9 @@ impl Replay {
         let per_mm = |quantity: &Quantity| {
             let same_unit = self.quantities.iter().filter(|other| other.unit == quantity.unit);
             let same_unit = same_unit.filter(|other| other.arrow.is_some());
-            let typical = same_unit.map(|other| other.units * typical(other)).fold(0.0, f64::max);
+            let typical = same_unit
+                .map(|other| other.units * other.full_scale.unwrap_or_else(|| typical(other)))
+                .fold(0.0, f64::max);
             let is_drawn = quantity.arrow.is_some()
                 && quantity.values.iter().flatten().any(|of| of.abs() > 0.0);
             (is_drawn && typical > 0.0).then(|| nice(typical / longest_mm))
@@ -341,7 +343,7 @@ fn typical(quantity: &Quantity) -> f64 {
 }
 
 /// Rounds a positive value up to the next number in the series ..., 1, 2, 5, 10, ...
-pub(super) fn nice(value: f64) -> f64 {
+pub(crate) fn nice(value: f64) -> f64 {
     let decade = 10_f64.powf(value.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * decade);
     steps.into_iter().find(|step| *step >= value * (1.0 - 1e-9)).unwrap_or(value)

@@ -12,6 +12,7 @@ use trilink_mechanics::Pose;
 use trilink_plot::RGBColor;
 use trilink_robot::Robot;
 
+pub(crate) use drawing::nice;
 pub use simulation::{SimulationError, page as simulation_page};
 pub(crate) use trial::of_trial;
 #[cfg(test)]
@@ -61,6 +62,8 @@ pub(crate) struct Quantity {
     /// Values in SI units by frame: one series for each wheel or joint, or a single series.
     pub values: Vec<Vec<f64>>,
     pub arrow: Option<Direction>,
+    /// Value, in the SI unit, from which the length of the arrows follows; `None` if it follows from `values`.
+    pub full_scale: Option<f64>,
 }
 
 /// Direction of an arrow at a wheel.

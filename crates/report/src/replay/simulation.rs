@@ -101,6 +101,7 @@ fn replay(
         decimals,
         values,
         arrow: None,
+        full_scale: None,
     };
     let across = if problem.laws.skids() { "Skid friction" } else { "Constraint force" };
     let skid = quantity("Skid velocity", "mm/s", 1e3, 1, of_wheels(|sample| sample.skid_m_s));

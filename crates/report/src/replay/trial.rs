@@ -18,13 +18,15 @@ const MIN_FRAMES_OF_CYCLE: usize = 16;
 /// Maximum number of cycles in a repeated motion; even a recording that lasts for days has fewer.
 const MAX_CYCLES: f64 = 1e6;
 
-/// Returns the replay of a trial, or `None` if no pose is known. `fit` is the fit of the campaign's preferred model.
+/// Returns the replay of a trial, or `None` if no pose is known. `fit` is the fit of the campaign's preferred model;
+/// `skid_scale_m_s` is the skid velocity that sets the scale of the arrows, the same for all trials of a robot.
 pub(crate) fn of_trial(
     trial: &TrialRow,
     recording: &Recording,
     robot: &str,
     input: &ReportInput,
     fit: Option<&FitRow>,
+    skid_scale_m_s: Option<f64>,
 ) -> Option<Replay> {
     let markers = input.markers_of(robot);
     let robot = input.robot(robot)?;
@@ -61,6 +63,7 @@ pub(crate) fn of_trial(
             .map(|wheel| frames.iter().map(|i| wheel[*i]).collect())
             .collect(),
         arrow: Some(Direction::Across),
+        full_scale: skid_scale_m_s,
     };
     let cycles = cycles.filter(|cycles| cycles.period_s.is_finite());
     let quantities = vec![skid];
