@@ -56,7 +56,7 @@ pub struct RunResults<'r> {
     /// Sentences about figures that could not be drawn, each with the reason.
     missing: &'r [String],
     page: &'r Path,
-    scorecard: &'r Path,
+    scorecard: Option<&'r Path>,
 }
 
 /// Trial that needs attention, with the reason.
@@ -108,7 +108,7 @@ impl<'r> RunResults<'r> {
             figures: &reported.figures,
             missing: &reported.missing,
             page: &reported.page,
-            scorecard: &reported.scorecard,
+            scorecard: reported.scorecard.as_deref(),
         }
     }
 }

@@ -99,8 +99,8 @@ pub enum ReportError {
 pub struct Reported {
     /// Path of `index.html`.
     pub page: PathBuf,
-    /// Path of `scorecard.json`.
-    pub scorecard: PathBuf,
+    /// Path of `scorecard.json`; `None` if no campaign is one of the paper's.
+    pub scorecard: Option<PathBuf>,
     /// File names of the figures, without extension.
     pub figures: Vec<String>,
     /// Sentences that explain what is missing from the report, and why.
@@ -118,6 +118,7 @@ impl Reported {
         damaged: Vec<String>,
     ) -> Self {
         let [page, scorecard] = [PAGE, SCORECARD].map(|name| input.paths.reports.join(name));
+        let scorecard = Some(scorecard).filter(|path| path.is_file());
         Self { page, scorecard, figures, missing, damaged }
     }
 }
@@ -181,11 +182,15 @@ impl Content {
             to_disk.write_if_changed(&input.paths.reports.join(name), bytes)
         };
         let truth = truth.as_ref();
+        let is_of_the_paper = figures::are_of_the_paper(&tables.campaigns(input));
         let (drawn, (scores, trials)) = rayon::join(
             || draw_all(figures, kept, cancel, &write),
             || {
                 rayon::join(
                     || {
+                        if !is_of_the_paper {
+                            return Ok(Vec::new());
+                        }
                         let is_synthetic = truth.is_some_and(|truth| truth.synthetic);
                         scorecard::scorecard(tables.clone(), input.sigma, is_synthetic)
                     },
@@ -199,9 +204,22 @@ impl Content {
         write(FITS, &json(&fits_json::fits(tables))?)?;
         write(COEFFICIENTS, latex::coefficients(input, tables, truth).as_bytes())?;
         write(CITATIONS, latex::citations().as_bytes())?;
-        write(SCORECARD, &json(&scores)?)?;
-        let notice = truth.map_or(String::new(), |truth| truth.notice(tables));
-        write(SCORECARD_PAGE, page::scorecard_html(&scores, &notice)?.as_bytes())?;
+        if is_of_the_paper {
+            write(SCORECARD, &json(&scores)?)?;
+            let notice = truth.map_or(String::new(), |truth| truth.notice(tables));
+            write(SCORECARD_PAGE, page::scorecard_html(&scores, &notice)?.as_bytes())?;
+        } else {
+            // Files of an earlier configuration.
+            for name in [SCORECARD, SCORECARD_PAGE] {
+                let path = input.paths.reports.join(name);
+                match std::fs::remove_file(&path) {
+                    Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                        return Err(StoreError::Remove { path, source }.into());
+                    }
+                    _ => {}
+                }
+            }
+        }
         let missing = [missing.as_slice(), &trials.damaged].concat();
         let remarks = page::Remarks { missing: &missing, truth, changes: changes.as_ref() };
         let html = page::html(input, tables, &drawn, pages, &scores, remarks)?;

@@ -1,17 +1,30 @@
 //! Parameters of a fitted model, with their confidence limits and remarks.
 
 use serde::Serialize;
-use trilink_robot::Parameter;
+use trilink_base::numbers::place;
+use trilink_robot::{Parameter, Per};
 use trilink_tables::FitRow;
 
 /// Mark for a parameter that is neither fitted nor measured.
 pub(crate) const HELD: &str = "held";
 
+/// Names of wheels 0, 1 and 2.
+pub(crate) const WHEELS: [&str; 3] = ["middle", "front", "rear"];
+
+/// Returns the label of a parameter, with the name of its wheel in place of the number.
+pub(crate) fn label(parameter: Parameter) -> String {
+    let definition = parameter.quantity().definition();
+    match parameter.number().filter(|_| definition.per == Per::Wheel) {
+        Some(wheel) => format!("{}, {}", definition.label, WHEELS[wheel]),
+        None => parameter.label().to_owned(),
+    }
+}
+
 /// Parameter value from a fit, with its uncertainty.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct FittedParameter {
     pub parameter: Parameter,
-    pub label: &'static str,
+    pub label: String,
     pub unit: &'static str,
     /// Value of the parameter; NaN if the model does not have the parameter.
     pub value: f64,
@@ -24,6 +37,8 @@ pub(crate) struct FittedParameter {
     pub type_a: f64,
     pub type_b: f64,
     pub combined: f64,
+    /// Decimal place to which the value and its limits are rounded.
+    pub place: i32,
     /// Effective degrees of freedom of the combined standard uncertainty.
     pub degrees_of_freedom: f64,
     /// Coverage factor of the confidence interval.
@@ -51,16 +66,22 @@ impl FittedParameter {
         };
         let at_bound = fit.at_bound.contains(&fitted).then_some("at bound");
         let marks = [(!free).then_some(held), unidentifiable, at_bound];
+        let limits = [fit.lower, fit.upper].map(|limits| limits[fitted] * share);
+        let combined = fit.type_a[fitted].hypot(fit.type_b[fitted]) * share;
+        // Without standard uncertainties, half the interval takes their place.
+        let half = 0.5 * (limits[1] - limits[0]);
+        let uncertainty = if combined > 0.0 { combined } else { half };
         Self {
             parameter,
-            label: parameter.label(),
+            label: label(parameter),
             unit: parameter.unit(),
             value,
             free,
-            limits: [fit.lower, fit.upper].map(|limits| limits[fitted] * share),
+            limits,
             type_a: fit.type_a[fitted] * share,
             type_b: fit.type_b[fitted] * share,
-            combined: fit.type_a[fitted].hypot(fit.type_b[fitted]) * share,
+            combined,
+            place: place(uncertainty, value),
             degrees_of_freedom: fit.degrees_of_freedom[fitted],
             coverage_factor: fit.coverage_factor[fitted],
             marks: if value.is_finite() { marks } else { [None; 3] },

@@ -17,7 +17,7 @@ const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chro
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Keys that tests press: name, code, number and text of each.
-const KEYS: [(&str, &str, u32, &str); 10] = [
+const KEYS: [(&str, &str, u32, &str); 12] = [
     ("Enter", "Enter", 13, "\r"),
     (" ", "Space", 32, " "),
     ("Tab", "Tab", 9, ""),
@@ -28,6 +28,8 @@ const KEYS: [(&str, &str, u32, &str); 10] = [
     ("ArrowDown", "ArrowDown", 40, ""),
     ("Home", "Home", 36, ""),
     ("End", "End", 35, ""),
+    ("+", "NumpadAdd", 107, "+"),
+    ("0", "Digit0", 48, "0"),
 ];
 
 /// Lock that keeps other browsers closed while a test measures durations: the browser of such a test holds it for
@@ -227,6 +229,29 @@ impl Browser {
         for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
             self.mouse(kind, at);
         }
+    }
+
+    pub fn double_click(&mut self, [x, y]: [f64; 2]) {
+        for count in [1, 2] {
+            for kind in ["mousePressed", "mouseReleased"] {
+                let event =
+                    json!({ "type": kind, "x": x, "y": y, "button": "left", "clickCount": count });
+                self.call("Input.dispatchMouseEvent", event);
+            }
+        }
+    }
+
+    /// Moves the pointer from one position in the window to another with the button held down.
+    pub fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
+        self.point(from);
+        self.mouse("mousePressed", from);
+        let middle = [0, 1].map(|i| 0.5 * (from[i] + to[i]));
+        for [x, y] in [middle, to] {
+            let event =
+                json!({ "type": "mouseMoved", "x": x, "y": y, "button": "left", "buttons": 1 });
+            self.call("Input.dispatchMouseEvent", event);
+        }
+        self.mouse("mouseReleased", to);
     }
 
     /// Taps on a position in the window.

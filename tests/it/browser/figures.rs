@@ -31,7 +31,7 @@ fn told(browser: &mut Browser) -> String {
 #[track_caller]
 fn assert_says_trial_omega_and_value(told: &str) {
     assert!(["measured, ", "flagged, "].iter().any(|kind| told.starts_with(kind)), "{told:?}");
-    for part in ["-r1", "rad/s) ", "(mm", " ± "] {
+    for part in ["-r1", "rad/s) ", "(mm", " (95 %: "] {
         assert!(told.contains(part), "no {part:?} in {told:?}");
     }
 }
@@ -70,6 +70,10 @@ fn the_tooltip_of_the_nearest_point_works_by_pointer_and_keyboard_and_opens_its_
     browser.open(&demo().join("index.html"));
     let point = browser.place(&within(POINT));
     browser.click(point);
+    assert_eq!(told(&mut browser), format!("{pointed} Open its page"));
+    // The tooltip stays, so that its link can be clicked.
+    let link = browser.middle_of(".tip a");
+    browser.click(link);
     browser.wait_for("Page.loadEventFired");
     let heading = browser.evaluate("document.querySelector(\"h1\").textContent");
     assert!(pointed.contains(heading.as_str().unwrap()), "{heading} {pointed}");
@@ -121,7 +125,7 @@ fn the_tooltip_of_the_nearest_curve_has_its_interval_by_pointer_and_keyboard() {
 }
 
 #[test]
-fn a_tap_shows_a_value_and_a_second_one_opens_its_trial() {
+fn a_tap_shows_a_value_and_its_link_and_a_second_one_opens_its_trial() {
     let Some(mut browser) = Browser::start() else { return };
     browser.window(390, 844);
     browser.open(&demo().join("index.html"));
@@ -129,7 +133,7 @@ fn a_tap_shows_a_value_and_a_second_one_opens_its_trial() {
     browser.tap(point);
     let tapped = told(&mut browser);
     assert_says_trial_omega_and_value(&tapped);
-    assert!(tapped.ends_with("; tap again to open the page of this trial"), "{tapped}");
+    assert!(tapped.ends_with(" Open its page"), "{tapped}");
     // The tooltip stays until another position is tapped.
     browser.evaluate("new Promise(done => setTimeout(done, 300))");
     assert_eq!(told(&mut browser), tapped);
@@ -224,6 +228,7 @@ fn every_figure_is_drawn_and_described() {
     browser.window(1400, 900);
     for reports in [demo(), own()] {
         browser.open(&reports.join("index.html"));
+        browser.evaluate("document.querySelectorAll(\"details\").forEach(of => of.open = true)");
         let sheets = browser.evaluate(
             r#"[...document.querySelectorAll(".sheet")].map(sheet => [
               sheet.ariaLabel,
@@ -239,5 +244,65 @@ fn every_figure_is_drawn_and_described() {
             assert!(sheet[1].as_u64() > Some(2), "{sheet}");
             assert_eq!(sheet[2], "Roboto, sans-serif", "{sheet}");
         }
+    }
+}
+
+/// JavaScript expression for the numbers at the axes of [`PANEL`] and for the number of its points that are drawn.
+const AXES: &str = r#"
+  const numbers = [...panel.querySelectorAll("text")].filter(of => of.checkVisibility())
+    .map(of => of.textContent).filter(text => /^[\d.]+$/.test(text)).map(Number);
+  return [numbers, !!panel.querySelector(".zoom")];"#;
+
+#[test]
+fn a_dragged_rectangle_magnifies_a_panel_and_a_double_click_shows_all_of_it() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    let corner = |across: f64, up: f64| {
+        within(&format!(
+            r#"panel.scrollIntoView({{ block: "center", behavior: "instant" }});
+            const [[x0, x1], [y0, y1]] = [panel.dataset.x, panel.dataset.y].map(of => of.split(" ").map(Number));
+            const at = new DOMPoint(x0 + {across} * (x1 - x0), y0 + {up} * (y1 - y0))
+              .matrixTransform(panel.getScreenCTM());
+            return [at.x, at.y];"#
+        ))
+    };
+    let whole = browser.evaluate(&within(AXES));
+    let [from, to] =
+        [(0.4, 0.9), (0.8, 0.5)].map(|(across, up)| browser.place(&corner(across, up)));
+    browser.drag(from, to);
+    let part = browser.evaluate(&within(AXES));
+    let extent = |of: &serde_json::Value| -> (f64, f64) {
+        let numbers: Vec<f64> = serde_json::from_value(of[0].clone()).unwrap();
+        numbers.iter().fold((f64::INFINITY, 0.0), |(low, high), of| (low.min(*of), of.max(high)))
+    };
+    assert!(whole[1] == false && part[1] == true, "{whole} {part}");
+    let ((low, high), (part_low, part_high)) = (extent(&whole), extent(&part));
+    assert!(part_low > low && part_high <= high, "{whole} {part}");
+    // A point in the middle of the panel is still found where it is drawn.
+    browser.double_click(to);
+    assert_eq!(browser.evaluate(&within(AXES)), whole);
+    browser.evaluate(&within("panel.focus();"));
+    browser.key("+");
+    assert_eq!(browser.evaluate(&within(AXES))[1], true);
+    browser.key("0");
+    assert_eq!(browser.evaluate(&within(AXES)), whole);
+    assert_no_problems(&browser);
+}
+
+/// JavaScript expression for the smallest text (px) of the visible figures.
+const SMALLEST: &str = r#"Math.min(...[...document.querySelectorAll(".sheet text")]
+  .filter(of => of.textContent && of.checkVisibility())
+  .map(of => parseFloat(getComputedStyle(of).fontSize) * of.getScreenCTM().a))"#;
+
+#[test]
+fn the_text_of_figures_can_be_read_in_every_window() {
+    let Some(mut browser) = Browser::start() else { return };
+    for (width, least_px) in [(1400, 11.0), (820, 11.0), (390, 9.0)] {
+        browser.window(width, 900);
+        browser.open(&demo().join("index.html"));
+        browser.evaluate("document.querySelectorAll(\"details\").forEach(of => of.open = true)");
+        let px = browser.evaluate(SMALLEST).as_f64().unwrap();
+        assert!(px >= least_px - 0.01, "{px} px at {width} px");
     }
 }

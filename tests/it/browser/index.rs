@@ -55,14 +55,14 @@ fn every_campaigns_model_and_coefficients_are_on_the_first_screen() {
 }
 
 /// JavaScript expression for the names of the trials that the table shows.
-const SHOWN: &str = r##"[...document.querySelectorAll("#trials-table tbody tr")]
+const SHOWN: &str = r##"[...document.querySelectorAll("table.trials tbody tr")]
   .filter(row => row.checkVisibility() && row.cells.length > 2)
   .map(row => row.cells[0].textContent)"##;
 
 /// Returns whether each campaign's rows are sorted by d, ascending (1) or descending (-1), with missing values last.
 fn is_sorted(browser: &mut Browser, direction: i32) -> bool {
     let sorted = browser.evaluate(&format!(
-        r##"[...document.querySelectorAll("#trials-table tbody")].every(body => {{
+        r##"[...document.querySelectorAll("table.trials tbody")].every(body => {{
           const values = [...body.rows].slice(1)
             .map(row => Number.parseFloat(row.cells[4].textContent.replace("\u2212", "-")));
           return values.every((value, i) => i === 0 || Number.isNaN(value)
@@ -79,14 +79,14 @@ fn the_table_of_trials_is_sorted_by_pointer_or_keyboard_and_filtered_by_words() 
     browser.open(&demo().join("index.html"));
     let all = browser.evaluate(SHOWN);
     assert!(all.as_array().unwrap().len() > 5, "{all}");
-    let heading = browser.middle_of("#trials-table thead th:nth-child(5) button");
+    let heading = browser.middle_of("table.trials thead th:nth-child(5) button");
     browser.click(heading);
     assert!(is_sorted(&mut browser, 1) && !is_sorted(&mut browser, -1));
     // The button is focused.
     browser.key("Enter");
     assert!(is_sorted(&mut browser, -1) && !is_sorted(&mut browser, 1));
-    let sorted = browser
-        .evaluate("document.querySelector(\"#trials-table thead th:nth-child(5)\").ariaSort");
+    let sorted =
+        browser.evaluate("document.querySelector(\"table.trials thead th:nth-child(5)\").ariaSort");
     assert_eq!(sorted, "descending");
 
     let filter = browser.middle_of("#trials-filter");
@@ -175,5 +175,164 @@ fn the_navigation_stays_in_reach_and_has_what_each_campaign_has() {
         browser.key("Escape");
         assert_eq!(browser.evaluate("document.querySelector(\"nav.bar details\").open"), false);
     }
+    assert_no_problems(&browser);
+}
+
+/// JavaScript expression for the height (px) of the page and the number of its tab stops.
+const SIZE: &str = r#"[document.documentElement.scrollHeight,
+  [...document.querySelectorAll("a[href], button, input, select, summary, [tabindex='0']")]
+    .filter(of => of.checkVisibility()).length]"#;
+
+#[test]
+fn the_index_is_short_until_it_is_unfolded() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    for reports in [demo(), own()] {
+        browser.open(&reports.join("index.html"));
+        let [height_px, stops]: [u64; 2] = serde_json::from_value(browser.evaluate(SIZE)).unwrap();
+        assert!((3000..15_000).contains(&height_px), "{height_px} px");
+        assert!((50..400).contains(&stops), "{stops} tab stops");
+        let sentences = browser.evaluate(
+            r#"[...document.querySelectorAll("section[aria-labelledby^='campaign'] > details > summary")]
+              .map(summary => summary.textContent)"#,
+        );
+        let sentences = sentences.to_string();
+        assert!(sentences.contains("Searches2 of 2 starts agree"), "{sentences}");
+        browser.evaluate("document.querySelectorAll(\"details\").forEach(of => of.open = true)");
+        let [unfolded_px, _]: [u64; 2] = serde_json::from_value(browser.evaluate(SIZE)).unwrap();
+        assert!(unfolded_px > height_px + 5000, "{unfolded_px} px");
+    }
+}
+
+#[test]
+fn an_address_unfolds_what_it_names() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    let is_seen = |id: &str| {
+        format!(
+            "(() => {{ const of = document.getElementById(\"{id}\"); \
+             const {{ top }} = of.getBoundingClientRect(); \
+             return of.checkVisibility() && of.closest(\"details\")?.open !== false \
+               && top > -1 && top < innerHeight; }})()"
+        )
+    };
+    for id in ["fig-17", "fig-9", "campaign-2-fit", "fig-kinematic-skewed-sigma"] {
+        browser.evaluate(&format!("location.hash = \"{id}\""));
+        browser.evaluate("new Promise(done => setTimeout(done, 100))");
+        assert_eq!(browser.evaluate(&is_seen(id)), true, "{id}");
+    }
+    assert_no_problems(&browser);
+}
+
+#[test]
+fn every_table_is_sorted_and_copied_as_csv_and_latex() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    browser.evaluate(
+        "document.addEventListener(\"copy\", event => { \
+           setTimeout(() => { window.copied = event.clipboardData.getData(\"text/plain\"); }); \
+           window.copied = event; })",
+    );
+    let values = "[...document.querySelector(\"#campaign-1-models ~ .scroll table\").tBodies[0].rows]\
+                  .map(row => Number.parseFloat(row.cells[1].textContent))";
+    let heading = browser.middle_of("#campaign-1-models ~ .scroll thead th:nth-child(2) button");
+    browser.click(heading);
+    let sorted: Vec<f64> = serde_json::from_value(browser.evaluate(values)).unwrap();
+    assert!(sorted.len() >= 3 && sorted.is_sorted(), "{sorted:?}");
+    browser.click(heading);
+    let sorted: Vec<f64> = serde_json::from_value(browser.evaluate(values)).unwrap();
+    assert!(sorted.iter().rev().is_sorted(), "{sorted:?}");
+
+    let copy = |browser: &mut Browser, nth: usize| {
+        let tools = format!("#trials ~ .tools button:nth-child({nth})");
+        browser.evaluate(
+            "document.execCommand = (kind => { \
+               const data = new DataTransfer(); \
+               document.dispatchEvent(new ClipboardEvent(kind, { clipboardData: data })); \
+               window.copied = data.getData(\"text/plain\"); })",
+        );
+        let place = browser.middle_of(&tools);
+        browser.click(place);
+        browser.evaluate("window.copied").as_str().expect("a text").to_owned()
+    };
+    let csv = copy(&mut browser, 1);
+    let (head, rows) = csv.split_once('\n').unwrap();
+    assert!(head.starts_with("Trial,Status,ω set rad/s,ω rad/s,"), "{head}");
+    assert!(head.contains(",d mm,\"d mm, standard error\","), "{head}");
+    let columns = head.matches(',').count() - head.matches(", standard").count();
+    let row = rows.lines().find(|row| row.starts_with("kinematic-skewed-3.90-r1,")).expect("a row");
+    assert_eq!(row.matches(',').count(), columns, "{row}");
+    let [d_mm, error_mm]: [f64; 2] = {
+        let place = head.split(",d mm,").next().unwrap().matches(',').count() + 1
+            - head.split(",d mm,").next().unwrap().matches(", standard").count();
+        let cells: Vec<&str> = row.split(',').collect();
+        [place, place + 1].map(|i| cells[i].parse().expect(row))
+    };
+    assert!(d_mm > 10.0 && error_mm > 0.0 && error_mm < d_mm, "{row}");
+    let latex = copy(&mut browser, 2);
+    assert!(latex.starts_with("\\begin{tabular}{llrrrrrrrrrrr}\n\\toprule\nTrial & "), "{latex}");
+    assert!(latex.ends_with("\\bottomrule\n\\end{tabular}\n"), "{latex}");
+    assert_no_problems(&browser);
+}
+
+#[test]
+fn a_value_and_its_standard_error_end_at_the_same_digit() {
+    let Some(mut browser) = Browser::start() else { return };
+    for page in all_pages(demo()) {
+        browser.open(&page);
+        let pairs = browser.evaluate(
+            r#"[...document.querySelectorAll("td, th, p")].flatMap(of =>
+              [...of.textContent.matchAll(/(?<![\d.])(\d+(?:\.\d+)?) ± (\d+(?:\.\d+)?)/g)]
+                .map(([, value, error]) => [value, error]))"#,
+        );
+        let pairs: Vec<[String; 2]> = serde_json::from_value(pairs).unwrap();
+        for [value, error] in &pairs {
+            let decimals = |text: &str| text.split_once('.').map_or(0, |(_, end)| end.len());
+            assert_eq!(decimals(value), decimals(error), "{value} ± {error}");
+            let digits = error.replace('.', "");
+            let digits = digits.trim_start_matches('0');
+            assert!(digits.len() == 2 || !error.contains('.'), "{value} ± {error}");
+        }
+        let words = browser.evaluate("document.body.textContent");
+        assert!(!words.as_str().unwrap().contains("wheel 0:"), "{}", page.display());
+    }
+}
+
+/// JavaScript expression for the rows and points that are lit.
+const LIT: &str = r#"[[...document.querySelectorAll("tr.lit")].map(row => row.cells[0].textContent),
+  document.querySelectorAll("circle.lit").length]"#;
+
+#[test]
+fn a_selected_trial_is_lit_everywhere_and_stays_in_the_address() {
+    let Some(mut browser) = Browser::start() else { return };
+    browser.window(1400, 900);
+    browser.open(&demo().join("index.html"));
+    let row = browser.place(
+        r#"(() => {
+          const row = [...document.querySelectorAll("table.trials tr")]
+            .find(row => row.cells[0].textContent === "kinematic-skewed-3.90-r1");
+          row.scrollIntoView({ block: "center", behavior: "instant" });
+          const box = row.cells[5].getBoundingClientRect();
+          return [box.x + box.width / 2, box.y + box.height / 2];
+        })()"#,
+    );
+    browser.click(row);
+    browser.point([2.0, 2.0]);
+    let lit = browser.evaluate(LIT);
+    assert!(lit[0].as_array().unwrap().iter().all(|name| name == "kinematic-skewed-3.90-r1"));
+    assert!(lit[0].as_array().unwrap().len() > 1 && lit[1].as_u64() > Some(4), "{lit}");
+    let filter = browser.middle_of("#trials-filter");
+    browser.click(filter);
+    browser.text("3.9 W0");
+    let address = browser.evaluate("location.href");
+    let address = address.as_str().unwrap();
+    assert!(address.ends_with("#trial=kinematic-skewed-3.90-r1&filter=3.9+W0"), "{address}");
+    let shown = browser.evaluate(SHOWN);
+    browser.evaluate("location.reload()");
+    browser.wait_for("Page.loadEventFired");
+    assert_eq!(browser.evaluate(LIT), lit);
+    assert_eq!(browser.evaluate(SHOWN), shown);
     assert_no_problems(&browser);
 }

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 use trilink_mechanics::{FromRest, MotionStatus};
+use trilink_plot::Scale;
 use trilink_robot::metrics::Metric;
 use trilink_robot::{Parameter, Quantity};
 use trilink_tables::config::RobotConfig;
-use trilink_tables::{FitRow, PredictionSource, Reason};
+use trilink_tables::{FitRow, PredictionSource, Reason, Sharing};
 
 use super::{Drawn, image, images, optima};
 use crate::figures::frequency;
@@ -39,26 +40,21 @@ fn section(
     (tables, truth): (&Tables, Option<&Truth>),
     drawn: &[Drawn<'_>],
 ) -> Result<Option<Value>, ReportError> {
-    let figures =
-        images(drawn, |figure| figure.campaigns == [name] && figure.stem != figures::TRUTH);
+    let of_kinds = |kinds: &[&str]| {
+        images(drawn, |figure| {
+            figure.campaigns == [name] && kinds.contains(&figures::kind(&figure.stem))
+        })
+    };
     let own = |fits: &'_ [FitRow]| -> Vec<FitRow> {
         fits.iter().filter(|fit| fit.campaign == name).cloned().collect()
     };
     let fits = own(&tables.fits);
     let alternatives = own(&tables.alternative_fits);
     let trials = tables.trials.iter().filter(|row| row.campaign == name).count();
-    if trials == 0 && fits.is_empty() && figures.is_empty() {
+    if trials == 0 && fits.is_empty() && !drawn.iter().any(|(figure, _)| figure.campaigns == [name])
+    {
         return Ok(None);
     }
-    // The sum is omitted where the coefficients of the individual wheels already give it.
-    let shown: Vec<Parameter> = Parameter::ALL
-        .into_iter()
-        .filter(|parameter| !parameter.is_sum())
-        .filter(|parameter| {
-            fits.iter().chain(&alternatives).any(|fit| fit.parameters[*parameter].is_finite())
-        })
-        .collect();
-    let heads = shown.iter().map(|of| context! { label => of.label(), unit => of.unit() });
     let setup = input.campaigns().get(name);
     let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
     let fitted = fits.iter().map(|fit| (name, fit.model));
@@ -69,13 +65,21 @@ fn section(
         gait => setup.map(|campaign| &campaign.gait),
         trials => trials,
         driven_by => tables.source(input).gait_input(fitted),
-        figures => figures,
-        parameters => heads.collect::<Vec<_>>(),
-        fits => fit_values(&fits, &shown),
+        shown => of_kinds(&["models", "residuals"]),
+        metrics => of_kinds(&["sigma", "alpha"]),
+        motions => of_kinds(&["simulated", "from-rest", "sweep", "gait"]),
+        // The page of the trial and the figure of the models show the same.
+        linked => of_kinds(&["wheels", "d-v"]),
+        starts => of_kinds(&["starts"]),
+        profiles => of_kinds(&["profiles"]),
+        replicates => of_kinds(&["replicates"]),
+        maps => of_kinds(&["optima"]),
+        fits => fit_values(&fits, tables.preferred(name)),
+        starts_agree => starts_agree(&fits),
         is_exact => !exact.is_empty()
             && input.configured_robot(name).is_some_and(RobotConfig::is_exact),
         exact => exact,
-        alternatives => fit_values(&alternatives, &shown),
+        alternatives => fit_values(&alternatives, None),
         comparison => Serde(comparison.collect::<Vec<_>>()),
         compared => tables.compared(name).map(|compared| compared.to_string()),
         precision => precision(tables, name),
@@ -97,14 +101,41 @@ fn precision(tables: &Tables, name: &str) -> Vec<Value> {
     values.collect()
 }
 
-/// Returns the template values of the fits, each with the parameters to be shown.
-fn fit_values(fits: &[FitRow], shown: &[Parameter]) -> Vec<Value> {
-    let values = fits.iter().map(|fit| {
-        let parameters = shown.iter().map(|parameter| FittedParameter::new(fit, *parameter));
-        let parameters: Vec<FittedParameter> = parameters.collect();
+/// Returns the template values of the fits, each with the parameters of its model; the fit `first` comes first.
+fn fit_values(fits: &[FitRow], first: Option<&FitRow>) -> Vec<Value> {
+    let mut fits: Vec<&FitRow> = fits.iter().collect();
+    fits.sort_by_key(|fit| first.is_none_or(|first| fit.model != first.model));
+    let values = fits.into_iter().map(|fit| {
+        // The sum is omitted where the coefficients of the individual wheels already give it.
+        let shown = Parameter::ALL.into_iter().filter(|of| !of.is_sum());
+        let parameters = shown.map(|parameter| FittedParameter::new(fit, parameter));
+        let parameters: Vec<_> = parameters.filter(|of| of.value.is_finite()).collect();
         context! { fit => Serde(fit), parameters => Serde(parameters) }
     });
     values.collect()
+}
+
+/// Returns a clause on how many starts of each fit found its lowest objective, without a full stop; empty if no model
+/// was fitted.
+fn starts_agree(fits: &[FitRow]) -> String {
+    let searched = fits.iter().filter(|fit| !fit.free.is_empty() && fit.starts > 0);
+    let of_fit = |fit: &FitRow| format!("{} of {} starts agree", fit.starts_reached, fit.starts);
+    let mut counts: Vec<(String, Vec<&str>)> = Vec::new();
+    for fit in searched {
+        let count = of_fit(fit);
+        match counts.iter_mut().find(|(known, _)| *known == count) {
+            Some((_, models)) => models.push(fit.model.name()),
+            None => counts.push((count, vec![fit.model.name()])),
+        }
+    }
+    match counts.as_slice() {
+        [(count, _)] => count.clone(),
+        several => {
+            let clauses = several.iter();
+            let clauses = clauses.map(|(count, models)| format!("{}: {count}", models.join(", ")));
+            clauses.collect::<Vec<_>>().join("; ")
+        }
+    }
 }
 
 /// Returns the configuration keys of those quantities of a campaign's robot that have no stated uncertainty, so that
@@ -142,18 +173,37 @@ fn answer(
     let free = fit.map_or(&[][..], |fit| &fit.free);
     let coefficients = free.iter().map(|parameter| {
         let of_fit = fit.map(|fit| FittedParameter::new(fit, *parameter));
-        context! { label => parameter.label(), unit => parameter.unit(), of_fit => Serde(of_fit) }
+        context! { of_fit => Serde(of_fit) }
     });
     let mut curve = frequency::overview(name, fit.map(|fit| fit.model), source);
+    curve.panels.iter_mut().for_each(|panel| panel.y_scale = Scale::FromZero);
     curve.is_synthetic =
         truth.is_some_and(|truth| truth.is_synthetic_in(&[name.to_owned()], tables));
     let curve = (!curve.is_empty()).then(|| image(&curve)).transpose()?;
     Ok(context! {
         fit => Serde(fit),
         // The campaign's own section contains the full sentence.
-        sentence => tables.compared(name).map(|compared| compared.answer()),
+        sentences => tables.compared(name).map(|compared| compared.card()),
+        shared => fit.and_then(|fit| shared_in_words(name, fit, tables)),
         coefficients => coefficients.collect::<Vec<_>>(),
         curve,
+    })
+}
+
+/// Returns a sentence that says whether the coefficients of a campaign's fit also describe the robot's other campaigns;
+/// `None` if this was not tested.
+fn shared_in_words(name: &str, fit: &FitRow, tables: &Tables) -> Option<String> {
+    let mut rows = tables.shared_fits.iter();
+    let is_of = |of: &str| of == name;
+    let row = rows.find(|row| {
+        row.fit.model == fit.model && row.campaigns.iter().any(|campaign| is_of(campaign))
+    })?;
+    let others: Vec<&str> =
+        row.campaigns.iter().map(String::as_str).filter(|campaign| !is_of(campaign)).collect();
+    let others = others.join(" and ");
+    Some(match row.fit.sharing? {
+        Sharing::Kept => format!("One set of coefficients serves {others} as well."),
+        Sharing::Refused => format!("The coefficients differ from those of {others}."),
     })
 }
 

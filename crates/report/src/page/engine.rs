@@ -7,19 +7,22 @@ use minijinja::value::{Serde, Value};
 use minijinja::{Environment, UndefinedBehavior, escape_formatter};
 use serde::Serialize;
 use trilink_base::numbers::{
-    as_configured, fixed, interval, percent, share, short, significant, with_error,
+    as_configured, concise, fixed, interval, interval_to, percent, place, rounded, share, short,
+    significant, with_error,
 };
 use trilink_base::text::escape_controls;
 use trilink_plot::ROBOTO;
 use trilink_tables::Explanation;
 
 /// Names and sources of the templates that other templates include or extend.
-const SHARED: [(&str, &str); 12] = [
+const SHARED: [(&str, &str); 15] = [
     ("base.html", include_str!("base.html")),
     ("check.html", include_str!("check.html")),
+    ("campaign.html", include_str!("campaign.html")),
     ("changes.html", include_str!("changes.html")),
     ("figure.html", include_str!("figure.html")),
     ("sheet.html", include_str!("sheet.html")),
+    ("macros.html", include_str!("macros.html")),
     ("optima.html", include_str!("optima.html")),
     ("replay.html", include_str!("replay.html")),
     ("replay.css", include_str!("replay.css")),
@@ -27,6 +30,7 @@ const SHARED: [(&str, &str); 12] = [
     ("scorecard.html", include_str!("scorecard.html")),
     ("script.js", include_str!("script.js")),
     ("style.css", include_str!("style.css")),
+    ("tables.js", include_str!("tables.js")),
 ];
 
 /// Renders a template with `values`.
@@ -55,12 +59,18 @@ pub fn fill(
     environment.add_filter("significant", significant);
     environment.add_filter("as_configured", as_configured);
     environment.add_filter("with_error", with_error);
+    environment.add_filter("concise", concise);
     environment.add_filter("percent", percent);
     environment.add_filter("share", share);
     environment.add_filter("short", short);
     environment.add_filter("interval", |limits: Vec<f64>, digits| {
         limits.try_into().map_or_else(|_| String::new(), |limits| interval(limits, digits))
     });
+    environment.add_filter("interval_to", |limits: Vec<f64>, place| {
+        limits.try_into().map_or_else(|_| String::new(), |limits| interval_to(limits, place))
+    });
+    environment.add_filter("place", place);
+    environment.add_filter("rounded", rounded);
     environment.add_filter("explained", |check: String| Serde(Explanation::find(&check)));
     environment.add_filter("degrees", f64::to_degrees);
     environment.add_test("finite", f64::is_finite);

@@ -20,6 +20,7 @@ pub(crate) fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
     let Drawing { columns, width, .. } = *drawing;
     context! {
         stem => &figure.stem,
+        id => figures::id(&figure.stem),
         number => figures::number(&figure.stem),
         title => &figure.title,
         caption => &figure.caption,

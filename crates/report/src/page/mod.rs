@@ -21,9 +21,10 @@ pub(crate) use trial::{html as trial_html, neighbours};
 use trilink_base::files::relative;
 use trilink_plot::Figure;
 use trilink_tables::config::SigmaKind;
-use trilink_tables::{CheckRow, CommonCause, Severity, TrialStatus};
+use trilink_tables::{CheckRow, CommonCause, Severity, TrialRow, TrialStatus};
 
 use super::Changes;
+use super::parameters::WHEELS;
 use super::scorecard::JudgedClaim;
 use super::tables::Tables;
 use super::truth::{self, Truth};
@@ -73,6 +74,18 @@ pub(crate) fn html(
     let own = troubling.clone().filter(|check| !is_common(check));
     let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
     own.for_each(|row| *reasons.entry(&row.check).or_default() += 1);
+    let mut codes: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for check in troubling.clone() {
+        codes.entry(&check.trial).or_default().extend(check.check.split(' ').next());
+    }
+    // Skid ratios are of the kind (raw or debiased) that the fits use.
+    let listed = |rows: Vec<&TrialRow>| {
+        let listed = rows
+            .into_iter()
+            .map(|row| Value::from(Serde((row, row.sigma(input.sigma), codes.get(&*row.trial)))));
+        listed.collect::<Vec<_>>()
+    };
+    let (first, folded) = listed_first(&tables.trials);
     // Notes on fits that replace missing data, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
     let raw = input.paths.raw.iter().map(|raw| relative(&input.paths.reports, raw));
@@ -106,12 +119,13 @@ pub(crate) fn html(
         robots => Serde(robots.collect::<Vec<_>>()),
         decays => Serde(tables.robots.iter().map(|row| (row, row.laws())).collect::<Vec<_>>()),
         trials => Serde(&tables.trials),
-        // Skid ratios of the kind (raw or debiased) that the fits use.
-        sigmas => Serde(tables.trials.iter().map(|row| row.sigma(input.sigma)).collect::<Vec<_>>()),
+        trials_first => listed(first),
+        trials_folded => listed(folded),
+        wheels => WHEELS,
         debiased => input.sigma == SigmaKind::Debiased,
         truth => truth.map(|truth| truth::compare(truth, tables)),
         scorecard => Serde(scores),
-        of_the_paper => figures::are_of_the_paper(&tables.campaigns(input)),
+        of_the_paper => !scores.is_empty(),
         reasons => Serde(reasons.into_iter().collect::<Vec<_>>()),
         raw => Serde(raw.collect::<Vec<_>>()),
         derived => relative(&input.paths.reports, &input.paths.derived),
@@ -119,6 +133,23 @@ pub(crate) fn html(
         configuration => input.configuration(),
     };
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
+}
+
+/// Maximum number of trials in the table that is not folded.
+const MAX_LISTED: usize = 100;
+
+/// Returns the trials of the table that is not folded and those of the folded one. If there are many trials, the first
+/// table contains only failed and flagged trials, failed ones first.
+fn listed_first(trials: &[TrialRow]) -> (Vec<&TrialRow>, Vec<&TrialRow>) {
+    if trials.len() <= MAX_LISTED {
+        return (trials.iter().collect(), Vec::new());
+    }
+    let of = |status| trials.iter().filter(move |row| row.status == status);
+    let mut first: Vec<&TrialRow> =
+        of(TrialStatus::Failed).chain(of(TrialStatus::Flagged)).collect();
+    let mut folded = first.split_off(first.len().min(MAX_LISTED));
+    folded.extend(of(TrialStatus::Ok));
+    (first, folded)
 }
 
 /// Renders the scorecard page. `synthetic` is the notice that trials are synthetic; it is empty if none are.

@@ -77,7 +77,7 @@ addEventListener("DOMContentLoaded", () => {
     const line = make("line", { class: "cursor", y1: bottom, y2: top }, panel);
     panel.addEventListener("click", event => {
       const across = new DOMPoint(event.clientX, event.clientY)
-        .matrixTransform(panel.getScreenCTM().inverse()).x;
+        .matrixTransform((panel.querySelector(".zoom") ?? panel).getScreenCTM().inverse()).x;
       if (across >= +from && across <= +to) go(nearest((across - from) / scale + +low));
     });
     return [{ line, place: time => +from + scale * (time - low), low: +low, high: +high }];
@@ -103,7 +103,8 @@ addEventListener("DOMContentLoaded", () => {
       const [number, start, period] = data.cycles;
       const degrees = Math.round(360 * (seconds[frame] - start) / period);
       const cycles = Math.floor(degrees / 360);
-      text += `, cycle ${fixed(number + cycles, 0)}, phase ${degrees - 360 * cycles}°`;
+      text += number + cycles < 0 ? ", before the first cycle"
+        : `, cycle ${number + cycles}, phase ${degrees - 360 * cycles}°`;
     }
     return text;
   };
@@ -111,7 +112,7 @@ addEventListener("DOMContentLoaded", () => {
     write("Time", clock());
     for (const { name, unit, units, decimals, values } of quantities) {
       const all = values.map(of => (of[frame] === null ? null : of[frame] * units / data.per_unit));
-      write(name, `${all.map(value => fixed(value, decimals)).join(", ")} ${unit}`);
+      write(all.length === 3 ? `${name}, middle, front, rear` : name, `${all.map(value => fixed(value, decimals)).join(", ")} ${unit}`);
     }
     const [first, second] = motions.map(motion => at(motion, frame, 0));
     if (motions.length > 1) {

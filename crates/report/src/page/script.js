@@ -1,8 +1,7 @@
-"use strict";
 // Interactive figures: legend entries show and hide series. The pointer, or the arrow keys in a focused panel, show
-// values (left and right along a series, up and down between series). A click or Enter on a measured point opens
-// the page of its trial or run; on a touch screen, the first tap shows the value and the second opens the page.
-// Pages are complete without this script.
+// values (left and right along a series, up and down between series). A click or a tap on a measured point selects its
+// trial and shows the link to its page, which a second click, or Enter, opens. A dragged rectangle, or +, magnifies a
+// part of a panel, and a double click, or 0, shows the whole panel again. Pages are complete without this script.
 (() => {
   const tip = document.createElement("div");
   tip.className = "tip";
@@ -11,8 +10,17 @@
   document.body.append(tip);
   const pages = new Map([...document.querySelectorAll('a[href^="trials/"], a[href^="#run-"]')]
     .map(link => [link.textContent, link.href]));
+  const change = (element, attributes) => {
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  };
+  const make = (name, attributes, panel) => {
+    const element = document.createElementNS(panel.namespaceURI, name);
+    change(element, attributes);
+    panel.append(element);
+    return element;
+  };
 
-  const button = (element, label, act) => {
+  const press = (element, label, act) => {
     element.setAttribute("role", "button");
     element.setAttribute("tabindex", "0");
     element.setAttribute("aria-label", label);
@@ -31,7 +39,7 @@
       const { name } = key.dataset;
       if (!series(sheet, name).length) continue;
       key.setAttribute("aria-pressed", "true");
-      button(key, name, () => {
+      press(key, name, () => {
         const shown = key.getAttribute("aria-pressed") !== "true";
         key.setAttribute("aria-pressed", shown);
         for (const group of series(sheet, name)) group.style.display = shown ? "" : "none";
@@ -45,6 +53,8 @@
     const [from, to, low, high, logarithmic, ...label] = text.split(" ");
     const scale = (to - from) / (high - low);
     return {
+      from: +from,
+      to: +to,
       label: label.join(" "),
       place: value => +from + scale * ((+logarithmic ? Math.log10(value) : value) - low),
       value: place => {
@@ -52,6 +62,15 @@
         return +logarithmic ? 10 ** value : value;
       },
     };
+  }
+
+  // Round numbers between two numbers, of which there are about four.
+  function ticks(low, high) {
+    const power = 10 ** Math.floor(Math.log10((high - low) / 4));
+    const step = power * [1, 2, 5, 10].find(factor => (high - low) / (factor * power) <= 5);
+    const first = Math.ceil(low / step);
+    return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) =>
+      +((first + i) * step).toPrecision(12));
   }
 
   function explore(panel) {
@@ -67,7 +86,7 @@
       const lines = text => text.split("\n").filter(line => line).map(line => line.split(" "));
       if (group.dataset.points !== undefined) {
         for (const [across, up, error, ...trial] of lines(group.dataset.points)) {
-          const bar = error > 0 ? ` ± ${short(error)}` : "";
+          const bar = error > 0 ? ` (95 %: ${short(up - error)} to ${short(+up + +error)})` : "";
           points.push({ group, trial: trial.join(" "), x: x.place(across), y: y.place(up),
             text: say(trial.join(" "), across, up, bar) });
         }
@@ -94,59 +113,161 @@
     // The name of a trial may contain a line break, which leaves fragments without coordinates.
     points.splice(0, points.length, ...points.filter(point => Number.isFinite(point.x + point.y)));
     if (!points.length) return;
-    const shown = point => point.group.style.display !== "none";
+    // The part of the drawing that fills the panel; null: all of it.
+    let view = null;
+    const box = [x.from, Math.min(y.from, y.to), x.to - x.from, Math.abs(y.to - y.from)];
+    const [left, top, width, height] = box;
+    const frame = make("svg", { class: "zoom", x: left, y: top, width, height, preserveAspectRatio: "none" }, panel);
+    frame.remove();
+    const seen = point => (view ? [left + (point.x - view[0]) * width / view[2],
+      top + (point.y - view[1]) * height / view[3]] : [point.x, point.y]);
+    const drawn = ([across, up]) => (view ? [view[0] + (across - left) * view[2] / width,
+      view[1] + (up - top) * view[3] / height] : [across, up]);
+    const under = event => {
+      const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(panel.getScreenCTM().inverse());
+      return [at.x, at.y];
+    };
+    const is_inside = ([across, up]) =>
+      across >= left && across <= left + width && up >= top && up <= top + height;
+    for (const of of panel.querySelectorAll(":scope > path, :scope > text")) {
+      if (of.tagName === "path" || /^[-\u2212]?[\d.]/.test(of.textContent)) of.classList.add("unzoomed");
+    }
+    const zoom = to => {
+      view = to;
+      show(null);
+      panel.classList.toggle("zoomed", view !== null);
+      panel.querySelectorAll(":scope > .tick").forEach(tick => tick.remove());
+      if (!view && frame.isConnected) frame.replaceWith(...frame.childNodes);
+      if (!view) return light(lit);
+      if (!frame.isConnected) {
+        const data = panel.querySelectorAll(":scope > g[data-name], :scope > .cursor");
+        panel.append(frame);
+        frame.append(...data);
+        for (const line of frame.querySelectorAll("[stroke-width]")) {
+          line.style.setProperty("--stroke", `${line.getAttribute("stroke-width") / 10}px`);
+        }
+      }
+      frame.setAttribute("viewBox", view.join(" "));
+      const ink = { class: "tick", stroke: "#222222", "stroke-width": 10 };
+      const text = { class: "tick", fill: "#222222" };
+      make("rect", { ...ink, x: left, y: top, width, height }, panel);
+      for (const value of ticks(x.value(view[0]), x.value(view[0] + view[2]))) {
+        const [at] = seen({ x: x.place(value), y: 0 });
+        make("path", { ...ink, d: `M${at} ${top + height}v40` }, panel);
+        make("text", { ...text, x: at, y: top + height + 150, "text-anchor": "middle" }, panel).textContent = value;
+      }
+      for (const value of ticks(y.value(view[1] + view[3]), y.value(view[1]))) {
+        const [, at] = seen({ x: 0, y: y.place(value) });
+        make("path", { ...ink, d: `M${left} ${at}h-40` }, panel);
+        make("text", { ...text, x: left - 60, y: at + 40, "text-anchor": "end" }, panel).textContent = value;
+      }
+      light(lit);
+    };
+
+    const shown = point => point.group.style.display !== "none" && is_inside(seen(point));
+    for (const point of points.filter(point => point.trial)) {
+      file(marks, point.trial, () => {
+        if (!shown(point)) return;
+        const [cx, cy] = seen(point);
+        make("circle", { class: "lit", cx, cy, r: 70 }, panel);
+      });
+    }
     let near = null;
-    const show = point => {
-      near = point;
+    let pinned = false;
+    const show = (point, pin = false) => {
+      [near, pinned] = [point, pin];
       tip.hidden = !point;
+      tip.classList.toggle("pinned", pin);
       panel.style.cursor = point && pages.has(point.trial) ? "pointer" : "";
+      if (lit !== (point?.trial || selected)) light(point?.trial || selected);
       if (!point) return;
       tip.textContent = point.text;
+      if (pin && pages.has(point.trial)) {
+        const link = document.createElement("a");
+        [link.href, link.textContent] = [pages.get(point.trial), "Open its page"];
+        tip.append(" ", link);
+      }
       place();
     };
     const place = () => {
       if (!near) return;
-      const at = new DOMPoint(near.x, near.y).matrixTransform(panel.getScreenCTM());
+      const at = new DOMPoint(...seen(near)).matrixTransform(panel.getScreenCTM());
       tip.style.left = `${Math.max(4, Math.min(at.x + 12, innerWidth - tip.offsetWidth - 4))}px`;
       tip.style.top = `${Math.max(4, at.y - tip.offsetHeight - 8)}px`;
     };
     const open = () => { if (near && pages.has(near.trial)) location.href = pages.get(near.trial); };
     // Returns the closest point within reach; measured points take precedence over curves.
     const find = (event, reach) => {
-      const at = new DOMPoint(event.clientX, event.clientY)
-        .matrixTransform(panel.getScreenCTM().inverse());
-      const far = point => Math.hypot(point.x - at.x, point.y - at.y) + (point.curve ? 50 : 0);
+      const at = under(event);
+      const far = point => {
+        const [across, up] = seen(point);
+        return Math.hypot(across - at[0], up - at[1]) + (point.curve ? 50 : 0);
+      };
       const best = points.filter(shown).reduce((a, b) => (far(b) < far(a) ? b : a), points[0]);
       return shown(best) && far(best) < reach ? best : null;
     };
     // Touch does not hover, and a finger covers several points.
-    let finger = false;
     const is_finger = event => event.pointerType === "touch";
-    panel.addEventListener("pointerdown", event => { finger = is_finger(event); });
-    panel.addEventListener("pointermove", event => {
-      if (!is_finger(event)) show(find(event, 150));
+    let finger = false;
+    // Where a rectangle is dragged from, and the rectangle.
+    let [start, dragged] = [null, null];
+    panel.addEventListener("pointerdown", event => {
+      finger = is_finger(event);
+      dragged = null;
+      start = !finger && event.button === 0 && is_inside(under(event)) ? under(event) : null;
+      if (!finger) event.preventDefault();
     });
-    panel.addEventListener("pointerleave", event => { if (!is_finger(event)) show(null); });
+    panel.addEventListener("pointermove", event => {
+      if (is_finger(event)) return;
+      if (!start || !(event.buttons & 1)) return pinned || show(find(event, 150));
+      const at = under(event);
+      const ends = [0, 1].map(i => [start[i], Math.max(box[i], Math.min(at[i], box[i] + box[i + 2]))]
+        .sort((a, b) => a - b));
+      if (!dragged && Math.hypot(at[0] - start[0], at[1] - start[1]) < 80) return;
+      dragged ??= make("rect", { class: "dragged" }, panel);
+      const [[x0, x1], [y0, y1]] = ends;
+      change(dragged, { x: x0, y: y0, width: x1 - x0, height: y1 - y0 });
+    });
+    panel.addEventListener("pointerup", () => {
+      if (dragged) {
+        const [across, up, wide, high] = ["x", "y", "width", "height"].map(name => +dragged.getAttribute(name));
+        dragged.remove();
+        const [[x0, y0], [x1, y1]] = [drawn([across, up]), drawn([across + wide, up + high])];
+        if (wide > 80 && high > 80) zoom([x0, y0, x1 - x0, y1 - y0]);
+      }
+      start = null;
+    });
+    panel.addEventListener("pointerleave", event => { if (!is_finger(event) && !pinned) show(null); });
+    panel.addEventListener("dblclick", () => { if (view) zoom(null); });
     panel.addEventListener("click", event => {
-      if (!finger) return open();
-      const [before, point] = [near, find(event, 300)];
+      if (dragged) { dragged = null; return; }
+      const [before, point] = [pinned ? near : null, find(event, finger ? 300 : 150)];
       if (point && point === before) return open();
-      show(point);
-      if (point && pages.has(point.trial)) tip.textContent += "; tap again to open the page of this trial";
-      place();
+      if (point?.trial && rows.has(point.trial) && point.trial !== selected) select(point.trial);
+      show(point, point !== null);
     });
     document.addEventListener("pointerdown", event => {
-      if (is_finger(event) && near && !panel.contains(event.target)) show(null);
+      if (pinned && !panel.contains(event.target) && !tip.contains(event.target)) show(null);
     });
-    addEventListener("scroll", () => { if (finger && near) place(); }, { passive: true });
+    addEventListener("scroll", place, { passive: true });
     panel.setAttribute("tabindex", "0");
     panel.setAttribute("role", "group");
-    panel.setAttribute("aria-label", `${y.label} against ${x.label}; the arrow keys move from point to point and from series to series`);
-    panel.addEventListener("blur", () => show(null));
+    panel.setAttribute("aria-label", `${y.label} against ${x.label}; the arrow keys move from point to point and from series to series, + magnifies, 0 shows all`);
+    panel.addEventListener("blur", () => { if (!pinned) show(null); });
     panel.addEventListener("keydown", event => {
       const along = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       const across = { ArrowDown: 1, ArrowUp: -1 }[event.key];
       if (event.key === "Enter") open();
+      if (event.key === "Escape") show(null);
+      if (event.key === "0") zoom(null);
+      if (event.key === "+") {
+        // Half the width and height around the point that is shown.
+        const [across, up, wide, high] = view ?? box;
+        const middle = near ?? { x: across + wide / 2, y: up + high / 2 };
+        const low = [[across, wide, middle.x], [up, high, middle.y]].map(([from, size, at]) =>
+          Math.max(from, Math.min(at - size / 4, from + size / 2)));
+        zoom([...low, wide / 2, high / 2]);
+      }
       if (!along && !across) return;
       event.preventDefault();
       // Trials come first, then single predictions, then curves, of which about forty points are visited.
@@ -176,4 +297,5 @@
     menu.querySelectorAll("a").forEach(link => link.addEventListener("click", close));
     menu.addEventListener("keydown", close);
   }
+  if (fragment.get("trial")) select(fragment.get("trial"));
 })();

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use trilink_base::named;
+use trilink_base::numbers::significant;
 use trilink_base::text::known;
 use trilink_robot::metrics::Metric;
 
@@ -70,6 +71,25 @@ pub enum Misfit {
 impl Misfit {
     /// Maximum number of runs of residuals in [`Misfit::Off`].
     pub const MAX_RUNS: usize = 3;
+
+    /// Formats the largest deviation in a few words, such as `misses d by up to 59 %`: that of the displacement d if it
+    /// deviates, because all models predict it; otherwise that of the metric with the largest deviation.
+    pub fn largest(&self) -> Option<String> {
+        let deviations: Vec<(Metric, f64)> = match self {
+            Self::Off(runs) => runs.iter().map(|run| (run.metric, run.most)).collect(),
+            Self::Rms(rms) => rms.by_metric().collect(),
+        };
+        let known = deviations.into_iter().filter(|(_, value)| value.is_finite());
+        let (metric, most) = known.max_by(|(a, x), (b, y)| {
+            (*a == Metric::D).cmp(&(*b == Metric::D)).then(x.total_cmp(y))
+        })?;
+        let symbol = metric.definition().symbol;
+        let percent = significant(100.0 * most, 2);
+        Some(match self {
+            Self::Off(_) => format!("misses {symbol} by up to {percent} %"),
+            Self::Rms(_) => format!("misses {symbol} by {percent} % (RMS)"),
+        })
+    }
 
     /// Creates a misfit from runs of residuals; `None` if there are none.
     pub fn off(runs: Vec<MisfitRun>) -> Option<Self> {

@@ -6,6 +6,7 @@ use trilink_base::named;
 use trilink_base::text::known;
 use trilink_robot::Model;
 
+use super::Misfit;
 use crate::{ComparisonRow, FitRow};
 
 /// Maximum relative difference between the objectives of two models' predictions that count as equally good.
@@ -108,6 +109,46 @@ impl<'r> Comparison<'r> {
             text += &format!("; lowest of all in {won} of {} replicates", first.replicates);
         }
         text
+    }
+
+    /// Formats sentences for a summary of the comparison: whether the preferred model fits, by how much the next one
+    /// misses the measurements, and in how many resamples the preferred model was chosen.
+    pub fn card(&self) -> String {
+        let Some((first, fit)) = self.ranked.first() else { return format!("{}.", self.answer()) };
+        let model = first.model;
+        let ratio = known([fit.lack_of_fit, fit.lack_of_fit_limit], |[ratio, limit]| {
+            format!(" (misfit {ratio:.2} of noise, limit {limit:.2})")
+        });
+        let verdict = match fit.adequate {
+            Some(true) => format!("{model} fits"),
+            Some(false) if self.ranked.len() > 1 => format!("No model fits; {model} comes closest"),
+            Some(false) => format!("{model} does not fit"),
+            None => format!("{model} may fit"),
+        };
+        let mut sentences = vec![format!("{verdict}{ratio}.")];
+        let all = self.fitted_trials + self.other_trials;
+        if self.fitted_trials != 0 && self.other_trials != 0 {
+            let fitted = self.fitted_trials;
+            sentences
+                .push(format!("Fitted to {fitted} of {all} trials: the others have no metrics."));
+        }
+        if let Some((rival, of_rival)) = self.ranked.get(1) {
+            let misses = of_rival.misfit.as_ref().and_then(Misfit::largest);
+            sentences.extend(misses.map(|misses| format!("{} {misses}.", rival.model)));
+        }
+        if self.outcome == Outcome::FitsAlone || self.outcome == Outcome::MayFit {
+            sentences.push(format!("{}.", self.preference(model)));
+        }
+        let rivals = self.ranked.iter().filter(|(row, _)| row.rival);
+        let rivals: Vec<&str> = rivals.map(|(row, _)| row.model.name()).collect();
+        if !rivals.is_empty() {
+            sentences.push(format!("Not distinguishable from {}.", rivals.join(", ")));
+        }
+        if first.wins.is_finite() && self.ranked.len() > 1 {
+            let won = (first.wins * first.replicates as f64).round();
+            sentences.push(format!("Chosen in {won} of {} resamples.", first.replicates));
+        }
+        sentences.join(" ")
     }
 
     /// Formats the preferred model and whether it is adequate, in a few words.
