@@ -293,7 +293,10 @@ fn a_dragged_rectangle_magnifies_a_panel_and_a_double_click_shows_all_of_it() {
 /// JavaScript expression for the smallest text (px) of the visible figures.
 const SMALLEST: &str = r#"Math.min(...[...document.querySelectorAll(".sheet text")]
   .filter(of => of.textContent && of.checkVisibility())
-  .map(of => parseFloat(getComputedStyle(of).fontSize) * of.getScreenCTM().a))"#;
+  .map(of => {
+    const { a, b } = of.getScreenCTM();
+    return parseFloat(getComputedStyle(of).fontSize) * Math.hypot(a, b);
+  }))"#;
 
 #[test]
 fn the_text_of_figures_can_be_read_in_every_window() {

@@ -114,7 +114,7 @@ fn hostile_names_are_shown_as_text_and_never_executed() {
     browser.open(&project.place("reports/index.html"));
     assert_eq!(browser.evaluate(MADE), json!([[], [], 0]));
     let shown = browser.evaluate(
-        r##"[...document.querySelectorAll("#trials-table tbody tr")].map(row => row.cells[0].textContent)"##,
+        r##"[...document.querySelectorAll("table.trials tbody tr")].map(row => row.cells[0].textContent)"##,
     );
     let shown = shown.as_array().unwrap();
     for name in names.iter().filter(|name| !name.contains(char::is_control)) {
@@ -123,7 +123,7 @@ fn hostile_names_are_shown_as_text_and_never_executed() {
     }
     use_everything(&mut browser);
     let pages = browser.evaluate(
-        r##"[...document.querySelectorAll("#trials-table a[href^='trials/']")]
+        r##"[...document.querySelectorAll("table.trials a[href^='trials/']")]
           .map(link => decodeURIComponent(new URL(link.href).pathname))"##,
     );
     let pages = pages.as_array().unwrap();

@@ -64,6 +64,8 @@ fn every_page_says_that_its_trials_are_synthetic() {
         browser.window(width, height);
         for page in all_pages(demo()) {
             browser.open(&page);
+            browser
+                .evaluate("document.querySelectorAll(\"details\").forEach(of => of.open = true)");
             let said = browser.evaluate(
                 r#"(() => {
                   const said = document.querySelector("aside");

@@ -78,35 +78,26 @@
     const short = value => +Number(value).toPrecision(4);
     const points = [];
     for (const group of panel.querySelectorAll("g[data-name]:not(.key)")) {
-      const { name } = group.dataset;
-      const say = (trial, across, up, interval = "") => {
+      const { name, points: measured, band } = group.dataset;
+      const add = (across, up, [low, high], trial, at) => {
         const of = [name, trial].filter(part => part).join(", ");
-        return `${of}: ${x.label} ${short(across)}, ${y.label} ${short(up)}${interval}`;
+        const limits = low < high ? ` (95 %: ${short(low)} to ${short(high)})` : "";
+        points.push({ group, trial, curve: measured === undefined, x: at[0], y: at[1],
+          text: `${of}: ${x.label} ${short(across)}, ${y.label} ${short(up)}${limits}` });
       };
-      const lines = text => text.split("\n").filter(line => line).map(line => line.split(" "));
-      if (group.dataset.points !== undefined) {
-        for (const [across, up, error, ...trial] of lines(group.dataset.points)) {
-          const bar = error > 0 ? ` (95 %: ${short(up - error)} to ${short(+up + +error)})` : "";
-          points.push({ group, trial: trial.join(" "), x: x.place(across), y: y.place(up),
-            text: say(trial.join(" "), across, up, bar) });
-        }
-        continue;
+      for (const line of (measured ?? band ?? "").split("\n").filter(line => line)) {
+        const [across, up, ...rest] = line.split(" ");
+        const error = +rest[0];
+        const [limits, trial] = measured === undefined ? [rest.map(Number), ""]
+          : [[up - error, +up + error], rest.slice(1).join(" ")];
+        add(across, up, limits, trial, [x.place(across), y.place(up)]);
       }
-      // A curve with an interval.
-      if (group.dataset.band !== undefined) {
-        for (const [across, up, low, high] of lines(group.dataset.band)) {
-          const limits = +low <= +high ? ` (95 %: ${short(low)} to ${short(high)})` : "";
-          points.push({ group, curve: true, x: x.place(across), y: y.place(up),
-            text: say("", across, up, limits) });
-        }
-        continue;
-      }
+      if (measured !== undefined || band !== undefined) continue;
       for (const path of group.querySelectorAll("path[stroke-width='16']")) {
         let place = [0, 0];
         for (const [, across, up] of path.getAttribute("d").matchAll(/(-?\d+) ?(-?\d+)/g)) {
           place = [place[0] + +across, place[1] + +up];
-          points.push({ group, curve: true, x: place[0], y: place[1],
-            text: say("", x.value(place[0]), y.value(place[1])) });
+          add(x.value(place[0]), y.value(place[1]), [], "", place);
         }
       }
     }
@@ -121,8 +112,6 @@
     frame.remove();
     const seen = point => (view ? [left + (point.x - view[0]) * width / view[2],
       top + (point.y - view[1]) * height / view[3]] : [point.x, point.y]);
-    const drawn = ([across, up]) => (view ? [view[0] + (across - left) * view[2] / width,
-      view[1] + (up - top) * view[3] / height] : [across, up]);
     const under = event => {
       const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(panel.getScreenCTM().inverse());
       return [at.x, at.y];
@@ -151,15 +140,17 @@
       const ink = { class: "tick", stroke: "#222222", "stroke-width": 10 };
       const text = { class: "tick", fill: "#222222" };
       make("rect", { ...ink, x: left, y: top, width, height }, panel);
+      const tick = (value, d, at) => {
+        make("path", { ...ink, d }, panel);
+        make("text", { ...text, ...at }, panel).textContent = value;
+      };
       for (const value of ticks(x.value(view[0]), x.value(view[0] + view[2]))) {
         const [at] = seen({ x: x.place(value), y: 0 });
-        make("path", { ...ink, d: `M${at} ${top + height}v40` }, panel);
-        make("text", { ...text, x: at, y: top + height + 150, "text-anchor": "middle" }, panel).textContent = value;
+        tick(value, `M${at} ${top + height}v40`, { x: at, y: top + height + 150, "text-anchor": "middle" });
       }
       for (const value of ticks(y.value(view[1] + view[3]), y.value(view[1]))) {
         const [, at] = seen({ x: 0, y: y.place(value) });
-        make("path", { ...ink, d: `M${left} ${at}h-40` }, panel);
-        make("text", { ...text, x: left - 60, y: at + 40, "text-anchor": "end" }, panel).textContent = value;
+        tick(value, `M${left} ${at}h-40`, { x: left - 60, y: at + 40, "text-anchor": "end" });
       }
       light(lit);
     };
@@ -221,21 +212,22 @@
       if (is_finger(event)) return;
       if (!start || !(event.buttons & 1)) return pinned || show(find(event, 150));
       const at = under(event);
-      const ends = [0, 1].map(i => [start[i], Math.max(box[i], Math.min(at[i], box[i] + box[i + 2]))]
-        .sort((a, b) => a - b));
       if (!dragged && Math.hypot(at[0] - start[0], at[1] - start[1]) < 80) return;
-      dragged ??= make("rect", { class: "dragged" }, panel);
-      const [[x0, x1], [y0, y1]] = ends;
-      change(dragged, { x: x0, y: y0, width: x1 - x0, height: y1 - y0 });
+      dragged ??= { rect: make("rect", { class: "dragged" }, panel) };
+      const end = [0, 1].map(i => Math.max(box[i], Math.min(at[i], box[i] + box[i + 2])));
+      dragged.corner = [0, 1].map(i => Math.min(start[i], end[i]));
+      dragged.size = [0, 1].map(i => Math.abs(end[i] - start[i]));
+      const { rect, corner, size } = dragged;
+      change(rect, { x: corner[0], y: corner[1], width: size[0], height: size[1] });
     });
     panel.addEventListener("pointerup", () => {
-      if (dragged) {
-        const [across, up, wide, high] = ["x", "y", "width", "height"].map(name => +dragged.getAttribute(name));
-        dragged.remove();
-        const [[x0, y0], [x1, y1]] = [drawn([across, up]), drawn([across + wide, up + high])];
-        if (wide > 80 && high > 80) zoom([x0, y0, x1 - x0, y1 - y0]);
-      }
       start = null;
+      if (!dragged) return;
+      const { rect, corner, size } = dragged;
+      rect.remove();
+      const scale = [0, 1].map(i => (view ? view[i + 2] / box[i + 2] : 1));
+      const from = [0, 1].map(i => (view ?? box)[i] + (corner[i] - box[i]) * scale[i]);
+      if (Math.min(...size) > 80) zoom([...from, ...size.map((length, i) => length * scale[i])]);
     });
     panel.addEventListener("pointerleave", event => { if (!is_finger(event) && !pinned) show(null); });
     panel.addEventListener("dblclick", () => { if (view) zoom(null); });
@@ -252,7 +244,8 @@
     addEventListener("scroll", place, { passive: true });
     panel.setAttribute("tabindex", "0");
     panel.setAttribute("role", "group");
-    panel.setAttribute("aria-label", `${y.label} against ${x.label}; the arrow keys move from point to point and from series to series, + magnifies, 0 shows all`);
+    panel.setAttribute("aria-label", `${y.label} against ${x.label}; the arrow keys move from point to point and from`
+      + " series to series, + magnifies, 0 shows all");
     panel.addEventListener("blur", () => { if (!pinned) show(null); });
     panel.addEventListener("keydown", event => {
       const along = { ArrowRight: 1, ArrowLeft: -1 }[event.key];

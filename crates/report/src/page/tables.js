@@ -7,7 +7,7 @@ const remember = (key, value) => {
   history.replaceState(null, "", `#${fragment}`);
 };
 // The text of a cell, without the explanations that it can unfold.
-const words = cell => [...(cell.querySelector("summary") ?? cell).childNodes]
+const words = cell => [...(cell.querySelector("summary, button") ?? cell).childNodes]
   .map(node => node.textContent.trim().replace(/\s+/g, " ")).filter(text => text).join(" ");
 
 // Rows and points of each trial, which are lit together.
@@ -62,7 +62,8 @@ const csv = cells => {
     if (!nth) return [text, `${text}, standard error`];
     // In 104.31(22), the error is 0.22.
     const [, value, decimals, last] = /^([\d-]+\.?(\d*))\((\d+)\)$/.exec(text) ?? [];
-    return value ? [value, (last / 10 ** decimals.length).toFixed(decimals.length)] : [...text.split(" ± "), ""].slice(0, 2);
+    return value ? [value, (last / 10 ** decimals.length).toFixed(decimals.length)]
+      : [...text.split(" ± "), ""].slice(0, 2);
   };
   return cells.map(row => row.map(text => text.replaceAll("\u2212", "-")))
     .map((row, nth) => row.flatMap((text, i) => parts(text, i, nth)).map(field).join(",") + "\n").join("");
