@@ -12,7 +12,9 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use trilink_plot::{Figure, Format, INK, Layer, Layout, Look, Panel, RGBColor, SOLID, Shape};
+use trilink_plot::{
+    Figure, Format, INK, LINE_WIDTH, Layer, Layout, Look, Panel, RGBColor, SOLID, Shape,
+};
 
 const BLUE: RGBColor = RGBColor(0, 114, 178);
 const OMEGA: &str = "Actuation frequency ω (rad/s)";
@@ -33,7 +35,8 @@ fn v_cm_s(omega_rad_s: f64) -> f64 {
 /// measurements whose 95 % intervals have the half-width `error`.
 fn panel(title: &str, y_label: &str, of: fn(f64) -> f64, error: f64) -> Panel {
     let curve = (10..=60).map(|tenth| f64::from(tenth) / 10.0).map(|omega| (omega, of(omega)));
-    let mut model = Layer::new("model", curve, Look::Line { colour: BLUE, dash: SOLID });
+    let mut model =
+        Layer::new("model", curve, Look::Line { colour: BLUE, dash: SOLID, width_px: LINE_WIDTH });
     model.band = model.points.iter().map(|point| [0.95 * point.y, 1.05 * point.y]).collect();
     let scatter = [0.4, -0.9, 0.7, 1.2, -0.3];
     let measured = [1.0, 2.0, 3.0, 4.0, 5.0].into_iter().zip(scatter);
@@ -52,8 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(str::to_owned);
     let figure = Figure::new("resonance", texts, &[], Layout::Grid, panels);
     std::fs::create_dir_all(&folder)?;
-    let (_, files) = figure.encode_all()?;
-    for (format, bytes) in Format::ALL.into_iter().zip(files) {
+    for (format, bytes) in Format::ALL.into_iter().zip(figure.encode_all()?) {
         let path = folder.join(format!("{}.{format}", figure.stem));
         std::fs::write(&path, &bytes)?;
         println!("{} ({} bytes)", path.display(), bytes.len());

@@ -5,10 +5,11 @@ use plotters::style::TRANSPARENT;
 use plotters::style::text_anchor::HPos;
 
 use super::axis::{Axis, Range};
+use super::dodge;
 use super::figure::Layer;
 use super::frame::{Area, Drawn, Frame};
-use super::grid::{BOTTOM, Cell, Grid, LEFT, MARGIN, NOTE, RIGHT, TICK_LABELS, TOP};
-use super::legend::{Entry, ROW, SAMPLE_GAP};
+use super::grid::{BOTTOM, Cell, EDGE, Grid, MARGIN, NOTE, RIGHT, TOP};
+use super::legend::{self, Entry, ROW, SAMPLE_GAP};
 use super::style::{self, Look, SAMPLE, stroke, units};
 use crate::svg::{Markup, escaped};
 
@@ -70,39 +71,45 @@ fn axis_attribute(name: &str, ends_px: [f64; 2], axis: &Axis, label: &str) -> St
 }
 
 fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
-    let height = TOP + cell.inner_height + cell.bottom;
+    let Cell { margin, head, .. } = cell;
+    let height = head + cell.inner_height + cell.bottom;
     let corner = [cell.left, cell.top].map(units);
     let area = figure.clone().shrink(corner.into(), [cell.width, height].map(units).into());
     let panel = cell.panel;
     let right = cell.width - RIGHT;
-    let x_ends = [LEFT, right].map(|x| cell.left + x);
-    let y_ends = [TOP + cell.inner_height, TOP].map(|y| cell.top + y);
+    let x_ends = [margin, right].map(|x| cell.left + x);
+    let y_ends = [head + cell.inner_height, head].map(|y| cell.top + y);
     let axes = axis_attribute("x", x_ends, &cell.x, &panel.x_label)
         + &axis_attribute("y", y_ends, &cell.y, &panel.y_label);
     let class = if cell.is_whole { "whole panel" } else { "panel" };
     let rectangle = [cell.left, cell.top, cell.width, height];
     let (start, end) = nested_svg(&format!("class=\"{class}\"{axes}"), rectangle);
     area.draw(&Markup(start))?;
-    write(&area, &cell.title, HPos::Left, (LEFT, TOP - 8.0))?;
+    // A title that is wider than its panel extends to the left, over the axis labels.
+    let title = legend::shorten(&cell.title, right - EDGE);
+    let start = margin.min(right - style::text_width(&title));
+    write(&area, &title, HPos::Left, (start, TOP - 8.0))?;
     write(&area, &cell.beyond, HPos::Right, (right, TOP - 8.0))?;
-    draw_legend(&cell.legend, TOP - 12.0 - 0.5 * ROW, false, &area)?;
-    let pixel = (cell.x.range.span() / (right - LEFT), cell.y.range.span() / cell.inner_height);
+    let legend_top = if head > TOP { TOP - 4.0 } else { TOP - 12.0 - 0.5 * ROW };
+    draw_legend(&cell.legend, legend_top, false, &area)?;
+    let pixel = (cell.x.range.span() / (right - margin), cell.y.range.span() / cell.inner_height);
+    let across = right - margin + 2.0 * (RIGHT - EDGE);
+    let up = cell.inner_height + 2.0 * cell.bottom.min(head - EDGE);
     let labels = if cell.bottom == BOTTOM { BOTTOM - 5.0 } else { 0.0 };
-    // Tick labels with many digits, for values that barely differ, leave no room for the axis label.
-    let y_label = if cell.y.label_width() <= TICK_LABELS { &panel.y_label } else { "" };
     let mut chart = ChartBuilder::on(&area)
-        .margin_top(units(TOP))
+        .margin_top(units(head))
         .margin_right(units(RIGHT))
         .margin_bottom(units(cell.bottom - labels))
-        .margin_left(units(1.0))
-        .y_label_area_size(units(LEFT - 1.0))
+        .margin_left(units(EDGE))
+        .y_label_area_size(units(margin - EDGE))
         .x_label_area_size(units(labels))
         .build_cartesian_2d(cell.x, cell.y)?;
     let frame = Frame::new(chart.plotting_area().clone(), pixel);
     // Bands are drawn behind the grid lines.
     let (bands, others): (Vec<&Layer>, Vec<_>) =
         panel.layers.iter().partition(|layer| matches!(layer.look, Look::Band(_)));
-    bands.into_iter().try_for_each(|layer| frame.draw_group(layer))?;
+    let shifts = dodge::shifts(&others, |x| frame.x_px(x));
+    bands.into_iter().try_for_each(|layer| frame.draw_group(layer, &[]))?;
     others.iter().try_for_each(|layer| frame.draw_band(layer))?;
     let ink = stroke(style::INK, style::FRAME_WIDTH);
     chart
@@ -114,8 +121,8 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
         // Plotters centres text vertically by half the height of an x.
         .y_label_offset(units(0.1 * style::EM))
         .set_all_tick_mark_size(units(TICK))
-        .x_desc(&panel.x_label)
-        .y_desc(y_label)
+        .x_desc(legend::fit_label(&panel.x_label, across))
+        .y_desc(legend::fit_label(cell.y_label, up))
         .draw()?;
     // Plotters draws only two sides of the frame. Draw all four as one path that starts and ends in the
     // middle of a side, so that all corners are joined.
@@ -124,9 +131,10 @@ fn draw_panel(cell: Cell<'_>, figure: &Area<'_>) -> Drawn {
     let xs = [x.low, x.low, x.high, x.high, x.low, x.low];
     let ys = [midpoint, y.low, y.low, y.high, y.high, midpoint];
     frame.path(xs.into_iter().zip(ys).collect(), style::SOLID, ink)?;
-    others.into_iter().try_for_each(|layer| frame.draw_group(layer))?;
+    let mut drawn = others.into_iter().zip(&shifts);
+    drawn.try_for_each(|(layer, shifts)| frame.draw_group(layer, shifts))?;
     for (note, row) in cell.notes.iter().zip(1..) {
-        let baseline = TOP + f64::from(row) * 1.3 * style::EM + 2.0;
+        let baseline = head + f64::from(row) * 1.3 * style::EM + 2.0;
         write(&area, note, HPos::Right, (right - NOTE, baseline))?;
     }
     area.draw(&Markup(end))

@@ -9,7 +9,7 @@ named! {
     pub enum Format {
         /// SVG with an embedded font.
         Svg = "svg",
-        /// PNG with 288 dots per inch, or 600 for a figure with a printed width.
+        /// PNG with 400 dots per inch.
         Png = "png",
         /// PDF with a single page of the figure's size.
         Pdf = "pdf",
@@ -44,18 +44,14 @@ impl Figure {
         }
     }
 
-    /// Encodes the figure in all formats. Returns the drawing, and the encoded files in the order of
-    /// [`Format::ALL`].
+    /// Encodes the figure in all formats, in the order of [`Format::ALL`].
     ///
     /// # Errors
     /// Returns an error if the figure cannot be drawn.
-    pub fn encode_all(&self) -> Result<(Drawing, [Vec<u8>; 4]), DrawError> {
-        let drawing = Drawing::new(self)?;
-        let svg = drawing.svg();
+    pub fn encode_all(&self) -> Result<[Vec<u8>; 4], DrawError> {
+        let svg = Drawing::new(self)?.svg();
         let tree = self.parsed(&svg)?;
-        let files =
-            [svg.into_bytes(), self.png(&tree)?, self.pdf(&tree)?, plotted::csv(self).into_bytes()];
-        Ok((drawing, files))
+        Ok([svg.into_bytes(), self.png(&tree)?, self.pdf(&tree)?, plotted::csv(self).into_bytes()])
     }
 
     fn parsed(&self, svg: &str) -> Result<resvg::usvg::Tree, DrawError> {
@@ -63,8 +59,7 @@ impl Figure {
     }
 
     fn png(&self, tree: &resvg::usvg::Tree) -> Result<Vec<u8>, DrawError> {
-        raster::png(tree, self.print.dots_per_inch(), self.comment())
-            .map_err(|message| self.error(message))
+        raster::png(tree, self.comment()).map_err(|message| self.error(message))
     }
 
     fn pdf(&self, tree: &resvg::usvg::Tree) -> Result<Vec<u8>, DrawError> {

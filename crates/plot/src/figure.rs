@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::axis::{Range, Scale};
+use super::grid;
 use super::style::{EM, Look, SAMPLE, Shape};
 
 /// Notice for figures that show synthetic trials, drawn below the panels and stored as a comment in every
@@ -13,6 +14,8 @@ pub(crate) const SYNTHETIC: &str = "Synthetic trials, not recorded";
 pub(crate) const PT_PER_PX: f32 = 0.75;
 pub(crate) const PX_PER_INCH: f32 = 96.0;
 const MM_PER_INCH: f64 = 25.4;
+/// Height that the text of a journal's page has, mm.
+const MAX_HEIGHT_MM: f64 = 240.0;
 
 /// Point of a layer with the half-width of its error bar; unknown values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -48,6 +51,8 @@ pub struct Panel {
     pub x_names: Vec<(f64, String)>,
     /// Range to which the vertical axis is limited; `None` to show all values.
     pub shown: Option<Range>,
+    /// Range that the vertical axis covers even if no value is there, so that panels can have one scale.
+    pub covered: Option<Range>,
     /// Lines of text in the upper right corner of the panel.
     pub notes: Vec<String>,
     /// Remark about values outside the panel's range, written to the right of the title.
@@ -74,26 +79,31 @@ pub struct Print {
     pub font_pt: f64,
 }
 
+/// A column of a journal.
 impl Default for Print {
     fn default() -> Self {
-        Self { width_mm: None, font_pt: f64::from(PT_PER_PX) * EM }
+        Self { width_mm: Some(88.0), font_pt: 7.5 }
     }
 }
 
 impl Print {
     /// Returns the ratio of the printed size to the drawn size.
     pub fn scale(self) -> f64 {
-        self.font_pt / Self::default().font_pt
-    }
-
-    /// Returns the resolution of a PNG, which is higher for a figure with a printed width.
-    pub(crate) fn dots_per_inch(self) -> f32 {
-        if self.width_mm.is_some() { 600.0 } else { 288.0 }
+        self.font_pt / (f64::from(PT_PER_PX) * EM)
     }
 
     /// Returns the width of the drawing, px; `None` for the width that the panels need.
     pub fn width(self) -> Option<f64> {
-        self.width_mm.map(|mm| mm / MM_PER_INCH * f64::from(PX_PER_INCH) / self.scale())
+        self.width_mm.map(|mm| self.px(mm))
+    }
+
+    /// Returns the maximum height of the drawing, px.
+    pub(crate) fn max_height(self) -> f64 {
+        self.px(MAX_HEIGHT_MM)
+    }
+
+    fn px(self, mm: f64) -> f64 {
+        mm / MM_PER_INCH * f64::from(PX_PER_INCH) / self.scale()
     }
 }
 
@@ -199,6 +209,7 @@ impl Panel {
             ys.extend([point.y - half, point.y + half]);
         }
         ys.extend(self.layers.iter().flat_map(|layer| layer.band.as_flattened()));
+        ys.extend(self.covered.iter().flat_map(|range| [range.low, range.high]));
         ys
     }
 
@@ -218,6 +229,24 @@ impl Figure {
     ) -> Self {
         let campaigns = campaigns.iter().map(|&campaign| campaign.to_owned()).collect();
         Self { stem: stem.to_owned(), title, caption, campaigns, layout, panels, ..Self::default() }
+    }
+
+    /// Splits a figure with more panels than fit on a printed page into several figures, whose names and titles are
+    /// numbered.
+    pub fn pages(self) -> Vec<Self> {
+        let max_panels = grid::max_panels(&self);
+        if self.panels.len() <= max_panels || self.csv.is_some() {
+            return vec![self];
+        }
+        let count = self.panels.len().div_ceil(max_panels);
+        let parts = self.panels.chunks(self.panels.len().div_ceil(count)).zip(1..);
+        let page = |(panels, nth): (&[Panel], usize)| Self {
+            stem: if nth == 1 { self.stem.clone() } else { format!("{}-{nth}", self.stem) },
+            title: format!("{} ({nth} of {count})", self.title),
+            panels: panels.to_vec(),
+            ..self.clone()
+        };
+        parts.map(page).collect()
     }
 
     /// Returns the comment to store in the figure's files; `None` unless the figure shows synthetic trials.

@@ -98,19 +98,49 @@ impl<'b> Frame<'b> {
     }
 
     /// Draws a layer as a group with the layer's name, and writes the data of its markers, trials or band for
-    /// the report page's script.
-    pub(crate) fn draw_group(&self, layer: &Layer) -> Drawn {
+    /// the report page's script. `shifts` are the horizontal distances (px) by which its points are displaced.
+    pub(crate) fn draw_group(&self, layer: &Layer, shifts: &[f64]) -> Drawn {
         let name = escaped(&layer.name);
         let mut numbers = String::new();
         if matches!(layer.look, Look::Marker { .. }) || !layer.trials.is_empty() {
             numbers = format!(" data-points=\"{}\"", self.point_lines(layer));
+            if shifts.iter().any(|shift| *shift != 0.0) {
+                numbers += &format!(" data-shifts=\"{}\"", self.shift_list(layer, shifts));
+            }
         }
         if !layer.band.is_empty() {
             numbers = format!(" data-band=\"{}\"", self.band_lines(layer));
         }
         self.area.draw(&Markup(format!("<g data-name=\"{name}\"{numbers}>\n")))?;
-        self.draw(layer)?;
+        if shifts.iter().any(|shift| *shift != 0.0) {
+            self.draw(&self.shifted(layer, shifts))?;
+        } else {
+            self.draw(layer)?;
+        }
         self.area.draw(&Markup("</g>\n".to_owned()))
+    }
+
+    /// Returns a layer whose points are displaced horizontally.
+    fn shifted(&self, layer: &Layer, shifts: &[f64]) -> Layer {
+        let is_logarithmic = self.area.as_coord_spec().x_spec().is_logarithmic;
+        let mut layer = layer.clone();
+        for (point, shift) in layer.points.iter_mut().zip(shifts) {
+            let shift = shift * self.pixel.0;
+            point.x = if is_logarithmic { point.x * 10_f64.powf(shift) } else { point.x + shift };
+        }
+        layer
+    }
+
+    /// Returns the horizontal position of a value, px.
+    pub(crate) fn x_px(&self, value: f64) -> f64 {
+        self.area.as_coord_spec().x_spec().scaled(value) / self.pixel.0
+    }
+
+    /// Formats the horizontal displacements of the visible points of a layer, in the backend's units.
+    fn shift_list(&self, layer: &Layer, shifts: &[f64]) -> String {
+        let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
+        let shown = self.shown(&points).into_iter().map(|i| units(shifts[i]).to_string());
+        shown.collect::<Vec<_>>().join(" ")
     }
 
     /// Formats the visible points of a layer as lines of x, y, error and trial.
@@ -143,7 +173,9 @@ impl<'b> Frame<'b> {
         let points: Vec<(f64, f64)> = layer.points.iter().map(|point| self.at(point)).collect();
         let line = |colour| stroke(colour, style::LINE_WIDTH);
         match layer.look {
-            Look::Line { colour, dash } => self.curve(&points, dash, line(colour)),
+            Look::Line { colour, dash, width_px } => {
+                self.curve(&points, dash, stroke(colour, width_px))
+            }
             Look::Dots { colour, joined } => {
                 if joined {
                     self.curve(&points, style::SOLID, line(colour))?;
@@ -151,8 +183,11 @@ impl<'b> Frame<'b> {
                 self.symbols(&points, Shape::Circle, &[(style::DOT_RADIUS, colour)])
             }
             Look::Marker { colour, shape, filled } => {
-                let stroke = stroke(colour, style::FRAME_WIDTH);
-                self.error_bars(&layer.points, stroke, style::ERROR_BAR_ENDS)?;
+                self.error_bars(
+                    &layer.points,
+                    stroke(colour, style::FRAME_WIDTH),
+                    style::ERROR_BAR_ENDS,
+                )?;
                 self.symbols(&points, shape, &marker_symbols(colour, filled))
             }
             Look::Rings => self.symbols(&points, Shape::Circle, &marker_symbols(style::INK, false)),
@@ -240,13 +275,16 @@ impl<'b> Frame<'b> {
         let mut each =
             symbols.iter().flat_map(|symbol| shown.iter().map(move |i| (points[*i], symbol)));
         each.try_for_each(|(at, (radius, colour))| {
-            let half = units(0.92 * radius);
             let fill = colour.filled();
-            let square = Rectangle::new([(-half, -half), (half, half)], fill);
-            match shape {
-                Shape::Circle => self.area.draw(&Circle::new(at, units(*radius), fill)),
-                Shape::Square => self.area.draw(&(EmptyElement::at(at) + square)),
-            }
+            let corners: &[(f64, f64)] = match shape {
+                Shape::Circle => return self.area.draw(&Circle::new(at, units(*radius), fill)),
+                Shape::Square => &[(-0.92, -0.92), (0.92, -0.92), (0.92, 0.92), (-0.92, 0.92)],
+                Shape::Triangle => &[(0.0, -1.25), (1.2, 0.85), (-1.2, 0.85)],
+                Shape::Diamond => &[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)],
+            };
+            let corners = corners.iter().map(|(x, y)| (units(x * radius), units(y * radius)));
+            let shape = Polygon::new(corners.collect::<Vec<_>>(), fill);
+            self.area.draw(&(EmptyElement::at(at) + shape))
         })
     }
 

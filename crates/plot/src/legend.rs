@@ -1,6 +1,7 @@
 //! Legends: rows of samples above the panels. (The legend of plotters is a box that covers data.)
 
 use super::figure::Layer;
+use super::plotted::symbol;
 use super::style::{self, SAMPLE};
 
 pub(crate) const SAMPLE_GAP: f64 = 5.0;
@@ -25,6 +26,11 @@ fn width(sample: &Layer) -> f64 {
 /// Returns the width (px) of the given legend keys, with their names, in a single row.
 pub(crate) fn row_width(samples: &[Layer]) -> f64 {
     samples.iter().map(|sample| width(sample) + GAP).sum::<f64>() - GAP
+}
+
+/// Returns the height (px) of a legend.
+pub(crate) fn height(entries: &[Entry]) -> f64 {
+    entries.iter().map(|entry| entry.row + 1).max().map_or(0.0, |rows| rows as f64 * ROW)
 }
 
 /// Arranges legend keys and their names in columns between `left` and `right` (px), in as few rows as
@@ -55,6 +61,15 @@ fn column_widths(samples: &[Layer], rows: usize) -> Vec<f64> {
     columns.map(|column| column.iter().map(width).fold(0.0, f64::max) + GAP).collect()
 }
 
+/// Shortens the label of an axis so that it fits into `room` px: to its symbol and unit, if it has a symbol.
+pub(crate) fn fit_label(label: &str, room: f64) -> String {
+    let short = label.split_once(" (").and_then(|(words, unit)| {
+        let symbol = symbol(words).filter(|_| style::text_width(label) > room)?;
+        Some(format!("{symbol} ({unit}"))
+    });
+    shorten(short.as_deref().unwrap_or(label), room)
+}
+
 /// Shortens text with an ellipsis so that it fits into `room` px.
 pub(crate) fn shorten(label: &str, room: f64) -> String {
     if style::text_width(label) <= room {
@@ -72,7 +87,11 @@ mod tests {
 
     #[test]
     fn samples_take_as_few_rows_as_possible() {
-        let look = style::Look::Line { colour: style::INK, dash: style::SOLID };
+        let look = style::Look::Line {
+            colour: style::INK,
+            dash: style::SOLID,
+            width_px: style::LINE_WIDTH,
+        };
         let sample = |label: &str| Layer::new(label, [], look);
         let samples: Vec<Layer> = ["first", "second", "third"].map(sample).into();
         let width = row_width(&samples);
@@ -84,6 +103,14 @@ mod tests {
         assert_eq!(rows(width - 20.0), [0, 1, 0]);
         assert_eq!(rows(60.0), [0, 1, 2]);
         assert!(lay_out(samples, 0.0, 60.0).iter().any(|entry| entry.sample.name.contains('…')));
+    }
+
+    #[test]
+    fn the_label_of_a_narrow_axis_keeps_its_symbol_and_unit() {
+        let label = "Actuation frequency ω (rad/s)";
+        assert_eq!(fit_label(label, style::text_width(label)), label);
+        assert_eq!(fit_label(label, 80.0), "ω (rad/s)");
+        assert!(fit_label("Amplitude of joint 2 (deg)", 80.0).ends_with('…'));
     }
 
     #[test]

@@ -5,15 +5,15 @@
 //! the names of the trials and campaigns that it shows, and a notice that they are synthetic.
 //!
 //! - Data: `figure` and `style`.
-//! - Layout: `axis` ([`Scale`], ticks), `grid`, `legend`.
+//! - Layout: `axis` ([`Scale`], ticks), `grid`, `legend`, `dodge` (repeats beside each other).
 //! - Drawing: `draw`, `frame` and `polyline`, with plotters and its backend `svg`; `render` returns a [`Drawing`].
 //! - Files: `encode` ([`Format`]), `raster` (PNG), `pdf`, and `plotted` (data as CSV, and a text
 //!   alternative).
 //!
 //! ```
-//! use trilink_plot::{Figure, Format, Layer, Layout, Look, Panel, RGBColor};
+//! use trilink_plot::{Figure, Format, LINE_WIDTH, Layer, Layout, Look, Panel, RGBColor};
 //!
-//! let look = Look::Line { colour: RGBColor(0, 114, 178), dash: None };
+//! let look = Look::Line { colour: RGBColor(0, 114, 178), dash: None, width_px: LINE_WIDTH };
 //! let line = Layer::new("d", [(1.0, 0.31), (2.0, 0.42)], look);
 //! let panel = Panel::new("", "Actuation frequency ω (rad/s)", "d (m)", vec![line]);
 //! let figure = Figure::new("distance", Default::default(), &[], Layout::Grid, vec![panel]);
@@ -24,6 +24,7 @@
 //! The example `figure` draws two panels with curves and error bars in every format.
 
 mod axis;
+mod dodge;
 mod draw;
 mod encode;
 mod figure;
@@ -45,4 +46,4 @@ pub use plotted::{number, text_alternative};
 pub use plotters::style::RGBColor;
 pub use polyline::envelope;
 pub use render::Drawing;
-pub use style::{DASHES, Dash, INK, Look, ROBOTO, SOLID, Shape, WIDTH};
+pub use style::{DASHES, Dash, INK, LINE_WIDTH, Look, ROBOTO, SOLID, Shape, THICK, THIN, WIDTH};

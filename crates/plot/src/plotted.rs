@@ -75,10 +75,7 @@ fn column(label: &str) -> String {
     let with_unit = label.strip_suffix(')').and_then(|label| label.split_once(" ("));
     let (words, unit) = with_unit.unwrap_or((label, ""));
     // A symbol at the end makes the words before it redundant.
-    let last = words.rsplit(' ').next().unwrap_or_default();
-    let mut letters = last.chars().filter(|c| !('₀'..='₉').contains(c));
-    let is_symbol = letters.next().is_some_and(|c| c.is_lowercase()) && letters.next().is_none();
-    let words = if is_symbol { last } else { words };
+    let words = symbol(words).unwrap_or(words);
     let mut name = String::new();
     for c in format!("{words} {}", unit.replace("N m", "Nm")).chars() {
         match c {
@@ -98,6 +95,14 @@ fn column(label: &str) -> String {
         }
     }
     name.trim_end_matches('_').to_owned()
+}
+
+/// Returns the symbol with which the words of an axis label end; `None` if they end with a word or a number.
+pub(crate) fn symbol(words: &str) -> Option<&str> {
+    let last = words.rsplit(' ').next()?;
+    let mut letters = last.chars().filter(|c| !('₀'..='₉').contains(c));
+    let is_symbol = letters.next().is_some_and(char::is_lowercase) && letters.next().is_none();
+    is_symbol.then_some(last)
 }
 
 /// Returns the text alternative of a figure, for readers who cannot see it.

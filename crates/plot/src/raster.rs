@@ -11,7 +11,8 @@ use crate::figure::PX_PER_INCH;
 use crate::pdf::compress;
 use crate::style;
 
-/// Maximum number of pixels; figures with very many panels get a lower resolution.
+const DOTS_PER_INCH: f32 = 400.0;
+/// Maximum number of pixels; very large figures get a lower resolution.
 const MAX_PIXELS: f32 = 2e7;
 const INCHES_PER_METRE: f32 = 1.0 / 0.0254;
 
@@ -33,17 +34,13 @@ pub(crate) fn parsed(svg: &str) -> Result<Tree, String> {
     Tree::from_str(&svg, &options).map_err(|error| error.to_string())
 }
 
-/// Renders a figure as PNG at the given resolution, which is stored in the file together with the comment.
+/// Renders a figure as PNG, in which its resolution and the comment are stored.
 ///
 /// # Errors
 /// Returns the reason if the figure cannot be encoded.
-pub(crate) fn png(
-    svg: &Tree,
-    dots_per_inch: f32,
-    comment: Option<&str>,
-) -> Result<Vec<u8>, String> {
+pub(crate) fn png(svg: &Tree, comment: Option<&str>) -> Result<Vec<u8>, String> {
     let area = svg.size().width() * svg.size().height();
-    let scale = (dots_per_inch / PX_PER_INCH).min((MAX_PIXELS / area).sqrt());
+    let scale = (DOTS_PER_INCH / PX_PER_INCH).min((MAX_PIXELS / area).sqrt());
     let [width, height] =
         [svg.size().width(), svg.size().height()].map(|length| (length * scale).round() as u32);
     let mut pixels =
@@ -114,7 +111,7 @@ mod tests {
                  <text y=\"15\" font-family=\"{}\">{sign}</text></svg>",
                 style::FAMILY
             );
-            parsed(&text).and_then(|svg| png(&svg, PX_PER_INCH, None)).expect("draws")
+            parsed(&text).and_then(|svg| png(&svg, None)).expect("draws")
         };
         let blank = render(' ');
         let missing = render('\u{6f22}');

@@ -21,7 +21,7 @@ const PRESENTATION: &str =
     "overflow=\"visible\" fill=\"none\" font-family=\"Roboto, sans-serif\" font-size=\"120\"";
 
 /// Height of the line with the notice [`SYNTHETIC`], px.
-const SYNTHETIC_ROW: f64 = 18.0;
+pub(crate) const SYNTHETIC_ROW: f64 = 18.0;
 
 /// Rendered figure: its legend and panels as SVG.
 pub struct Drawing {
@@ -37,12 +37,23 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// Draws a figure.
+    /// Draws a figure for print.
     ///
     /// # Errors
     /// Returns an error if plotters fails.
     pub fn new(figure: &Figure) -> Result<Self, DrawError> {
-        let grid = Grid::new(figure);
+        Self::of_grid(figure, Grid::new(figure, Some(figure.print)), figure.print.scale())
+    }
+
+    /// Draws a figure for a page on the screen, where it is as wide as its panels require.
+    ///
+    /// # Errors
+    /// Returns an error if plotters fails.
+    pub fn on_screen(figure: &Figure) -> Result<Self, DrawError> {
+        Self::of_grid(figure, Grid::new(figure, None), 1.0)
+    }
+
+    fn of_grid(figure: &Figure, grid: Grid<'_>, scale: f64) -> Result<Self, DrawError> {
         let Grid { columns, width, height, .. } = grid;
         let mut parts = [String::new(), String::new()];
         let [legend, panels] = parts.each_mut().map(|part| {
@@ -55,14 +66,7 @@ impl Drawing {
         for part in parts.iter_mut().filter(|part| !part.chars().all(is_allowed)) {
             *part = part.replace(|c| !is_allowed(c), "\u{fffd}");
         }
-        Ok(Self {
-            columns,
-            width,
-            height,
-            scale: figure.print.scale(),
-            is_synthetic: figure.is_synthetic,
-            parts,
-        })
+        Ok(Self { columns, width, height, scale, is_synthetic: figure.is_synthetic, parts })
     }
 
     /// Returns the SVG of the notice about synthetic trials below the panels; empty for recorded trials.
@@ -114,8 +118,8 @@ mod tests {
     use crate::{Layer, Layout, Look, Panel, Range, Scale};
 
     const LOOKS: [Look; 10] = [
-        Look::Line { colour: style::INK, dash: style::DASHES },
-        Look::Line { colour: style::INK, dash: style::SOLID },
+        Look::Line { colour: style::INK, dash: style::DASHES, width_px: style::THIN },
+        Look::Line { colour: style::INK, dash: style::SOLID, width_px: style::LINE_WIDTH },
         Look::Marker { colour: style::INK, shape: style::Shape::Square, filled: false },
         Look::Dots { colour: style::INK, joined: true },
         Look::Dots { colour: style::INK, joined: false },

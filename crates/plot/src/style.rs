@@ -19,11 +19,16 @@ pub(crate) const LINKS: RGBColor = RGBColor(110, 110, 110);
 pub const WIDTH: f64 = 460.0;
 /// Width of a figure that has several panels side by side, px.
 pub(crate) const WIDE: f64 = 644.0;
-pub(crate) const LINE_WIDTH: f64 = 1.6;
+/// Width of a line of secondary importance, such as a transient, px.
+pub const THIN: f64 = 0.7;
+/// Width of a line, px.
+pub const LINE_WIDTH: f64 = 1.6;
+/// Width of a line that stays visible beneath others, px.
+pub const THICK: f64 = 2.8;
 pub(crate) const FRAME_WIDTH: f64 = 1.0;
 /// Line width of [`Look::Bars`], px.
 pub(crate) const BAR_WIDTH: f64 = 3.0;
-pub(crate) const MARKER_RADIUS: f64 = 3.6;
+pub(crate) const MARKER_RADIUS: f64 = 3.2;
 /// Width of the caps of an error bar, px.
 pub(crate) const ERROR_BAR_ENDS: f64 = 6.4;
 /// Length of the line that represents a layer in a legend, px.
@@ -88,6 +93,8 @@ pub const DASHES: Dash = Some((6.0, 4.0));
 pub enum Shape {
     Circle,
     Square,
+    Triangle,
+    Diamond,
 }
 
 /// Serialized form of a colour.
@@ -103,6 +110,7 @@ pub enum Look {
         #[serde(with = "Rgb")]
         colour: RGBColor,
         dash: Dash,
+        width_px: f64,
     },
     /// Markers with error bars, which the legend lists.
     Marker {

@@ -286,12 +286,10 @@ fn draw(
     kept: &BTreeSet<String>,
     write: &impl Fn(&str, &[u8]) -> Result<(), StoreError>,
 ) -> Result<Value, ReportError> {
-    if kept.contains(&figure.stem) {
-        return Ok(page::image(figure)?);
+    if !kept.contains(&figure.stem) {
+        for (name, bytes) in file_names(&figure.stem).iter().zip(figure.encode_all()?) {
+            write(name, &bytes)?;
+        }
     }
-    let (drawing, files) = figure.encode_all()?;
-    for (name, bytes) in file_names(&figure.stem).iter().zip(&files) {
-        write(name, bytes)?;
-    }
-    Ok(page::image_of_drawing(figure, &drawing))
+    Ok(page::image(figure)?)
 }

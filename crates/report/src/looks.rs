@@ -1,27 +1,28 @@
 //! Colours, dashes and marker shapes in figures: one palette, and one plot style per model.
 
 use trilink_plot::RGBColor;
-use trilink_plot::{DASHES, Dash, INK, Look, SOLID, Shape};
+use trilink_plot::{DASHES, Dash, INK, LINE_WIDTH, Look, SOLID, Shape, THICK, THIN};
 use trilink_robot::Model;
 use trilink_robot::metrics::{Bifurcation, BranchKind};
 use trilink_tables::config::{ModelConfig, Models};
 
-/// Colour palette of Okabe and Ito, whose colours can be distinguished by colour-blind readers:
-/// <https://jfly.uni-koeln.de/color/>
+/// Colour palette of Okabe and Ito, whose colours can be distinguished by colour-blind readers
+/// (<https://jfly.uni-koeln.de/color/>); orange and sky blue are darker here, for a contrast of 3:1 on white
+/// (<https://www.w3.org/TR/WCAG21/#non-text-contrast>).
 mod okabe_ito {
     use trilink_plot::RGBColor;
-    pub(super) const ORANGE: RGBColor = RGBColor(230, 159, 0);
+    pub(super) const ORANGE: RGBColor = RGBColor(196, 127, 0);
     pub(super) const GREEN: RGBColor = RGBColor(0, 158, 115);
     pub(super) const BLUE: RGBColor = RGBColor(0, 114, 178);
     pub(super) const VERMILLION: RGBColor = RGBColor(213, 94, 0);
     pub(super) const PURPLE: RGBColor = RGBColor(204, 121, 167);
-    pub(super) const SKY: RGBColor = RGBColor(86, 180, 233);
+    pub(super) const SKY: RGBColor = RGBColor(30, 144, 210);
 }
 
 /// Colours for the figures that compare runs of the program: baseline, candidate run and trend.
 pub mod colours {
     use trilink_plot::RGBColor;
-    pub const BASELINE: RGBColor = RGBColor(150, 150, 150);
+    pub const BASELINE: RGBColor = RGBColor(140, 140, 140);
     pub const CANDIDATE: RGBColor = super::okabe_ito::VERMILLION;
     pub const TREND: RGBColor = super::okabe_ito::BLUE;
 }
@@ -41,6 +42,7 @@ pub(crate) const BAND: RGBColor = RGBColor(232, 240, 246);
 pub(crate) const INNER_BAND: RGBColor = RGBColor(206, 223, 236);
 
 const LONG_DASHES: Dash = Some((11.0, 4.0));
+const SPARSE_DASHES: Dash = Some((8.0, 8.0));
 const SHORT_DASHES: Dash = Some((3.5, 2.5));
 const DOTS: Dash = Some((1.8, 3.0));
 
@@ -48,43 +50,47 @@ const DOTS: Dash = Some((1.8, 3.0));
 const OTHER: RGBColor = RGBColor(120, 120, 120);
 
 const fn line(colour: RGBColor, dash: Dash) -> Look {
-    Look::Line { colour, dash }
+    Look::Line { colour, dash, width_px: LINE_WIDTH }
 }
 
-const MARKERS: [(Shape, bool); 4] =
-    [(Shape::Circle, true), (Shape::Square, false), (Shape::Circle, false), (Shape::Square, true)];
+/// Shapes of the markers of the campaigns in a panel.
+const SHAPES: [Shape; 4] = [Shape::Circle, Shape::Square, Shape::Triangle, Shape::Diamond];
 
 /// Returns the plot style for the measurements of the `nth` campaign in a panel.
 pub(crate) fn measured(nth: usize) -> Look {
-    marker(INK, nth)
+    marker(INK, nth, true)
 }
 
-/// Returns the plot style for the measurements from flagged trials of the `nth` campaign in a panel.
+/// Returns the plot style for the measurements from flagged trials of the `nth` campaign in a panel: open markers.
 pub(crate) fn flagged(nth: usize) -> Look {
-    marker(okabe_ito::ORANGE, nth)
+    marker(INK, nth, false)
 }
 
 /// Marker for cycles that are not included in the trial means.
 pub(crate) const UNUSED: Look = Look::Marker { colour: OTHER, shape: Shape::Circle, filled: false };
 
-fn marker(colour: RGBColor, nth: usize) -> Look {
-    let (shape, filled) = MARKERS[nth % MARKERS.len()];
-    Look::Marker { colour, shape, filled }
+fn marker(colour: RGBColor, nth: usize, filled: bool) -> Look {
+    Look::Marker { colour, shape: SHAPES[nth % SHAPES.len()], filled }
 }
 
 /// Line style for a recording, or for the only series in a panel.
 pub(crate) const RECORDED: Look = line(INK, SOLID);
+/// Line style for a recording over which simulated motions are drawn, so thick that it remains visible.
+pub(crate) const BENEATH: Look = Look::Line { colour: INK, dash: SOLID, width_px: THICK };
+/// Line styles for the roll and the skid velocity of a wheel, solid because they are noisy.
+pub(crate) const ROLL: Look = line(INK, SOLID);
+pub(crate) const SKID: Look = line(okabe_ito::VERMILLION, SOLID);
 /// Line style for a commanded quantity.
 pub(crate) const COMMANDED: Look = line(OTHER, DASHES);
 /// Line style for a simulated robot with very large skid coefficients.
 pub(crate) const STIFF: Look = line(okabe_ito::PURPLE, SHORT_DASHES);
 /// Line style for the transient before a steady-state motion.
-pub(crate) const TRANSIENT: Look = line(OTHER, SOLID);
+pub(crate) const TRANSIENT: Look = Look::Line { colour: OTHER, dash: SOLID, width_px: THIN };
 /// Line style for a curve fitted to a recording.
 pub(crate) const FITTED: Look = line(okabe_ito::VERMILLION, DASHES);
 
 const COMPONENTS: [(RGBColor, Dash); 3] =
-    [(INK, SOLID), (okabe_ito::SKY, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
+    [(INK, SOLID), (okabe_ito::BLUE, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
 
 /// Returns the line style for the stable or unstable motions on a solution branch: the colour shows the kind of branch,
 /// and dashes show that the motions are unstable.
@@ -125,17 +131,18 @@ pub(crate) const EXTRAPOLATED: Look =
     Look::Marker { colour: okabe_ito::VERMILLION, shape: Shape::Circle, filled: false };
 
 /// Sequential blues of ColorBrewer: <https://colorbrewer2.org/#type=sequential&scheme=Blues>
-const BLUES: [RGBColor; 5] = [
-    RGBColor(8, 48, 107),
-    RGBColor(8, 81, 156),
-    RGBColor(33, 113, 181),
-    RGBColor(107, 174, 214),
-    RGBColor(158, 202, 225),
+const BLUES: [(RGBColor, Dash); 5] = [
+    (RGBColor(8, 48, 107), SOLID),
+    (RGBColor(8, 81, 156), LONG_DASHES),
+    (RGBColor(33, 113, 181), DASHES),
+    (RGBColor(49, 130, 189), SHORT_DASHES),
+    (RGBColor(66, 146, 198), DOTS),
 ];
 
 /// Returns the line style for the `nth` contour line around the best value, counted outwards.
 pub(crate) fn within(nth: usize) -> Look {
-    line(BLUES[nth % BLUES.len()], SOLID)
+    let (colour, dash) = BLUES[nth % BLUES.len()];
+    line(colour, dash)
 }
 
 /// Returns the plot style for the `nth` component of a quantity, such as one link, wheel, joint or direction.
@@ -151,13 +158,13 @@ pub(crate) fn component_colour(nth: usize) -> RGBColor {
 
 /// Returns the markers for the `nth` campaign in a figure that distinguishes campaigns by colour.
 pub(crate) fn campaign(nth: usize) -> Look {
-    marker(component_colour(nth), nth)
+    marker(component_colour(nth), nth, true)
 }
 
 /// Returns the plot style for frames in which the pose of a link is not measured: found from other markers (`nth` = 0),
 /// interpolated (1) or missing (2).
 pub(crate) fn gap(nth: usize) -> Look {
-    Look::Spans([okabe_ito::SKY, okabe_ito::ORANGE, okabe_ito::VERMILLION][nth % 3])
+    Look::Spans([okabe_ito::ORANGE, okabe_ito::BLUE, INK][nth % 3])
 }
 
 /// Colours and dashes for the paper's models in all figures.
@@ -166,21 +173,24 @@ const PAPER: [(Model, RGBColor, Dash); 6] = [
     (Model::NO_SKID_MEASURED, okabe_ito::SKY, DOTS),
     (Model::NO_SKID_DAMPED, okabe_ito::PURPLE, LONG_DASHES),
     (Model::NO_SKID_ROLL, okabe_ito::ORANGE, SHORT_DASHES),
-    (Model::SKID, okabe_ito::GREEN, LONG_DASHES),
+    (Model::SKID, okabe_ito::GREEN, SPARSE_DASHES),
     (Model::SKID_ROLL, okabe_ito::VERMILLION, SOLID),
 ];
 
 /// Colours and dashes for models that are not in the paper, assigned in the order of their names, from Paul Tol's muted
-/// palette:
+/// palette, with an indigo that is far from black and a darker olive:
 /// <https://sronpersonalpages.nl/~pault/>
 const OTHERS: [(RGBColor, Dash); 6] = [
-    (RGBColor(51, 34, 136), SOLID),
-    (RGBColor(136, 34, 85), DASHES),
-    (RGBColor(153, 153, 51), LONG_DASHES),
-    (RGBColor(51, 34, 136), SHORT_DASHES),
-    (RGBColor(136, 34, 85), DOTS),
-    (RGBColor(153, 153, 51), SOLID),
+    (INDIGO, SOLID),
+    (WINE, DASHES),
+    (OLIVE, LONG_DASHES),
+    (INDIGO, SHORT_DASHES),
+    (WINE, DOTS),
+    (OLIVE, SPARSE_DASHES),
 ];
+const INDIGO: RGBColor = RGBColor(110, 80, 200);
+const WINE: RGBColor = RGBColor(136, 34, 85);
+const OLIVE: RGBColor = RGBColor(117, 117, 30);
 
 /// Colour and dashes with which a model is plotted in all figures.
 #[derive(Debug, Clone, Copy)]
@@ -215,6 +225,16 @@ impl ModelLook {
         line(self.colour, self.dash)
     }
 
+    /// Returns the line style for the only curve in a panel.
+    pub(crate) fn solid(self) -> Look {
+        line(self.colour, SOLID)
+    }
+
+    /// Returns a line style that stands out from thin lines.
+    pub(crate) fn thick(self) -> Look {
+        Look::Line { colour: self.colour, dash: SOLID, width_px: THICK }
+    }
+
     /// Returns a dashed line style for the fitted model, so that the recording beneath the line remains visible.
     pub(crate) fn over_recorded(self) -> Look {
         line(self.colour, LONG_DASHES)
@@ -228,7 +248,7 @@ impl ModelLook {
     pub fn of_campaign(self, nth: usize) -> Look {
         let Self { colour, dash, is_of_trials } = self;
         match nth {
-            _ if is_of_trials => Look::Marker { colour, shape: Shape::Circle, filled: false },
+            _ if is_of_trials => Look::Marker { colour, shape: Shape::Diamond, filled: false },
             0 => line(colour, dash),
             _ => line(colour, [SHORT_DASHES, DASHES, LONG_DASHES, DOTS][nth % 4]),
         }
@@ -237,6 +257,8 @@ impl ModelLook {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use trilink_tables::config::Config;
 
     use super::*;
@@ -263,27 +285,79 @@ mod tests {
     }
 
     /// Returns the relative luminance of a colour: <https://www.w3.org/TR/WCAG21/#dfn-relative-luminance>
-    fn luminance(colour: &str) -> f64 {
-        let part = |nth: usize| {
-            let part = u8::from_str_radix(&colour[1 + 2 * nth..][..2], 16).unwrap();
+    fn luminance(RGBColor(red, green, blue): RGBColor) -> f64 {
+        let [red, green, blue] = [red, green, blue].map(|part| {
             let part = f64::from(part) / 255.0;
             if part <= 0.04045 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
-        };
-        0.2126 * part(0) + 0.7152 * part(1) + 0.0722 * part(2)
+        });
+        0.2126 * red + 0.7152 * green + 0.0722 * blue
+    }
+
+    fn contrast(one: RGBColor, other: RGBColor) -> f64 {
+        let [low, high] = trilink_statistics::extremes([one, other].map(luminance));
+        (high + 0.05) / (low + 0.05)
+    }
+
+    fn colour(hexadecimal: &str) -> RGBColor {
+        let part = |nth: usize| u8::from_str_radix(&hexadecimal[1 + 2 * nth..][..2], 16).unwrap();
+        RGBColor(part(0), part(1), part(2))
+    }
+
+    /// Returns the colour of every line and marker in the figures.
+    fn all() -> BTreeSet<[u8; 3]> {
+        let looks = (0..6)
+            .flat_map(|nth| {
+                [measured(nth), flagged(nth), component(nth), campaign(nth), within(nth), gap(nth)]
+            })
+            .chain(Bifurcation::ALL.map(bifurcation))
+            .chain(BranchKind::ALL.map(|kind| branch(kind, false)))
+            .chain([
+                UNUSED, RECORDED, BENEATH, ROLL, SKID, COMMANDED, STIFF, TRANSIENT, FITTED,
+                OPTIMUM, PRESENT,
+            ])
+            .chain([REPLICATES, EDGE, TRIALS_EDGE, EXTRAPOLATED, trends::BASELINE, trends::RUN]);
+        let looks = looks.filter_map(|look| match look {
+            Look::Line { colour, .. } | Look::Marker { colour, .. } | Look::Spans(colour) => {
+                Some(colour)
+            }
+            _ => None,
+        });
+        let models =
+            PAPER.iter().map(|(_, colour, _)| *colour).chain(OTHERS.map(|(colour, _)| colour));
+        looks.chain(models).map(|RGBColor(red, green, blue)| [red, green, blue]).collect()
     }
 
     #[test]
-    fn the_line_of_every_model_is_visible_on_dark_pages() {
+    fn every_line_and_marker_is_visible_on_white_and_on_dark_pages() {
         let style = include_str!("page/style.css");
         let pages: Vec<&str> = style.split("--page: ").skip(1).map(|rest| &rest[..7]).collect();
-        let dark = luminance(pages[1]);
-        let colours = PAPER.iter().map(|(_, colour, _)| *colour);
-        for RGBColor(red, green, blue) in colours.chain(OTHERS.iter().map(|(colour, _)| *colour)) {
-            let colour = format!("#{red:02x}{green:02x}{blue:02x}");
-            let rule = format!(".sheet [stroke=\"{colour}\"] {{ stroke: ");
-            let on_dark = style.split_once(&rule).map_or(&colour[..], |(_, rest)| &rest[..7]);
-            let contrast = (luminance(on_dark) + 0.05) / (dark + 0.05);
-            assert!(contrast >= 3.0, "{colour} as {on_dark}: {contrast}");
+        let dark = colour(pages[1]);
+        let all = all();
+        assert!(all.len() > 12, "{all:?}");
+        for [red, green, blue] in all {
+            let on_white = RGBColor(red, green, blue);
+            let name = format!("#{red:02x}{green:02x}{blue:02x}");
+            let rule = format!(".sheet [stroke=\"{name}\"] {{ stroke: ");
+            let on_dark = style.split_once(&rule).map_or(on_white, |(_, rest)| match &rest[..7] {
+                "var(--i" => RGBColor(230, 232, 234),
+                shown => colour(shown),
+            });
+            let contrasts = [(on_white, RGBColor(255, 255, 255)), (on_dark, dark)];
+            for (of, page) in contrasts {
+                assert!(contrast(of, page) >= 3.0, "{name} on {page:?}: {}", contrast(of, page));
+            }
+        }
+    }
+
+    #[test]
+    fn models_differ_without_colour() {
+        let looks: Vec<(RGBColor, Dash)> =
+            PAPER.map(|(_, colour, dash)| (colour, dash)).into_iter().chain(OTHERS).collect();
+        for (nth, (colour, dash)) in looks.iter().enumerate() {
+            for (other, of_other) in &looks[..nth] {
+                let differ = dash != of_other || contrast(*colour, *other) >= 1.3;
+                assert!(differ, "{colour:?} and {other:?} with {dash:?}");
+            }
         }
     }
 }

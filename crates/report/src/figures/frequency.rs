@@ -15,13 +15,15 @@ use super::texts::texts;
 use crate::series::{DISPLACEMENT, Quantity, SPEED, Series, Source};
 
 /// Explanation of the markers and error bars, for captions.
-pub(crate) const BARS: &str = "Markers: means over the used cycles of each trial, orange for \
-                               flagged trials, beneath the others (if there are many trials, \
-                               overlapping markers are omitted); bars: 95 % intervals (1.96 \
-                               standard errors), if longer than the marker.";
-/// Upper limit of a panel's vertical axis, as a multiple of the highest measurement; model curves that rise higher are
-/// cut off, because they would flatten the measurements.
-const MAX_HEIGHT: f64 = 1.5;
+pub(crate) const BARS: &str = "Markers: means over the used cycles of each trial, open for flagged \
+                               trials; repeats at one frequency are drawn beside each other (if there are \
+                               many trials, overlapping markers are omitted); bars: 95 % intervals \
+                               (1.96 standard errors), if longer than the marker.";
+/// Upper limit of a panel's linear vertical axis, as a multiple of the highest measurement. If a model curve rises
+/// higher, the axis is logarithmic, because the curve would flatten the measurements.
+const MAX_HEIGHT: f64 = 2.2;
+/// Limits of a panel's logarithmic vertical axis, as multiples of the lowest and of the highest measurement.
+const LOGARITHMIC: [f64; 2] = [0.5, 30.0];
 
 /// Quantity with its measured and predicted series against frequency.
 pub(crate) type Plot = (Quantity, Vec<Series>);
@@ -148,9 +150,24 @@ fn panel((quantity, series): &Plot) -> Panel {
     // Measurements are drawn on top of models.
     let (measured, modelled): (Vec<&Series>, Vec<_>) =
         series.iter().partition(|series| series.model.is_none());
-    let tops = measured.iter().flat_map(|series| series.points());
-    let range = Range::enclosing(tops.map(|point| point.y + point.error.max(0.0)));
-    let ceiling = range.map(|range| MAX_HEIGHT * range.high).filter(|ceiling| *ceiling > 0.0);
+    let bars = measured.iter().flat_map(|series| series.points());
+    let bars = bars.flat_map(|point| [-1.0, 1.0].map(|side| point.y + side * point.error.max(0.0)));
+    let range = Range::enclosing(bars).filter(|range| range.high > 0.0);
+    let lowest = range.map(|range| range.low).filter(|lowest| *lowest > 0.0);
+    let curves = modelled.iter().flat_map(|series| series.points());
+    let is_flattened = Range::enclosing(curves.map(|point| point.y))
+        .zip(range)
+        .is_some_and(|(curves, range)| curves.high > MAX_HEIGHT * range.high);
+    let shown = match (range, lowest.filter(|_| is_flattened)) {
+        (Some(Range { high, .. }), Some(low)) => {
+            Some(Range { low: LOGARITHMIC[0] * low, high: LOGARITHMIC[1] * high })
+        }
+        (Some(Range { high, .. }), None) => {
+            Some(Range { low: f64::NEG_INFINITY, high: MAX_HEIGHT * high })
+        }
+        (None, _) => None,
+    };
+    let ceiling = shown.map(|shown| shown.high);
     // Note that a series extends above the panel.
     let beyond = |series: &&Series| {
         let above = series.points().map(|point| point.y).filter(|value| Some(*value) > ceiling);
@@ -167,10 +184,11 @@ fn panel((quantity, series): &Plot) -> Panel {
     let layers = modelled.into_iter().chain(measured).map(|series| series.layer.clone());
     Panel {
         y_scale: match quantity.metric {
+            _ if is_flattened && lowest.is_some() => Scale::Decades,
             Metric::D => Scale::Linear,
             _ => Scale::FromZero,
         },
-        shown: ceiling.map(|high| Range { low: f64::NEG_INFINITY, high }),
+        shown,
         beyond: match beyond.as_slice() {
             [] => String::new(),
             [one] => one.clone(),

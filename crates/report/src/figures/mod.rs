@@ -197,6 +197,10 @@ pub(crate) fn figures(
     found.figures.extend(truth.map(|truth| recovered::figure(TRUTH, truth, tables, inputs.source)));
     let Figures { figures, missing } = &mut found;
     for figure in figures.iter_mut() {
+        let number = number(&figure.stem);
+        if !number.is_empty() {
+            figure.title.push_str(&format!(", as {number} of the paper"));
+        }
         figure.print = config.print();
         figure.is_synthetic =
             truth.is_some_and(|truth| truth.is_synthetic_in(&figure.campaigns, tables));
@@ -212,6 +216,7 @@ pub(crate) fn figures(
         }));
         is_drawn
     });
+    found.figures = found.figures.into_iter().flat_map(Figure::pages).collect();
     Ok(found)
 }
 

@@ -65,8 +65,8 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
     let largest = beyond.first().map_or(String::new(), |(_, _, farthest)| fixed(*farthest, 0));
     let beyond = match beyond.as_slice() {
         [] => String::new(),
-        [(model, ..)] => format!("{model} off the scale, up to {largest} %"),
-        several => format!("{} models off the scale, up to {largest} %", several.len()),
+        [(model, ..)] => format!("{model} off the scale, to {largest} %"),
+        several => format!("{} off the scale, to {largest} %", several.len()),
     };
     let error = |trial: &TrialRow| {
         let Estimate { value, se } = quantity.of_trial(trial, source.sigma);

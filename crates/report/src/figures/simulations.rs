@@ -4,9 +4,10 @@
 use minijinja::context;
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample, Solver};
-use trilink_plot::{Figure, Layer, Layout, Look, Panel};
+use trilink_plot::{Figure, Layer, Layout, Look, Panel, number};
 use trilink_robot::Robot;
 use trilink_robot::metrics::GaitMetrics;
+use trilink_statistics::extremes;
 use trilink_tables::config::{Config, Models};
 
 use super::common::{
@@ -33,8 +34,8 @@ const MAX_FROM_REST: usize = 40;
 /// First and last frequency of the frequency sweep (rad/s), and the number of frequencies.
 const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
 
-fn no_skid() -> Look {
-    ModelLook::new(Model::NO_SKID, &Models::new()).line()
+fn no_skid() -> ModelLook {
+    ModelLook::new(Model::NO_SKID, &Models::new())
 }
 
 /// Returns the figures of the simulated motion of a robot with a passive joint (Figs. 3, 4 and 5 of the paper).
@@ -67,13 +68,13 @@ pub(super) fn passive(
         let no_motion = |error: MotionError| no_motion(&error);
         let steady = simulated::steady(&problem).map_err(no_motion)?;
         let origin = if is_papers {
-            "the values of the paper's simulations (Table II); all other parameters are as configured"
+            "the values of the paper's simulations (Table II); all other values are as configured"
         } else if is_fitted {
             "as in the fit of this model"
         } else {
             "as configured"
         };
-        let joint = joint(&problem.robot, origin);
+        let joint = values(&problem, origin);
         let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
         let from_rest = from_rest.map_err(no_motion)?;
         let courses = time_courses(&courses, (campaign, &joint), &problem, &steady.cycle);
@@ -83,11 +84,35 @@ pub(super) fn passive(
     with_motion().map(Vec::from).map_err(|why| not_drawn(&courses, &why))
 }
 
-/// Describes the parameters of the passive joint and where their values come from.
-fn joint(robot: &Robot, origin: &str) -> String {
-    let Robot { stiffness_nm_rad, damping_nm_s_rad, .. } = robot;
+/// Describes the values of a simulation without skid; `origin` says where those of the passive joint come from.
+fn values(problem: &Problem, origin: &str) -> String {
+    let Problem { robot, gait, .. } = problem;
+    let Robot { stiffness_nm_rad, damping_nm_s_rad, rest_angle_rad, .. } = robot;
+    let [free, driven] =
+        if gait.passive_joint() == Some(1) { ["₂", "₁"] } else { ["₁", "₂"] };
+    let list = |values: &[f64]| {
+        let are_equal = values.windows(2).all(|two| two[0] == two[1]);
+        let values = if are_equal { &values[..1] } else { values };
+        values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(", ")
+    };
+    let commands = gait.joints.iter().flatten().map(|command| {
+        let offset = if command.offset_rad == 0.0 {
+            String::new()
+        } else {
+            format!(", γ{driven} = {}°", list(&[DEG * command.offset_rad]))
+        };
+        format!("α{driven} = {}°{offset}", list(&[DEG * command.amplitude_rad]))
+    });
     format!(
-        "with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {origin}"
+        "with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {origin}: {}, \
+         γ{free} = {}°; h = {} m, l = {} m, b = {} m; links 0, 1, 2: m = {} kg, I = {} kg m²",
+        commands.collect::<Vec<_>>().join(", "),
+        list(&[DEG * rest_angle_rad]),
+        list(&robot.h_m),
+        list(&robot.l_m),
+        list(&robot.b_m),
+        list(&robot.mass_kg),
+        list(&robot.inertia_kg_m2),
     )
 }
 
@@ -189,17 +214,20 @@ fn gait_and_path(
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
     let cycle = steady.cycle.as_slice();
+    let end = cycle[cycle.len() - 1].pose;
+    // The path runs along the x axis.
+    let start = Pose { theta_rad: -end.y_m.atan2(end.x_m), ..Pose::default() };
     let d_m = steady.metrics.d_m;
     let settled = steady.cycles_to_settle.map(|cycles| cycles.max(1));
     let drawn = settled.unwrap_or(MAX_FROM_REST).min(MAX_FROM_REST);
     let from_rest = problem.cycles_from_rest(drawn, SAMPLES)?;
-    let steady = |points| Layer::new("no-skid, steady", points, no_skid());
+    let steady = |points| Layer::new("no-skid, steady", points, no_skid().thick());
     let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
-    let path = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
+    let path = simulated::repeat(cycle, PATH_CYCLES, start);
     let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
     let arrow = travel(&path);
-    let start = links_at_start(links(&problem.robot, cycle[0].pose, cycle[0].phi_rad));
+    let at_start = links_at_start(links(&problem.robot, start, cycle[0].phi_rad));
     let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
     let values = context! {
         campaign,
@@ -209,8 +237,8 @@ fn gait_and_path(
         drawn,
         path_cycles => PATH_CYCLES,
     };
-    let panels = vec![gait, map(title, vec![steady(path), start, arrow])];
-    Ok(Figure::new(stem, texts("from-rest", values), &[campaign], Layout::Pairs, panels))
+    let panels = vec![gait, map(title, vec![steady(path), at_start, arrow])];
+    Ok(Figure::new(stem, texts("from-rest", values), &[campaign], Layout::Stack, panels))
 }
 
 fn sweep(
@@ -226,8 +254,16 @@ fn sweep(
             .and_then(|problem| Solver::default().settle(&problem, FIT_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
-    let points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
-    let texts = texts("sweep", context! { campaign, joint });
+    let mut points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
+    let d_m: Vec<(f64, f64)> =
+        points.iter().map(|(omega, metrics)| (*omega, metrics.d_m)).collect();
+    let reversal = reversal(&d_m, |omega_rad_s| Advance::of(&problem_at(omega_rad_s)?));
+    if let Some((omega_rad_s, _)) = reversal {
+        let after = points.partition_point(|(omega, _)| *omega < omega_rad_s);
+        let stopped = GaitMetrics { d_m: 0.0, v_m_s: 0.0, ..GaitMetrics::MISSING };
+        points.insert(after, (omega_rad_s, stopped));
+    }
+    let mut exceeded = Vec::new();
     let panels = [DISPLACEMENT, SPEED]
         .map(|quantity| {
             let points: Vec<(f64, f64)> = points
@@ -236,16 +272,71 @@ fn sweep(
                 .collect();
             let peak = peak(&points);
             let unit = quantity.after_number();
-            let said = peak.map(|(x, y)| format!(", peak {y:.1}{unit} at {x:.2} rad/s"));
+            let ends = [points.first(), points.last()].into_iter().flatten();
+            let higher = ends.filter(|(_, end)| peak.is_some_and(|(_, peak)| *end > peak));
+            let higher = higher.max_by(|a, b| a.1.total_cmp(&b.1));
+            exceeded.extend(higher.map(|(x, y)| {
+                format!(
+                    "{} reaches {y:.0}{unit} at the end of the range, {x:.2} rad/s",
+                    quantity.symbol
+                )
+            }));
+            let kind = if higher.is_some() { "local maximum" } else { "maximum" };
+            let note = peak.map(|(x, y)| format!(": {kind} {y:.0}{unit} at {x:.2} rad/s"));
+            let definition = quantity.metric.definition();
+            let title =
+                format!("{} {}{}", definition.label, quantity.symbol, note.unwrap_or_default());
             let layers = vec![
-                Layer::new("no-skid", points, no_skid()),
-                Layer::new("peak", peak, Look::Rings),
+                Layer::new("no-skid", points, no_skid().solid()),
+                Layer::new("maximum", peak, Look::Rings),
             ];
-            let title = quantity.title.to_owned() + &said.unwrap_or_default();
             Panel::new(title, FREQUENCY, quantity.axis_label(), layers)
         })
         .into();
-    Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
+    let values = context! {
+        campaign,
+        joint,
+        exceeded,
+        reversal => reversal.map(|(omega_rad_s, _)| format!("{omega_rad_s:.2}")),
+        swing => reversal.map(|(_, swing_rad)| format!("{:.0}", DEG * swing_rad)),
+    };
+    Figure::new(stem, texts("sweep", values), &[campaign], Layout::Stack, panels)
+}
+
+/// Displacement per cycle (m) along the mean heading of the middle link, negative for a robot that travels with its rear
+/// link ahead, and half the range of the heading (rad).
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Advance {
+    m: f64,
+    swing_rad: f64,
+}
+
+impl Advance {
+    fn of(problem: &Problem) -> Option<Self> {
+        let mut solver = Solver::default();
+        solver.settle(problem, FIT_ACCURACY).ok()?;
+        let cycle = solver.cycle(SAMPLES).ok()?;
+        let Pose { x_m, y_m, .. } = cycle.last()?.pose;
+        let headings = cycle.iter().map(|sample| sample.pose.theta_rad);
+        let [low, high] = extremes(headings.clone());
+        let (sine, cosine) = (headings.sum::<f64>() / cycle.len() as f64).sin_cos();
+        Some(Self { m: x_m * cosine + y_m * sine, swing_rad: 0.5 * (high - low) })
+    }
+}
+
+/// Returns the frequency (rad/s) at which the direction of travel changes, and half the range of the heading there
+/// (rad); `None` if the direction never changes. `d_m` is the displacement against frequency, which is zero there and
+/// therefore has a minimum nearby.
+fn reversal(d_m: &[(f64, f64)], advance: impl Fn(f64) -> Option<Advance>) -> Option<(f64, f64)> {
+    let minima = d_m.windows(3).filter(|three| three[1].1 < three[0].1.min(three[2].1));
+    let around = minima.flat_map(|three| [[three[0].0, three[1].0], [three[1].0, three[2].0]]);
+    around.into_iter().find_map(|[from, to]| {
+        let [before, after] = [advance(from)?, advance(to)?];
+        let part = before.m / (before.m - after.m);
+        let between = |from: f64, to: f64| from + part * (to - from);
+        ((before.m < 0.0) != (after.m < 0.0))
+            .then(|| (between(from, to), between(before.swing_rad, after.swing_rad)))
+    })
 }
 
 /// Returns the position and value of the highest local maximum of a line, interpolated by a parabola through three
@@ -277,7 +368,8 @@ mod tests {
             (
                 Config::default(),
                 "with k_τ = 0.188 N m/rad and c_τ = 0.007 N m s/rad, the values of the paper's simulations \
-                 (Table II); all other parameters are as configured",
+                 (Table II); all other values are as configured: α₂ = 30°, γ₁ = 0°; h = 0.144 m, \
+                 l = 0.112 m, b = 0.058 m; links 0, 1, 2: m = 1.04, 0.34, 0.34 kg, I = 0.0086, 0.00059, 0.00059 kg m²",
             ),
             (config, "with k_τ = 0.2 N m/rad and c_τ = 0.006 N m s/rad, as configured"),
         ] {
@@ -291,6 +383,21 @@ mod tests {
                 assert!(caption.contains(joint), "{caption}");
             }
         }
+    }
+
+    #[test]
+    fn the_direction_of_travel_changes_where_the_displacement_vanishes() {
+        let advance =
+            |omega: f64| Some(Advance { m: 0.2 * (omega - 0.83), swing_rad: 3.0 - omega });
+        let d_m: Vec<(f64, f64)> = (5..15)
+            .map(|tenth| f64::from(tenth) / 10.0)
+            .filter_map(|omega| Some((omega, advance(omega)?.m.abs())))
+            .collect();
+        let (omega_rad_s, swing_rad) = reversal(&d_m, advance).expect("it changes");
+        assert!((omega_rad_s - 0.83).abs() < 1e-12 && (swing_rad - 2.17).abs() < 1e-12);
+        // A minimum that is not zero is no reversal.
+        let ahead = |omega: f64| Some(Advance { m: 0.1 + (omega - 0.83).abs(), swing_rad: 1.0 });
+        assert_eq!(reversal(&d_m, ahead), None);
     }
 
     #[test]

@@ -3,8 +3,9 @@
 use minijinja::context;
 use trilink_base::numbers::with_error;
 use trilink_mechanics::{Model, MotionError, Problem, Sample};
-use trilink_plot::{Figure, Layer, Layout, Look, Panel};
+use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range};
 use trilink_robot::{Gait, rotated};
+use trilink_statistics::wrap;
 use trilink_tables::TrialRow;
 
 use super::common::{self, DEG, links, links_at_start, map, shape, time_course, travel};
@@ -20,6 +21,7 @@ const CYCLES: usize = 4;
 /// Factor by which the skid coefficients are multiplied to simulate a robot that hardly skids. This robot replaces one
 /// without skid if the latter cannot follow the measured gait, because the gait passes through a singular shape.
 const STIFF: f64 = 100.0;
+const STIFF_NAME: &str = "skid-roll, 100 c_S, measured elliptic gait";
 
 /// Returns the figure of a trial's measured gait, heading and path, with simulated motions drawn over them.
 ///
@@ -38,15 +40,18 @@ pub(super) fn figure(
         recording.shown(trial.omega_rad_s, CYCLES)?;
     let start = recording.pose_at(start_s)?;
     let measured = |point: &dyn Fn(usize) -> (f64, f64)| {
-        Layer::new("measured", shown.clone().map(point), looks::RECORDED)
+        Layer::new("measured", shown.clone().map(point), looks::BENEATH)
     };
+    // Positions and headings are relative to the start and to the direction of travel, along which the x axis points.
+    let end = recording.pose_at(end_s).unwrap_or(start);
+    let travel_rad = (end.y_m - start.y_m).atan2(end.x_m - start.x_m);
+    let turned = start.theta_rad - travel_rad;
+    let turns_rad = turned - wrap(turned);
+    let heading_deg = |theta_rad: f64| DEG * (theta_rad - travel_rad - turns_rad);
     let [phi1, phi2] = recording.phi_rad.each_ref();
     let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
     let mut heading =
-        vec![measured(&|i| (recording.time_s[i] - start_s, DEG * recording.theta_rad[i]))];
-    // Positions are relative to the start, with the x axis along the direction of travel.
-    let end = recording.pose_at(end_s).unwrap_or(start);
-    let travel_rad = (end.y_m - start.y_m).atan2(end.x_m - start.x_m);
+        vec![measured(&|i| (recording.time_s[i] - start_s, heading_deg(recording.theta_rad[i])))];
     let position = |(x, y): (f64, f64)| {
         let [along, aside] = rotated(-travel_rad, [x - start.x_m, y - start.y_m]);
         (along, aside)
@@ -64,6 +69,7 @@ pub(super) fn figure(
     let is_whole = commanded_gait.passive_joint().is_none();
     gait.extend(is_whole.then(|| commanded(&commanded_gait)));
     let overlays = overlays(stem, trial, (tables, config), missing);
+    let is_stiff = overlays.iter().any(|overlay| overlay.name == STIFF_NAME);
     for Overlay { name, problem, look, cycle } in overlays {
         let is_commanded = is_whole && problem.gait == commanded_gait;
         let curve = |points: Vec<(f64, f64)>| Layer::new(&name, points, look);
@@ -71,7 +77,8 @@ pub(super) fn figure(
             gait.push(curve(shape(&cycle)));
         }
         let poses = simulated::repeat(&cycle, cycles, start);
-        heading.push(curve(poses.iter().map(|(t, pose)| (*t, DEG * pose.theta_rad)).collect()));
+        heading
+            .push(curve(poses.iter().map(|(t, pose)| (*t, heading_deg(pose.theta_rad))).collect()));
         let positions = poses.iter().map(|(_, pose)| position((pose.x_m, pose.y_m)));
         path.push(curve(positions.collect()));
     }
@@ -80,10 +87,10 @@ pub(super) fn figure(
     let omega = format!("{omega_rad_s:.1}");
     let panels = vec![
         common::gait("Gait", gait),
-        Panel::new("Heading θ", "Time from the start of the first cycle (s)", "θ (deg)", heading),
+        time_course("Heading θ", "θ (deg)", heading),
         map(format!("Path of the middle link, d = {d} mm"), path),
     ];
-    let texts = texts("tracking", context! { campaign, omega, cycles, trial });
+    let texts = texts("tracking", context! { campaign, omega, cycles, trial, is_stiff });
     Some(Figure::new(stem, texts, &[campaign], Layout::Pairs, panels))
 }
 
@@ -91,22 +98,25 @@ pub(super) fn figure(
 /// cycle in use (cycle that enters the trial means).
 pub(super) fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Figure> {
     let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
-    let panel = |kind: &str, wheel: &str, values: &[f64]| {
+    let course = |values: &[f64]| {
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
-        let title = format!("{kind} velocity of {wheel}");
-        let y_label = format!("{kind} (mm/s)");
-        time_course(&title, &y_label, vec![Layer::new("measured", points, looks::RECORDED)])
+        points.collect::<Vec<_>>()
     };
-    let wheels = ["wheel 0 (middle)", "wheel 1 (front)", "wheel 2 (rear)"].into_iter();
-    let panels = wheels.zip(recording.roll_m_s.iter().zip(&recording.skid_m_s)).flat_map(
-        |(wheel, (roll_m_s, skid_m_s))| {
-            [panel("Roll", wheel, roll_m_s), panel("Skid", wheel, skid_m_s)]
-        },
-    );
+    let all = recording.roll_m_s.iter().chain(&recording.skid_m_s).flat_map(|of| course(of));
+    let covered = Range::enclosing(all.map(|(_, mm_s)| mm_s));
+    let wheels = ["Wheel 0 (middle)", "Wheel 1 (front)", "Wheel 2 (rear)"].into_iter();
+    let wheels = wheels.zip(recording.roll_m_s.iter().zip(&recording.skid_m_s));
+    let panels = wheels.map(|(wheel, (roll_m_s, skid_m_s))| {
+        let layers = vec![
+            Layer::new("roll", course(roll_m_s), looks::ROLL),
+            Layer::new("skid", course(skid_m_s), looks::SKID),
+        ];
+        Panel { covered, ..time_course(wheel, "Velocity (mm/s)", layers) }
+    });
     let TrialRow { trial, campaign, omega_rad_s, smoothing_window, .. } = trial;
     let omega = format!("{omega_rad_s:.1}");
     let values = context! { campaign, omega, cycles, trial, smoothing_window => *smoothing_window };
-    Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Pairs, panels.collect()))
+    Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Stack, panels.collect()))
 }
 
 /// Returns the layer with the commanded gait as a closed curve in the plane of the two joint angles (deg).
@@ -174,7 +184,7 @@ fn overlays(
         let name = "no-skid, measured elliptic gait";
         match solve(name, line(Model::NO_SKID_MEASURED), of_ellipse) {
             Err(MotionError::Singular { .. }) => {
-                let name = "skid-roll, measured elliptic gait, skid coefficients multiplied by 100";
+                let name = STIFF_NAME;
                 (
                     name,
                     best_known(Model::SKID_ROLL).map(|mut problem| {

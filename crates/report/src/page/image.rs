@@ -4,21 +4,15 @@ use minijinja::context;
 use minijinja::value::Value;
 use trilink_plot::{DrawError, Drawing, Figure, WIDTH};
 
-use crate::figures;
-
 /// Draws a figure and returns the template values with which a page embeds it.
 ///
 /// # Errors
 /// Returns an error if the figure cannot be drawn.
 pub fn image(figure: &Figure) -> Result<Value, DrawError> {
-    Ok(image_of_drawing(figure, &Drawing::new(figure)?))
-}
-
-/// Returns the template values with which a page embeds a figure that has been drawn.
-pub(crate) fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
+    let drawing = Drawing::on_screen(figure)?;
     let [legend, panels] = drawing.parts();
-    let Drawing { columns, width, .. } = *drawing;
-    context! {
+    let Drawing { columns, width, .. } = drawing;
+    Ok(context! {
         stem => &figure.stem,
         id => figures::id(&figure.stem),
         number => figures::number(&figure.stem),
@@ -31,5 +25,5 @@ pub(crate) fn image_of_drawing(figure: &Figure, drawing: &Drawing) -> Value {
         columns,
         width => width.round() as u32,
         wide => width > WIDTH,
-    }
+    })
 }

@@ -14,7 +14,6 @@ use minijinja::value::{Serde, Value};
 
 pub use engine::fill;
 pub use image::image;
-pub(crate) use image::image_of_drawing;
 pub use shared::shared_fit_sentence;
 pub(crate) use trial::{html as trial_html, neighbours};
 

@@ -560,7 +560,7 @@ fn the_csv_of_a_figure_contains_the_plotted_data() {
     let page = read(&folder.path().join("reports/index.html"));
     for text in [
         "under the measured gait (commanded gait for no-skid); shaded",
-        "Open circles: no-skid-measured under the measured gait of each",
+        "Open diamonds: no-skid-measured under the measured gait of each",
     ] {
         assert!(page.contains(text), "{text}");
     }
@@ -977,6 +977,6 @@ fn figures_from_known_data_are_unchanged() {
     let hash = |name: &str| trilink_tables::hash(&files[name])[..8].to_owned();
     let found = ["fig13", "kinematic-symmetric-profiles"]
         .map(|stem| [hash(&format!("{stem}.csv")), hash(&format!("{stem}.svg"))].join(" "));
-    const KNOWN: &str = "154d1311 eb4e2551 20c971ad 0e01947b";
+    const KNOWN: &str = "154d1311 6181f4a7 20c971ad dbe14fb2";
     assert_eq!(found.join(" "), KNOWN);
 }

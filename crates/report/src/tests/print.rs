@@ -68,7 +68,7 @@ fn figures_have_the_configured_width_and_font_size() {
         let pixels = f64::from(number(16));
         let per_metre = f64::from(number(physical + 4));
         assert!((1e3 * pixels / per_metre - width_mm).abs() < 0.1, "{pixels} {per_metre}");
-        assert_eq!((per_metre * 0.0254).round(), 600.0);
+        assert_eq!((per_metre * 0.0254).round(), 400.0);
 
         let width_pt = number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 ");
         assert!((width_pt / 72.0 * 25.4 - width_mm).abs() < 1e-2, "{stem}: {width_pt}");
@@ -78,16 +78,51 @@ fn figures_have_the_configured_width_and_font_size() {
 }
 
 #[test]
-fn default_settings_leave_figures_unchanged() {
+fn automatic_widths_depend_on_the_font_size_only() {
     let [svg, png, pdf] = printed(FigureWidth::Auto, 9.0, "fig16");
     let found = size_of_svg(std::str::from_utf8(&svg).expect("text"));
     assert_eq!(found.map(|size| (10.0 * size).round()), [1217.0, 90.0]);
-    assert_eq!(u32::from_be_bytes(png[16..20].try_into().expect("four")), 1380);
+    assert_eq!(u32::from_be_bytes(png[16..20].try_into().expect("four")), 1917);
     assert_eq!(number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 "), 345.0);
     // The font size changes, but the proportions of the figure do not.
     let [larger, ..] = printed(FigureWidth::Auto, 18.0, "fig16");
     let larger = size_of_svg(std::str::from_utf8(&larger).expect("text"));
     assert_eq!(larger.map(|size| (10.0 * size).round()), [2434.0, 180.0]);
+}
+
+/// Returns the sizes (pt) of all characters in a PDF.
+fn text_sizes_pt(pdf: &[u8]) -> Vec<f64> {
+    let content = unpacked(pdf);
+    let matrices = content.lines().filter_map(|line| line.strip_suffix(" Tm"));
+    let sizes = matrices.map(|matrix| {
+        let numbers: Vec<f64> =
+            matrix.split(' ').map(|number| number.parse().expect("a number")).collect();
+        0.75 * numbers[0].hypot(numbers[1])
+    });
+    sizes.collect()
+}
+
+#[test]
+fn every_figure_fits_a_column_with_legible_text_and_a_page() {
+    let folder = temporary();
+    MadeUp::of_the_paper().write(&folder.path().join("derived"));
+    let config = config(folder.path());
+    let figures = report(&config).expect("reports").figures;
+    assert!(figures.len() > 30, "{figures:?}");
+    for stem in figures {
+        let pdf = std::fs::read(folder.path().join(format!("reports/figures/{stem}.pdf")));
+        let pdf = pdf.expect("a PDF");
+        let plain = String::from_utf8_lossy(&pdf);
+        let width_pt = number_after(&plain, "/MediaBox [0 0 ");
+        let height_pt = number_after(&plain, &format!("/MediaBox [0 0 {width_pt} "));
+        assert!((width_pt - 249.4).abs() < 0.1, "{stem}: {width_pt}");
+        assert!(height_pt / 72.0 * 25.4 <= 240.0, "{stem}: {height_pt}");
+        let sizes = text_sizes_pt(&pdf);
+        assert!(sizes.len() > 20, "{stem}");
+        for size in sizes {
+            assert!((7.0..=8.0).contains(&size), "{stem}: {size} pt");
+        }
+    }
 }
 
 #[test]

@@ -620,11 +620,11 @@ mod tests {
         assert_eq!(message("width_mm = \"auto\"\nfont_pt = 72"), Ok(()));
         for (report, parts) in [
             (
-                "width_mm = 60",
+                "width_mm = 50",
                 [
                     "report.width_mm",
-                    "60.0",
-                    "at least 63 mm, which is 7 mm per point of the font size (font_pt = 9)",
+                    "50.0",
+                    "at least 52.5 mm, which is 7 mm per point of the font size (font_pt = 7.5)",
                 ],
             ),
             ("width_mm = 1001", ["report.width_mm", "1001.0", "20 to 1000"]),
