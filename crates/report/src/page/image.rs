@@ -15,7 +15,6 @@ pub fn image(figure: &Figure) -> Result<Value, DrawError> {
     Ok(context! {
         stem => &figure.stem,
         id => figures::id(&figure.stem),
-        number => figures::number(&figure.stem),
         title => &figure.title,
         caption => &figure.caption,
         alternative => trilink_plot::text_alternative(figure),

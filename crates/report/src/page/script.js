@@ -85,15 +85,18 @@
         points.push({ group, trial, curve: measured === undefined, x: at[0], y: at[1],
           text: `${of}: ${x.label} ${short(across)}, ${y.label} ${short(up)}${limits}` });
       };
-      for (const line of (measured ?? band ?? "").split("\n").filter(line => line)) {
+      // Repeats are drawn beside each other.
+      const shifts = (group.dataset.shifts ?? "").split(" ");
+      for (const [i, line] of (measured ?? band ?? "").split("
+").filter(line => line).entries()) {
         const [across, up, ...rest] = line.split(" ");
         const error = +rest[0];
         const [limits, trial] = measured === undefined ? [rest.map(Number), ""]
           : [[up - error, +up + error], rest.slice(1).join(" ")];
-        add(across, up, limits, trial, [x.place(across), y.place(up)]);
+        add(across, up, limits, trial, [x.place(across) + +(shifts[i] ?? 0), y.place(up)]);
       }
       if (measured !== undefined || band !== undefined) continue;
-      for (const path of group.querySelectorAll("path[stroke-width='16']")) {
+      for (const path of group.querySelectorAll("path[stroke-width='16'], path[stroke-width='28']")) {
         let place = [0, 0];
         for (const [, across, up] of path.getAttribute("d").matchAll(/(-?\d+) ?(-?\d+)/g)) {
           place = [place[0] + +across, place[1] + +up];
