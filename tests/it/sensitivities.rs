@@ -170,7 +170,7 @@ fn sensitivities_are_printed_as_csv_and_json_and_drawn() {
         assert!(own.path().join(name).metadata().unwrap().len() > 1000);
     }
     let svg = std::fs::read_to_string(own.path().join("s.svg")).unwrap();
-    for part in ["Elasticity of sigma0", ">omega<", ">l<", ">ampl2<"] {
+    for part in [">σ₀<", ">ω<", ">l<", ">α₂<"] {
         assert!(svg.contains(part), "{part}");
     }
     let output = trilink(own.path(), &[&one[..], &["--figure", "s.bmp"]].concat());

@@ -49,6 +49,8 @@ pub struct Panel {
     /// Labels on the horizontal axis in place of numeric ticks, each with its integer position, in ascending
     /// order.
     pub x_names: Vec<(f64, String)>,
+    /// Labels on the vertical axis in place of numeric ticks, likewise.
+    pub y_names: Vec<(f64, String)>,
     /// Range to which the vertical axis is limited; `None` to show all values.
     pub shown: Option<Range>,
     /// Range that the vertical axis covers even if no value is there, so that panels can have one scale.
@@ -198,7 +200,13 @@ impl Panel {
 
     /// Returns all values on the panel's horizontal axis.
     pub(crate) fn xs(&self) -> Vec<f64> {
-        self.points().map(|point| point.x).collect()
+        let cells = self.cells().flat_map(|point| [point.x - 0.5, point.x + 0.5]);
+        self.points().map(|point| point.x).chain(cells).collect()
+    }
+
+    fn cells(&self) -> impl Iterator<Item = &Point> {
+        let cells = self.layers.iter().filter(|layer| matches!(layer.look, Look::Cells(_)));
+        cells.flat_map(|layer| &layer.points)
     }
 
     /// Returns all values on the panel's vertical axis, including the ends of error bars and bands.
@@ -209,6 +217,7 @@ impl Panel {
             ys.extend([point.y - half, point.y + half]);
         }
         ys.extend(self.layers.iter().flat_map(|layer| layer.band.as_flattened()));
+        ys.extend(self.cells().flat_map(|point| [point.y - 0.5, point.y + 0.5]));
         ys.extend(self.covered.iter().flat_map(|range| [range.low, range.high]));
         ys
     }

@@ -5,7 +5,10 @@ use std::collections::BTreeSet;
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
-use plotters::element::{Circle, DashedPathElement, EmptyElement, PathElement, Polygon, Rectangle};
+use plotters::element::{
+    Circle, DashedPathElement, EmptyElement, PathElement, Polygon, Rectangle, Text,
+};
+use plotters::style::text_anchor::HPos;
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::axis::{Axis, Range};
@@ -215,6 +218,13 @@ impl<'b> Frame<'b> {
                 let to = to.max(from + self.pixel.0);
                 let half = 0.5 * SPAN_HEIGHT;
                 self.fill([(from, centre + half), (to, centre - half)], colour)
+            }),
+            Look::Cells(colour) => points.iter().try_for_each(|(x, y)| {
+                self.fill([(x - 0.5, y + 0.5), (x + 0.5, y - 0.5)], colour)?;
+                let ink = style::ink_on(colour);
+                let style = style::text_style(HPos::Center).color(&ink);
+                let top = y + 0.45 * style::EM * self.pixel.1;
+                self.area.draw(&Text::new(layer.name.as_str(), (*x, top), style))
             }),
             Look::Links => {
                 let links = stroke(style::LINKS, LINK_WIDTH);

@@ -291,7 +291,7 @@ fn span(values: &[f64]) -> f64 {
 /// Returns the axes of a panel, with as many ticks as have room for their labels.
 fn axes(panel: &Panel, xs: &[f64], width: f64, height: f64) -> (Axis, Axis) {
     let mut x = Axis::new(xs, None, panel.x_scale).named(&panel.x_names);
-    let mut y = Axis::new(&panel.ys(), panel.shown, panel.y_scale);
+    let mut y = Axis::new(&panel.ys(), panel.shown, panel.y_scale).named(&panel.y_names);
     if panel.x_scale == Scale::Equal {
         Axis::equalise(&mut x, &mut y, width, height);
     }

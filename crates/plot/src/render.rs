@@ -117,7 +117,7 @@ mod tests {
     use crate::raster;
     use crate::{Layer, Layout, Look, Panel, Range, Scale};
 
-    const LOOKS: [Look; 10] = [
+    const LOOKS: [Look; 11] = [
         Look::Line { colour: style::INK, dash: style::DASHES, width_px: style::THIN },
         Look::Line { colour: style::INK, dash: style::SOLID, width_px: style::LINE_WIDTH },
         Look::Marker { colour: style::INK, shape: style::Shape::Square, filled: false },
@@ -126,6 +126,7 @@ mod tests {
         Look::Rings,
         Look::Guides,
         Look::Spans(style::INK),
+        Look::Cells(style::INK),
         Look::Links,
         Look::Arrow,
     ];

@@ -75,6 +75,13 @@ pub(crate) fn text_style(align: HPos) -> TextStyle<'static> {
     style.pos(Pos::new(align, VPos::Top))
 }
 
+/// Returns the colour of text on a background.
+pub(crate) fn ink_on(RGBColor(red, green, blue): RGBColor) -> RGBColor {
+    // Perceived brightness (Rec. 601).
+    let brightness = 0.299 * f64::from(red) + 0.587 * f64::from(green) + 0.114 * f64::from(blue);
+    if brightness < 128.0 { PAPER } else { INK }
+}
+
 /// Returns the width of text, px.
 pub(crate) fn text_width(text: &str) -> f64 {
     const FINE: f64 = 1000.0;
@@ -136,6 +143,8 @@ pub enum Look {
     Bars(#[serde(with = "Rgb")] RGBColor),
     /// Horizontal bars, each between two consecutive points, which the legend lists if the layer has a name.
     Spans(#[serde(with = "Rgb")] RGBColor),
+    /// Cells of a heat map, one unit wide and high, which contain the layer's name.
+    Cells(#[serde(with = "Rgb")] RGBColor),
     /// Links of the robot, as a thick line through the points.
     Links,
     /// Arrow from the first point to the second.

@@ -130,6 +130,15 @@ pub(crate) const TRIALS_EDGE: Look = line(okabe_ito::ORANGE, LONG_DASHES);
 pub(crate) const EXTRAPOLATED: Look =
     Look::Marker { colour: okabe_ito::VERMILLION, shape: Shape::Circle, filled: false };
 
+/// Returns the colour of a signed value between -1 and 1: blue for negative, orange for positive values.
+pub(crate) fn signed(value: f64) -> RGBColor {
+    let RGBColor(red, green, blue) =
+        if value < 0.0 { okabe_ito::BLUE } else { okabe_ito::VERMILLION };
+    let part = value.abs().min(1.0);
+    let mixed = |full: u8| (255.0 - part * (255.0 - f64::from(full))).round() as u8;
+    RGBColor(mixed(red), mixed(green), mixed(blue))
+}
+
 /// Sequential blues of ColorBrewer: <https://colorbrewer2.org/#type=sequential&scheme=Blues>
 const BLUES: [(RGBColor, Dash); 5] = [
     (RGBColor(8, 48, 107), SOLID),
