@@ -150,8 +150,7 @@ impl Optimise {
         let cancel = interrupt::token();
         let found = search.run(cancel)?;
         // For comparison: the current gait at its best frequency.
-        let mut by_omega = search.clone();
-        by_omega.free.retain(|command| *command == Command::Omega);
+        let by_omega = search.by_omega();
         let is_more = search.free.len() > by_omega.free.len();
         let present = if is_more { by_omega.present(cancel)? } else { None };
         let certainty =

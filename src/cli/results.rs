@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use trilink_base::files::ending;
-use trilink_report::{FigureFile, ReportError, notice_of_folders};
+use trilink_report::{FigureFile, ReportError, notice_of_folders, print_of};
 use trilink_tables::{Columns, Provenance, write_if_changed};
 
 use super::output::write_data;
@@ -83,7 +83,8 @@ impl Files {
     ) -> Result<(), Failure> {
         if let Some(path) = &self.figure {
             let is_synthetic = is_fitted && !notice_of_folders(&context.config.paths).is_empty();
-            let file = FigureFile { ending: ending(path), is_synthetic };
+            let print = print_of(&context.config.report);
+            let file = FigureFile { ending: ending(path), is_synthetic, print };
             write_if_changed(path, &draw(file)?)?;
             context.say(&path.display().to_string());
         }

@@ -2,6 +2,54 @@
 
 use std::collections::BTreeMap;
 
+/// Number of parts into which the distance between grid points is divided, so that contour lines look smooth.
+const PARTS: usize = 4;
+
+/// Returns a finer grid, whose values are interpolated by a cubic Catmull-Rom spline along each axis. Values beside an
+/// unknown value are unknown, and the original grid points keep their values.
+pub(crate) fn refined(x: &[f64], y: &[f64], values: &[f64]) -> [Vec<f64>; 3] {
+    let wide = finer_places(x);
+    let rows = values.chunks_exact(x.len().max(1)).map(finer_values);
+    let rows: Vec<Vec<f64>> = rows.collect();
+    let columns: Vec<Vec<f64>> = (0..wide.len())
+        .map(|i| finer_values(&rows.iter().map(|row| row[i]).collect::<Vec<_>>()))
+        .collect();
+    let high = finer_places(y);
+    let values = (0..high.len()).flat_map(|j| columns.iter().map(move |column| column[j]));
+    let values = values.collect();
+    [wide, high, values]
+}
+
+/// Returns the places of a refined grid along one axis.
+fn finer_places(places: &[f64]) -> Vec<f64> {
+    let between =
+        |pair: &[f64], part: usize| pair[0] + (pair[1] - pair[0]) * part as f64 / PARTS as f64;
+    let pairs = places.windows(2).flat_map(|pair| (0..PARTS).map(move |part| between(pair, part)));
+    pairs.chain(places.last().copied()).collect()
+}
+
+/// Returns the values of a refined grid along one axis.
+fn finer_values(values: &[f64]) -> Vec<f64> {
+    let mut finer = Vec::new();
+    for i in 1..values.len() {
+        let [from, to] = [values[i - 1], values[i]];
+        // A missing neighbour is extrapolated linearly.
+        let known =
+            |i: Option<usize>| i.and_then(|i| values.get(i)).filter(|value| value.is_finite());
+        let before = known(i.checked_sub(2)).copied().unwrap_or(2.0 * from - to);
+        let after = known(Some(i + 1)).copied().unwrap_or(2.0 * to - from);
+        let slopes = [0.5 * (to - before), 0.5 * (after - from)];
+        finer.extend((0..PARTS).map(|part| {
+            let t = part as f64 / PARTS as f64;
+            let rise = 3.0 * (to - from) - 2.0 * slopes[0] - slopes[1];
+            let bend = slopes[0] + slopes[1] - 2.0 * (to - from);
+            if part == 0 { from } else { from + t * (slopes[0] + t * (rise + t * bend)) }
+        }));
+    }
+    finer.extend(values.last());
+    finer
+}
+
 /// Returns the contour lines at `level`, found by marching squares. The lines are concatenated, each followed by a NaN
 /// point.
 ///
@@ -95,6 +143,23 @@ mod tests {
         let points = contour(&along, &along, &values, level);
         let lines = points.split(|(x, _)| x.is_nan()).filter(|line| !line.is_empty());
         lines.map(<[(f64, f64)]>::to_vec).collect()
+    }
+
+    #[test]
+    fn a_refined_grid_keeps_its_points_and_gaps_and_follows_a_smooth_function() {
+        let along = [0.0, 1.0, 2.0, 3.0, 4.0];
+        let value = |x: f64, y: f64| if x > 3.5 { f64::NAN } else { x * x + 0.5 * x * y };
+        let values: Vec<f64> = along.iter().flat_map(|y| along.map(|x| value(x, *y))).collect();
+        let [x, y, finer] = refined(&along, &along, &values);
+        assert_eq!([x.len(), y.len(), finer.len()], [17, 17, 17 * 17]);
+        for (nth, found) in finer.iter().enumerate() {
+            let (x, y) = (x[nth % 17], y[nth / 17]);
+            if (1.0..=2.0).contains(&x) {
+                assert!((found - value(x, y)).abs() < 1e-12, "{x} {y}: {found}");
+            }
+            assert_eq!(found.is_nan(), x > 3.0, "{x} {y}: {found}");
+        }
+        assert!(refined(&[], &[], &[]).iter().all(Vec::is_empty));
     }
 
     #[test]

@@ -12,6 +12,11 @@ use trilink_tables::config::{
 
 use super::looks::ModelLook;
 
+/// Returns the configured width and font size of printed figures.
+pub fn print_of(report: &Report) -> Print {
+    Print { width_mm: report.width_mm.mm(), font_pt: report.font_pt }
+}
+
 /// Configuration of a report. Its serialised form contains the requested trial pages and the configuration printed on
 /// the report page, which together determine the other fields.
 #[derive(Debug, Clone, Serialize)]
@@ -62,8 +67,7 @@ impl ReportInput {
 
     /// Returns the width and font size of printed figures.
     pub fn print(&self) -> Print {
-        let Report { width_mm, font_pt, .. } = self.shown.report;
-        Print { width_mm: width_mm.mm(), font_pt }
+        print_of(&self.shown.report)
     }
 
     /// Returns the robot and gait of a campaign in SI units, or `None` if either is not configured.

@@ -69,7 +69,7 @@ pub use changes::{AcceptedBaseline, Changes};
 pub use content::{Content, input_paths};
 pub use ending::FigureFile;
 pub use figures::FREQUENCY;
-pub use input::ReportInput;
+pub use input::{ReportInput, print_of};
 pub use looks::{colours, trends};
 pub use optimum::{front_drawing, optimum_drawing, with_unit};
 pub use page::{fill, image, shared_fit_sentence};

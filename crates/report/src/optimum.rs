@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 
 use minijinja::context;
-use trilink_plot::{Figure, Layer, Layout, Panel};
+use trilink_plot::{Figure, Layer, Layout, Panel, Scale};
 use trilink_robot::Model;
 use trilink_tables::{MapPoint, Objective, OptimumMapRow};
 
-use super::contour::contour;
+use super::contour::{contour, refined};
 use super::ending::{FigureFile, drawn};
 use super::figures::texts;
 use super::{FREQUENCY, ReportError, looks};
@@ -31,7 +31,8 @@ pub fn optimum_drawing(
 /// Draws the Pareto front of two objectives, in the format that `file` specifies.
 ///
 /// Each entry of `points` is a gait on the front: the values of the two objectives, and whether the gait is
-/// extrapolated. `along` and `up` are the labels of the horizontal and vertical axes.
+/// extrapolated; `present` has the values of the current gait. `along` and `up` are the labels of the horizontal and
+/// vertical axes.
 ///
 /// # Errors
 /// Returns an error if the file's extension is not `svg`, `png` or `pdf`, or if the figure cannot be drawn.
@@ -39,6 +40,7 @@ pub fn front_drawing(
     [campaign, model]: [&str; 2],
     [along, up]: [&str; 2],
     points: &[(f64, f64, bool)],
+    present: Option<(f64, f64)>,
     file: FigureFile<'_>,
 ) -> Result<Vec<u8>, ReportError> {
     let front = points.iter().map(|(x, y, _)| (*x, *y));
@@ -50,10 +52,16 @@ pub fn front_drawing(
         Layer::new("front", front, looks::RECORDED),
         Layer::new("gaits on the front", measured, looks::OPTIMUM),
         Layer::new(EXTRAPOLATED, extrapolated, looks::EXTRAPOLATED),
+        Layer::new("current gait", present, looks::PRESENT),
     ];
     layers.retain(|layer| !layer.points.is_empty());
     let title = format!("Pareto-optimal gaits of {campaign}, {model}");
-    let panel = Panel::new("", along, up, layers);
+    // The gaits are spaced by equal ratios.
+    let panel = Panel {
+        x_scale: Scale::Decades,
+        y_scale: Scale::Decades,
+        ..Panel::new("", along, up, layers)
+    };
     let titles = [title, String::new()];
     drawn(&Figure::new("front", titles, &[campaign], Layout::Stack, vec![panel]), file)
 }
@@ -157,12 +165,13 @@ fn plane(map: &[&OptimumMapRow], [label_x, label_y]: [String; 2]) -> Panel {
     let best_value = best.map_or(f64::NAN, |row| row.value);
     let worse = if best.is_some_and(|row| row.objective.is_minimised()) { 1.0 } else { -1.0 };
     let measured: Vec<f64> = measured(map, values.len());
+    let [fine_x, fine_y, fine_values] = refined(&x, &y, &values);
     let mut layers = vec![
         Layer::new("edge of the feasible gaits", edge(&x, &y, &values), looks::EDGE),
         Layer::new("edge of the trials", edge(&x, &y, &measured), looks::TRIALS_EDGE),
     ];
     layers.extend(WITHIN.into_iter().enumerate().rev().map(|(nth, part)| {
-        let points = contour(&x, &y, &values, best_value * (1.0 + worse * part));
+        let points = contour(&fine_x, &fine_y, &fine_values, best_value * (1.0 + worse * part));
         Layer::new(&format!("within {} %", 100.0 * part), points, looks::within(nth))
     }));
     layers.retain(|layer| !layer.points.is_empty());
@@ -256,7 +265,8 @@ mod tests {
         assert!((largest - 1.85).abs() < 1e-9, "{largest}");
         assert_eq!(named("optimum").points.len(), 1);
         assert!(panel.layers.iter().all(|layer| layer.name != "optima of replicates"));
-        let drawn = |ending| optimum_drawing(&map, FigureFile { ending, is_synthetic: true });
+        let file = |ending| FigureFile { ending, is_synthetic: true, print: Default::default() };
+        let drawn = |ending| optimum_drawing(&map, file(ending));
         assert!(drawn("gif").is_err());
         let svg = String::from_utf8(drawn("svg").expect("is drawn")).expect("text");
         assert!(svg.contains(">Synthetic trials, not recorded</text>"));

@@ -74,8 +74,14 @@ impl Optimise {
         let points: Vec<(f64, f64, bool)> = points.collect();
         let labels = [other, objective].map(with_unit);
         let labels = labels.each_ref().map(String::as_str);
+        // For comparison: the current gait at its best frequency.
+        let present = match &self.files.figure {
+            Some(_) => search.by_omega().present(interrupt::token())?,
+            None => None,
+        };
+        let present = present.map(|optimum| (optimum.value_of(other), optimum.value));
         self.files.draw(context, self.numbers.fitted, |file| {
-            front_drawing(names, labels, &points, file)
+            front_drawing(names, labels, &points, present, file)
         })?;
         if !self.format.rows(&rows) {
             print_table(setup, objective, &front, None);

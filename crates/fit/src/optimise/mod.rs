@@ -266,6 +266,13 @@ impl Search {
         Ok(starts.collect())
     }
 
+    /// Returns this search with the frequency as the only free command, if it is free.
+    pub fn by_omega(&self) -> Self {
+        let mut by_omega = self.clone();
+        by_omega.free.retain(|command| *command == Command::Omega);
+        by_omega
+    }
+
     /// Repeats this search without limits on joint angles and rates, which the current gait may exceed, and returns the
     /// best optimum; `None` if the search finds none.
     ///
