@@ -9,7 +9,7 @@ named! {
     pub enum Format {
         /// SVG with an embedded font.
         Svg = "svg",
-        /// PNG with 400 dots per inch.
+        /// PNG with 350 dots per inch.
         Png = "png",
         /// PDF with a single page of the figure's size.
         Pdf = "pdf",

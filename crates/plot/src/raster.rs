@@ -11,7 +11,7 @@ use crate::figure::PX_PER_INCH;
 use crate::pdf::compress;
 use crate::style;
 
-const DOTS_PER_INCH: f32 = 400.0;
+const DOTS_PER_INCH: f32 = 350.0;
 /// Maximum number of pixels; very large figures get a lower resolution.
 const MAX_PIXELS: f32 = 2e7;
 const INCHES_PER_METRE: f32 = 1.0 / 0.0254;

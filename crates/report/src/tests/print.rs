@@ -68,7 +68,7 @@ fn figures_have_the_configured_width_and_font_size() {
         let pixels = f64::from(number(16));
         let per_metre = f64::from(number(physical + 4));
         assert!((1e3 * pixels / per_metre - width_mm).abs() < 0.1, "{pixels} {per_metre}");
-        assert_eq!((per_metre * 0.0254).round(), 400.0);
+        assert_eq!((per_metre * 0.0254).round(), 350.0);
 
         let width_pt = number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 ");
         assert!((width_pt / 72.0 * 25.4 - width_mm).abs() < 1e-2, "{stem}: {width_pt}");
@@ -82,7 +82,7 @@ fn automatic_widths_depend_on_the_font_size_only() {
     let [svg, png, pdf] = printed(FigureWidth::Auto, 9.0, "fig16");
     let found = size_of_svg(std::str::from_utf8(&svg).expect("text"));
     assert_eq!(found.map(|size| (10.0 * size).round()), [1217.0, 90.0]);
-    assert_eq!(u32::from_be_bytes(png[16..20].try_into().expect("four")), 1917);
+    assert_eq!(u32::from_be_bytes(png[16..20].try_into().expect("four")), 1677);
     assert_eq!(number_after(&String::from_utf8_lossy(&pdf), "/MediaBox [0 0 "), 345.0);
     // The font size changes, but the proportions of the figure do not.
     let [larger, ..] = printed(FigureWidth::Auto, 18.0, "fig16");
