@@ -4,6 +4,8 @@ use minijinja::context;
 use minijinja::value::Value;
 use trilink_plot::{DrawError, Drawing, Figure, WIDTH};
 
+use crate::figures;
+
 /// Draws a figure and returns the template values with which a page embeds it.
 ///
 /// # Errors
@@ -15,6 +17,7 @@ pub fn image(figure: &Figure) -> Result<Value, DrawError> {
     Ok(context! {
         stem => &figure.stem,
         id => figures::id(&figure.stem),
+        number => figures::number(&figure.stem),
         title => &figure.title,
         caption => &figure.caption,
         alternative => trilink_plot::text_alternative(figure),
