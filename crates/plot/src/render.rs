@@ -182,7 +182,10 @@ mod tests {
         let empty = drawn(&[], Look::Rings, Scale::Linear).len();
         for look in LOOKS {
             let size = drawn(&points, look, Scale::Linear).len();
-            let most = if matches!(look, Look::Guides | Look::Spans(_)) { 40 } else { 4 };
+            let most = match look {
+                Look::Guides | Look::Spans(_) | Look::Cells(_) => 40,
+                _ => 4,
+            };
             assert!(size < empty + most * 1_000_000, "{look:?}: {size} bytes");
         }
     }
