@@ -87,8 +87,7 @@
       };
       // Repeats are drawn beside each other.
       const shifts = (group.dataset.shifts ?? "").split(" ");
-      for (const [i, line] of (measured ?? band ?? "").split("
-").filter(line => line).entries()) {
+      for (const [i, line] of (measured ?? band ?? "").split("\n").filter(line => line).entries()) {
         const [across, up, ...rest] = line.split(" ");
         const error = +rest[0];
         const [limits, trial] = measured === undefined ? [rest.map(Number), ""]
