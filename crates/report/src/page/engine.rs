@@ -7,8 +7,8 @@ use minijinja::value::{Serde, Value};
 use minijinja::{Environment, UndefinedBehavior, escape_formatter};
 use serde::Serialize;
 use trilink_base::numbers::{
-    as_configured, concise, fixed, interval, interval_to, percent, place, rounded, share, short,
-    significant, with_error,
+    as_configured, concise, fixed, interval_to, percent, place, rounded, share, short, significant,
+    with_error,
 };
 use trilink_base::text::escape_controls;
 use trilink_plot::ROBOTO;
@@ -63,9 +63,6 @@ pub fn fill(
     environment.add_filter("percent", percent);
     environment.add_filter("share", share);
     environment.add_filter("short", short);
-    environment.add_filter("interval", |limits: Vec<f64>, digits| {
-        limits.try_into().map_or_else(|_| String::new(), |limits| interval(limits, digits))
-    });
     environment.add_filter("interval_to", |limits: Vec<f64>, place| {
         limits.try_into().map_or_else(|_| String::new(), |limits| interval_to(limits, place))
     });

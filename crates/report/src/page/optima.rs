@@ -2,6 +2,7 @@
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
+use trilink_base::numbers::place;
 use trilink_tables::{GaitNumbers, OptimumRow};
 
 use crate::tables::Tables;
@@ -31,17 +32,26 @@ pub(super) fn section(tables: &Tables, campaign: &str) -> Option<Value> {
         .collect();
     let rows = best.iter().map(|row| {
         let numbers = numbers(row, has_second).into_iter();
-        let numbers = numbers.map(|Number { value, limits, .. }| context! { value, limits });
+        let numbers = numbers.map(|Number { value, limits, .. }| {
+            context! { value, limits, place => place_of(value, limits) }
+        });
+        let limits = [row.lower.value, row.upper.value];
         context! {
             row => Serde(row),
             unit => row.objective.unit(),
-            limits => [row.lower.value, row.upper.value],
+            place => place_of(row.value, limits),
+            limits,
             numbers => numbers.collect::<Vec<_>>(),
             counts => row.is_reachable(),
             outdated => tables.is_outdated(row),
         }
     });
     Some(context! { heads, rows => rows.collect::<Vec<_>>() })
+}
+
+/// Returns the decimal place to which a value and its limits are rounded.
+fn place_of(value: f64, [low, high]: [f64; 2]) -> i32 {
+    place(0.5 * (high - low), value)
 }
 
 /// Returns the parameters of an optimal gait: the frequency; the amplitude, offset and (if both joints are commanded)
