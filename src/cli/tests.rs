@@ -34,11 +34,10 @@ fn every_command_has_examples_that_are_command_lines() {
     for command in commands {
         let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
         assert!(help.starts_with("Examples:\n"), "{}", command.get_name());
-        for line in help.replace("\\\n", "").lines() {
+        assert!(help.lines().all(|line| line.len() <= 80), "{help}");
+        for line in help.replace("\\\n      ", "").lines() {
             let Some(line) = line.strip_prefix("  trilink ") else { continue };
-            let line: Vec<String> =
-                line.splitn(2, "      --").map(str::trim).map(String::from).collect();
-            let words = words(&format!("trilink {}", line.join(" --")));
+            let words = words(&format!("trilink {line}"));
             Arguments::try_parse_from(&words).unwrap_or_else(|e| panic!("{words:?}: {e}"));
             count += 1;
         }
