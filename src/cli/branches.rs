@@ -14,6 +14,7 @@ use super::parse::low_high;
 use super::results::{Files, Format};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
 use super::table::{Table, short};
+use super::terminal::Text;
 use super::{Context, Failure, Outcome, candidates};
 use crate::interrupt;
 
@@ -236,8 +237,8 @@ fn print(found: &[Branch], rows: &[BranchRow]) {
         .right("v mm/s", |(row, _)| short(1e3 * row.metrics.v_m_s))
         .right("dtheta deg", |(row, _)| short(row.metrics.dtheta_rad.to_degrees()))
         .right("floquet", |(row, _)| format!("{:.6}", row.floquet))
-        .left("status", |(row, _)| row.status.to_string())
-        .left("", |(_, what)| what.clone())
+        .left("status", |(row, _)| Text::status(row.status))
+        .prose("", |(_, what)| what.clone())
         .print();
     say!("{} points on {} branches", rows.len(), found.len());
 }

@@ -5,8 +5,9 @@ use trilink_ingest::{Calibration, MarkerPosition, calibrate};
 use trilink_tables::config::toml_key;
 use trilink_tables::trial::{TrialFolder, TrialFolders};
 
-use super::output::write_text;
+use super::output::write_data;
 use super::{Context, Failure, Outcome};
+use crate::template::fill;
 
 /// Estimates the marker layouts from one trial and prints them.
 pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
@@ -42,7 +43,7 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
         "left_out": found.left_out,
         "links": links,
     });
-    write_text(include_str!("text/calibration.txt"), &values)?;
+    write_data(fill(include_str!("text/calibration.txt"), &values)?.trim_end());
     Ok(Outcome::Well)
 }
 
@@ -53,7 +54,7 @@ fn line(marker: &MarkerPosition) -> String {
         Some(configured) => {
             let deviation =
                 [0, 1, 2].map(|axis| format!("{:+.2}", position_mm[axis] - configured[axis]));
-            format!("; differs from the configuration by {}", deviation.join(", "))
+            format!("; off by {}", deviation.join(", "))
         }
         None => String::new(),
     };

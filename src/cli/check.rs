@@ -5,13 +5,15 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use serde_json::json;
 use trilink_ingest::{FileSurvey, FolderInput, IngestSettings, Ingested, survey};
 use trilink_tables::config::is_pattern;
 use trilink_tables::trial::{ListedTrial, TrialFolders};
-use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, hash};
+use trilink_tables::{CheckRow, CommonCause, Severity, TrialRow, TrialStatus, hash};
 
-use super::output::{self, write_json, write_text};
+use super::output::{print, say, write_json, write_text};
+use super::pipeline::in_words;
+use super::table::Table;
+use super::terminal::{Text, Tone};
 use super::{Context, Failure, Interrupted, Outcome};
 use crate::build::load_unconfigured;
 
@@ -106,9 +108,7 @@ fn check_folders(context: &Context, json: bool) -> Result<Outcome, Failure> {
     if json {
         write_json(&checked)?;
     } else {
-        let together: Vec<_> = rows.together().map(|row| [&row.trial, &row.message]).collect();
-        let text = json!({ "trials": checked, "counts": counts(&checked), "together": together });
-        write_text(include_str!("text/check-trials.txt"), &text)?;
+        print_findings(&rows);
     }
     Ok(Outcome::well_if(!rows.needs_a_person()))
 }
@@ -128,17 +128,44 @@ impl CheckedTrial {
     }
 }
 
-/// Returns, for every check, the number of findings of each severity, such as `2 warning`.
-fn counts(trials: &[CheckedTrial]) -> BTreeMap<&str, Vec<String>> {
-    let mut counts: BTreeMap<&str, BTreeMap<Severity, usize>> = BTreeMap::new();
-    for line in trials.iter().flat_map(|trial| &trial.checks) {
-        *counts.entry(&line.check).or_default().entry(line.severity).or_default() += 1;
+/// Prints the errors, then the warnings, each for all trials of a folder that have it; then the number of findings of
+/// each check, and the number of trials of each status.
+fn print_findings(rows: &Ingested) {
+    let mut by_check: BTreeMap<&str, Vec<&CheckRow>> = BTreeMap::new();
+    let found = rows.checks.iter().filter(|row| row.severity != Severity::Ok);
+    found.for_each(|row| by_check.entry(&row.check).or_default().push(row));
+    for row in rows.together() {
+        print(Tone::Bad.paint(&row.check) + ": " + &row.trial + ": " + &row.message);
     }
-    let in_words = counts.into_iter().map(|(check, counts)| {
-        let counts = counts.into_iter().map(|(severity, count)| format!("{count} {severity}"));
-        (check, counts.collect())
-    });
-    in_words.collect()
+    for severity in [Severity::Error, Severity::Warning] {
+        for (check, rows_of_check) in &by_check {
+            let found = rows_of_check.iter().copied().filter(|row| row.severity == severity);
+            for cause in CommonCause::of_check(&rows.trials, found) {
+                let tone = Tone::of(severity.name()).unwrap_or(Tone::Bad);
+                print(tone.paint(check) + ": " + cause.to_string());
+            }
+        }
+    }
+    let counts: Vec<(&str, String)> = by_check
+        .iter()
+        .map(|(check, rows)| {
+            let counts = [
+                (Severity::Error, "error"),
+                (Severity::Warning, "warning"),
+                (Severity::Info, "note"),
+            ];
+            let counts = counts.iter().filter_map(|(severity, noun)| {
+                match rows.iter().filter(|row| row.severity == *severity).count() {
+                    0 => None,
+                    1 => Some(format!("1 {noun}")),
+                    count => Some(format!("{count} {noun}s")),
+                }
+            });
+            (*check, counts.collect::<Vec<_>>().join(", "))
+        })
+        .collect();
+    Table::new(&counts).left("", |(check, _)| *check).left("", |(_, counts)| counts).print();
+    print(in_words(&rows.trials));
 }
 
 /// Checks each marker file on its own; no list of trials (`trials.toml`) is needed.
@@ -168,6 +195,29 @@ fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outco
             surveys.iter().flat_map(|survey| &survey.stops).map(String::as_str).collect();
         return Err(reasons.join("\n").into());
     }
-    output::write(&surveys, json, include_str!("text/check-files.txt"))?;
+    if json {
+        write_json(&surveys)?;
+    } else {
+        surveys.iter().try_for_each(print_survey)?;
+        let stopped = surveys.iter().filter(|survey| !survey.stops.is_empty()).count();
+        let files = surveys.len();
+        say!("{files} files, of which {stopped} cannot be ingested");
+    }
     Ok(Outcome::well_if(surveys.iter().all(|survey| survey.stops.is_empty())))
+}
+
+/// Prints the problems of a marker file, and then its contents.
+fn print_survey(survey: &FileSurvey) -> Result<(), Failure> {
+    let FileSurvey { file, stops, warnings, .. } = survey;
+    let can = if stops.is_empty() { Tone::Good.paint("can") } else { Tone::Bad.paint("cannot") };
+    let file = file.display().to_string();
+    print(Tone::Heading.paint(&file) + ": " + can + " be ingested");
+    for stop in stops {
+        let stop = stop.strip_prefix(&format!("{file}: ")).unwrap_or(stop);
+        print(Text::from("  ") + Tone::Bad.paint("error") + ": " + stop);
+    }
+    for warning in warnings {
+        print(Text::from("  ") + Tone::Doubtful.paint("warning") + ": " + warning);
+    }
+    write_text(include_str!("text/check-file.txt"), &BTreeMap::from([("survey", survey)]))
 }

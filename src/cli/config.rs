@@ -80,7 +80,7 @@ impl Show {
         }
         for set in &shown {
             let source = match set.line {
-                Some(line) => format!("{}, line {line}", file.display()),
+                Some(line) => format!("line {line}"),
                 None => "default".to_owned(),
             };
             say!("{:COLUMN$}  # {source}", format!("{} = {}", set.key, set.value));

@@ -13,11 +13,11 @@ use trilink_robot::{Gait, Model};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Columns, NoInterval};
 
-use super::output::{note, say, write_json};
+use super::output::{say, warn, write_json};
 use super::parse::{NumberList, parse_numbers, parse_omegas};
 use super::results::Format;
 use super::setup::preferred;
-use super::table::{Table, short};
+use super::table::{Table, rounded, short};
 use super::{Context, Failure, Outcome, candidates};
 use crate::build::check_unconfigured_tables;
 use crate::inspect::{View, json as json_of};
@@ -85,7 +85,7 @@ impl Design {
         let (known, input) = self.fit(config, &fits, &model)?;
         let caution = FitSummary::new(&known.row).caution();
         if !caution.is_empty() {
-            note!("warning: {} {model}: {caution}", self.campaign);
+            warn(&format!("{} {model}: {caution}", self.campaign));
         }
         let gaits = self.gaits(config)?;
         let size = [self.add, self.repeats].map(|count| count as usize);
@@ -157,11 +157,9 @@ impl Design {
             .collect();
         beyond.dedup();
         if !beyond.is_empty() {
-            note!(
-                "warning: {} {model}: extrapolated beyond the trials of the fit: {}",
-                self.campaign,
-                beyond.join("; ")
-            );
+            let beyond = beyond.join("; ");
+            let extrapolated = "extrapolated beyond the trials of the fit";
+            warn(&format!("{} {model}: {extrapolated}: {beyond}", self.campaign));
         }
     }
 
@@ -287,21 +285,19 @@ fn print_trials(trials: &[DesignRow]) {
     let mut table = Table::new(trials)
         .left("gait of", |row| row.campaign.clone())
         .right("omega rad/s", |row| short(row.omega_rad_s));
-    for joint in 0..2 {
-        if trials.iter().any(|row| row.amplitude_rad[joint].is_finite()) {
-            table = table.right(&format!("amplitude{} deg", joint + 1), |row| {
-                format!("{:.1}", row.amplitude_rad[joint].to_degrees())
-            });
-        }
+    if trials.iter().any(|row| row.amplitude_rad.iter().any(|rad| rad.is_finite())) {
+        table = table.right("amplitudes deg", |row| {
+            let amplitudes_rad = row.amplitude_rad.iter().filter(|rad| rad.is_finite());
+            let amplitudes = amplitudes_rad.map(|rad| format!("{:.1}", rad.to_degrees()));
+            amplitudes.collect::<Vec<_>>().join(", ")
+        });
     }
     table = table
         .right("repeats", |row| row.repeats.to_string())
         .right("d mm", |row| short(1e3 * row.metrics.d_m))
         .right("v mm/s", |row| short(1e3 * row.metrics.v_m_s));
     if trials.iter().any(is_extrapolated) {
-        table = table.left("remark", |row| {
-            if is_extrapolated(row) { "extrapolated" } else { "" }.to_owned()
-        });
+        table = table.prose("remark", |row| if is_extrapolated(row) { "extrapolated" } else { "" });
     }
     table.print();
 }
@@ -326,14 +322,14 @@ fn print_expected(expected: &[ExpectedRow]) {
 fn relative(half_width: f64, value: f64) -> String {
     match half_width / value.abs() {
         ratio if ratio < MAX_RELATIVE_HALF_WIDTH => {
-            format!("{} ({} %)", short(half_width), rounded(100.0 * ratio))
+            format!("{} ({} %)", rounded(half_width, 3), percent(100.0 * ratio))
         }
         _ => "open".to_owned(),
     }
 }
 
 /// Formats a percentage with two significant digits.
-fn rounded(percent: f64) -> String {
+fn percent(percent: f64) -> String {
     let digits = (1.0 - percent.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0);
     format!("{percent:.*}", digits as usize)
 }

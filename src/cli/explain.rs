@@ -3,11 +3,9 @@
 use trilink_tables::Explanation;
 use trilink_tables::config::did_you_mean;
 
-use super::output::{say, write_json};
+use super::output::{print, say, write_json};
+use super::terminal::Tone;
 use super::{Failure, Outcome, candidates};
-
-/// Maximum number of characters per line, so that the text fits any terminal.
-const MAX_CHARACTERS: usize = 80;
 
 /// Explain a check: what it tests, why that matters and what to do.
 #[derive(clap::Args)]
@@ -52,18 +50,8 @@ impl Explain {
     }
 }
 
-/// Prints the explanation of a check, wrapped into lines.
+/// Prints the explanation of a check.
 fn say_one(Explanation { check, parts }: &Explanation) {
-    say!("{check}");
-    for (heading, text) in parts {
-        let mut line = format!("  {heading}:");
-        for word in text.split(' ') {
-            if line.chars().count() + 1 + word.chars().count() > MAX_CHARACTERS {
-                say!("{line}");
-                line = "   ".to_owned();
-            }
-            line = line + " " + word;
-        }
-        say!("{line}");
-    }
+    print(Tone::Heading.paint(check));
+    parts.iter().for_each(|(heading, text)| say!("  {heading}: {text}"));
 }

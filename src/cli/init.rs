@@ -3,7 +3,7 @@
 use serde_json::json;
 use trilink_tables::config::CONFIG_FILE;
 
-use super::output::{write_json, write_text};
+use super::output::{note, write_json, write_text};
 use super::table::Table;
 use super::{Failure, Outcome, check_not_below_project};
 use crate::init::{Findings, FoundFile, InitError, JointSwing, Request, init};
@@ -50,20 +50,24 @@ impl Init {
 
 /// Prints a table of the files and a summary of the findings.
 fn print_findings(found: &Findings, request: &Request) -> Result<(), Failure> {
-    Table::new(&found.files)
+    let hidden = Table::new(&found.files)
         .left("file", path)
+        .left("campaign or kind", |file| {
+            or_dash(file.campaign.clone().or_else(|| file.kind.map(|kind| kind.to_string())))
+        })
+        .right("omega_rad_s", |file| or_dash(file.omega_rad_s.map(|omega| format!("{omega:.4}"))))
+        .right("frames", |file| file.frames.to_string())
+        .right("rate_hz", |file| or_dash(file.rate_hz.map(|rate_hz| rate_hz.to_string())))
+        .right("labels", |file| file.labels.to_string())
+        .left("joint1_deg", |file| or_dash(file.joints.map(|joints| swing(joints[0]))))
+        .left("joint2_deg", |file| or_dash(file.joints.map(|joints| swing(joints[1]))))
         .left("subject", |file| {
             or_dash(Some(file.subjects.join(", ")).filter(|text| !text.is_empty()))
         })
-        .right("labels", |file| file.labels.to_string())
-        .right("rate_hz", |file| or_dash(file.rate_hz.map(|rate_hz| rate_hz.to_string())))
-        .right("frames", |file| file.frames.to_string())
-        .left("kind", |file| or_dash(file.kind.map(|kind| kind.to_string())))
-        .right("omega_rad_s", |file| or_dash(file.omega_rad_s.map(|omega| format!("{omega:.4}"))))
-        .left("joint1_deg", |file| or_dash(file.joints.map(|joints| swing(joints[0]))))
-        .left("joint2_deg", |file| or_dash(file.joints.map(|joints| swing(joints[1]))))
-        .left("campaign", |file| or_dash(file.campaign.clone()))
-        .print();
+        .print_fitting();
+    if !hidden.is_empty() {
+        note!("no space on the terminal for {}; --json prints all", hidden.join(", "));
+    }
     let problems = found
         .files
         .iter()

@@ -8,6 +8,7 @@ use polars::prelude::{AnyValue, DataType};
 use super::output::{note, say, write_data};
 use super::results::Format;
 use super::table::{self, Table};
+use super::terminal::{Text, Tone};
 use super::{Anywhere, Context, Failure, Outcome, candidates, check_not_below_project};
 use crate::inspect::{
     ColumnInfo, Listed, Query, View, describe, describe_all, find, float, list, meaning, query,
@@ -16,6 +17,21 @@ use crate::inspect::{
 
 /// Maximum number of printed characters of a metadata value; some programs store whole schemas as metadata.
 const MAX_METADATA: usize = 100;
+
+/// Maximum number of columns without space that are named.
+const MAX_NAMES: usize = 4;
+/// Significant digits of printed numbers.
+const DIGITS: usize = 6;
+/// Significant digits of printed numbers if not all columns fit on the terminal otherwise.
+const FEW_DIGITS: usize = 4;
+/// Columns of wide tables that are shown by default.
+const DEFAULT_COLUMNS: [(&str, &[&str]); 2] = [
+    ("trials", &["trial", "status", "omega_rad_s", "d_m", "v_m_s", "sigma0", "sigma1", "sigma2"]),
+    (
+        "fits",
+        &["campaign", "model", "adequate", "lack_of_fit", "skid0_kg_s", "skid1_kg_s", "skid2_kg_s"],
+    ),
+];
 
 /// Inspect a table of `derived`, or any Parquet file.
 #[derive(clap::Args)]
@@ -51,8 +67,13 @@ impl Inspect {
         if self.schema {
             return show_schema(&path, self.format.json);
         }
+        let mut columns = self.query.columns;
+        let mut hidden = 0;
+        if columns.is_empty() && !self.format.csv && !self.format.json {
+            (columns, hidden) = default_columns(&path)?;
+        }
         let sort = self.sort.iter().map(|key| sort_key(key)).collect::<Result<_, _>>()?;
-        let view = query(&path, &Query { sort, ..self.query })?;
+        let view = query(&path, &Query { columns, sort, ..self.query })?;
         if !view.left_out.is_empty() {
             let columns = view.left_out.iter();
             let columns: Vec<String> =
@@ -61,32 +82,69 @@ impl Inspect {
         }
         if !self.format.view(&view) {
             show(&context, &view);
+            if hidden > 0 {
+                context.say(&format!(
+                    "{hidden} more columns: --columns \"*\" shows all, --schema explains them"
+                ));
+            }
         }
         Ok(Outcome::Well)
     }
 }
 
-/// Prints rows with six significant digits, as many columns as fit on the terminal.
-fn show(context: &Context, view: &View) {
-    let cells = view.cells(in_short);
-    let mut table = Table::new(&cells);
-    for (i, column) in view.columns.iter().enumerate() {
-        let is_number = column.dtype == Some(DataType::Float64);
-        table = table.column(&column.name, is_number, |row| row[i].clone());
+/// Returns the columns that are shown by default, none for all, and the number of the other columns.
+fn default_columns(path: &Path) -> Result<(Vec<String>, usize), Failure> {
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    let defaults = DEFAULT_COLUMNS.iter().find(|(table, _)| Some(*table) == stem);
+    let Some((_, names)) = defaults else { return Ok((Vec::new(), 0)) };
+    let known = describe_all(path)?.columns;
+    // Tables of other programs may have the same name.
+    if names.iter().any(|name| known.iter().all(|column| column.name != *name)) {
+        return Ok((Vec::new(), 0));
     }
-    let hidden = table.print_fitting(table::terminal_width());
-    if hidden > 0 {
-        context.say(&format!(
-            "{hidden} columns do not fit on the terminal; choose some with --columns, or print all with --csv"
-        ));
-    }
-    context.say(&format!("{} of {} rows", cells.len(), view.total));
+    Ok((names.iter().map(|name| (*name).to_owned()).collect(), known.len() - names.len()))
 }
 
-/// Formats a cell: numbers with six significant digits, null as a dash.
-fn in_short(cell: &AnyValue) -> String {
+/// Prints rows, with as many columns as fit on the terminal.
+fn show(context: &Context, view: &View) {
+    let cells = |digits| view.cells(|cell| in_short(cell, digits));
+    let all = cells(DIGITS);
+    let table = table_of(view, &all);
+    let hidden = if table.fits() {
+        table.print_fitting()
+    } else {
+        table_of(view, &cells(FEW_DIGITS)).print_fitting()
+    };
+    if !hidden.is_empty() {
+        let hidden = match hidden.len() {
+            ..=MAX_NAMES => hidden.join(", "),
+            count => format!("{count} columns"),
+        };
+        context.say(&format!(
+            "no space on the terminal for {hidden}; choose columns with --columns, or print all with --csv"
+        ));
+    }
+    context.say(&format!("{} of {} rows", all.len(), view.total));
+}
+
+/// Creates the table of the cells of a view.
+fn table_of<'c>(view: &View, cells: &'c [Vec<String>]) -> Table<'c, Vec<String>> {
+    let columns = view.columns.iter().enumerate();
+    columns.fold(Table::new(cells), |table, (i, ColumnInfo { name, dtype, .. })| {
+        let is_number = *dtype == Some(DataType::Float64);
+        table.column(name, is_number, |row| match (name.as_str(), row[i].as_str()) {
+            ("status" | "severity", word) => Text::status(word),
+            ("adequate", "true") => Tone::Good.paint("true"),
+            ("adequate", "false") => Tone::Bad.paint("false"),
+            (_, cell) => cell.into(),
+        })
+    })
+}
+
+/// Formats a cell: numbers with a number of significant digits, null as a dash.
+fn in_short(cell: &AnyValue, digits: usize) -> String {
     match float(cell) {
-        Some(number) => table::short(number),
+        Some(number) => table::rounded(number, digits),
         None if cell.is_null() => "-".to_owned(),
         None => text(cell),
     }
@@ -128,7 +186,7 @@ fn show_schema(path: &std::path::Path, as_json: bool) -> Result<Outcome, Failure
         .left("column", |column| column.name.clone())
         .left("type", |column| column.type_name.clone())
         .left("unit", |column| unit(&column.name).unwrap_or_default().to_owned())
-        .left("meaning", |column| meaning(&column.name).unwrap_or_default())
+        .prose("meaning", |column| meaning(&column.name).unwrap_or_default())
         .print();
     say!("{} rows in {}", info.rows, path.display());
     for (key, value) in &info.metadata {

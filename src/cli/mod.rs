@@ -27,6 +27,7 @@ mod stages;
 mod status;
 mod synth;
 mod table;
+mod terminal;
 #[cfg(test)]
 mod tests;
 
@@ -39,7 +40,7 @@ use clap_complete::CompleteEnv;
 
 use crate::build::{RunError, check_results};
 use crate::interrupt;
-use output::note;
+use output::{note, note_error};
 pub use progress::watch;
 use progress::{Progress, Watcher};
 use trilink_base::cancel::Cancelled;
@@ -76,6 +77,9 @@ struct Options {
     /// Number of threads [default: all processors].
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
+    /// Colours in the output and in messages; the variables NO_COLOR and CLICOLOR_FORCE are respected.
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
+    color: clap::ColorChoice,
     /// Append a log with times to a file.
     #[arg(long, global = true, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -310,12 +314,11 @@ pub fn main() -> ExitCode {
 /// Runs the program with a command line, whose first word is the program's name; returns its exit status.
 pub fn main_with(line: Vec<OsString>) -> u8 {
     if let Some(argument) = line.iter().find(|argument| argument.to_str().is_none()) {
-        note!(
-            "error: argument `{}`: found bytes that are not UTF-8, needed UTF-8",
-            argument.display()
-        );
+        let found = "found bytes that are not UTF-8, needed UTF-8";
+        note_error(&format!("argument `{}`: {found}", argument.display()));
         return 2;
     }
+    terminal::choose_colors(&line);
     let arguments = Arguments::try_parse_from(&line).unwrap_or_else(|error| error.exit());
     trilink_tables::hush_damaged_tables();
     let status = match arguments.command.run(&arguments.options, &line) {
@@ -324,7 +327,11 @@ pub fn main_with(line: Vec<OsString>) -> u8 {
         Err(failure) => {
             // Cancellation is not an error.
             let is_cancelled = is_cancelled(&failure);
-            note!("{}{failure}", if is_cancelled { "" } else { "error: " });
+            if is_cancelled {
+                note!("{failure}");
+            } else {
+                note_error(&failure.to_string());
+            }
             tracing::error!("{failure}");
             // An interrupted command exits with the status of its signal.
             let is_run = matches!(failure.downcast_ref(), Some(RunError::Interrupted { .. }));

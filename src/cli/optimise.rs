@@ -16,7 +16,7 @@ use trilink_robot::{Gait, JointCommand};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Extrapolation, NoInterval, Objective, OptimumRow};
 
-use super::output::{note, say};
+use super::output::{note, say, write_data};
 use super::parse::{finite, low_high, positive};
 use super::results::{Files, Format, write_rows};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
@@ -294,7 +294,7 @@ impl Optimise {
         if self.gait_toml {
             if let Some(best) = found.best() {
                 let beyond = setup.extrapolation(&best.problem);
-                say!("{}", gait_toml(&self.campaign, objective, best, &beyond).trim_end());
+                write_data(gait_toml(&self.campaign, objective, best, &beyond).trim_end());
             }
         } else if !self.format.rows(rows) {
             print_table(setup, objective, optima, present);
@@ -354,7 +354,7 @@ fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present:
         .right("work J/m", |(_, optimum)| short(optimum.motion.work_j / optimum.motion.metrics.d_m))
         .right("power W", |(_, optimum)| short(optimum.power_w()))
         .right("starts", |(_, optimum)| optimum.starts.to_string())
-        .left("remark", |(_, optimum)| remark(setup, optimum))
+        .prose("remark", |(_, optimum)| remark(setup, optimum))
         .print();
     if let (Some(best), Some(present)) =
         (optima.first().filter(|best| best.is_reachable()), present)

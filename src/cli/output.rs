@@ -1,35 +1,45 @@
 //! Lines on standard output and standard error. If the reader has closed the pipe of standard output
 //! (`trilink simulate .. | head`), the program ends.
 
-use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write};
 
+use anstream::AutoStream;
 use serde::Serialize;
 use trilink_base::text::escape_controls;
 
 use super::Failure;
+use super::terminal::{Text, Tone, stderr_width, stdout_width};
 use crate::template::fill;
 
+/// Prints lines to standard output, wrapped at the width of the terminal.
+pub(super) fn print(text: impl Into<Text>) {
+    print_wrapped(&text.into().wrap(stdout_width()));
+}
+
+/// Prints lines to standard output that are no longer than the terminal allows.
+pub(super) fn print_wrapped(text: &Text) {
+    write_line(AutoStream::auto(std::io::stdout()).lock(), text);
+}
+
+/// Writes results for other programs, without colours and on lines of any length; control characters are escaped only
+/// on a terminal.
+pub(super) fn write_data(text: &str) {
+    let stdout = std::io::stdout();
+    let text = if stdout.is_terminal() { escape_controls(text) } else { text.into() };
+    write_line(stdout.lock(), text);
+}
+
 /// Writes a line to standard output, and ends the program quietly if the reader has closed the pipe.
-pub(super) fn write_line(text: &str) {
-    let mut stdout = std::io::stdout().lock();
+fn write_line(mut stdout: impl Write, text: impl Display) {
     match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
         // A result that cannot be written (a full disk, for example) must not look like success.
         Err(error) => {
-            write_note(&format!("error: standard output: {error}"));
+            note_error(&format!("standard output: {error}"));
             std::process::exit(2)
         }
         Ok(()) => {}
-    }
-}
-
-/// Writes results for other programs; control characters are escaped only on a terminal.
-pub(super) fn write_data(text: &str) {
-    if std::io::stdout().is_terminal() {
-        write_line(&escape_controls(text));
-    } else {
-        write_line(text);
     }
 }
 
@@ -39,36 +49,41 @@ pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a line to standard error; a closed pipe is ignored.
-pub(super) fn write_note(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{}", escape_controls(text));
+/// Prints lines to standard error, wrapped at the width of the terminal; a closed pipe is ignored.
+pub(super) fn print_note(text: impl Into<Text>) {
+    let text = text.into().wrap(stderr_width());
+    let _ = writeln!(AutoStream::auto(std::io::stderr()).lock(), "{text}");
+}
+
+/// Prints an error to standard error.
+pub(super) fn note_error(message: &str) {
+    print_note(Tone::Bad.paint("error:") + " " + message);
+}
+
+/// Prints a warning to standard error.
+pub(super) fn warn(message: &str) {
+    print_note(Tone::Doubtful.paint("warning:") + " " + message);
 }
 
 /// Prints a line of results to standard output.
 macro_rules! say {
     ($($part:tt)*) => {
-        $crate::cli::output::write_line(&trilink_base::text::escape_controls(&format!($($part)*)))
+        $crate::cli::output::print(format!($($part)*))
     };
 }
 
 /// Prints a message to standard error.
 macro_rules! note {
     ($($part:tt)*) => {
-        $crate::cli::output::write_note(&format!($($part)*))
+        $crate::cli::output::print_note(format!($($part)*))
     };
 }
 
 pub(super) use {note, say};
 
-/// Prints a value as JSON if `as_json` is set, and otherwise as text: a filled-in template, which refers to the value
-/// as `of`.
-pub(super) fn write(value: &impl Serialize, as_json: bool, template: &str) -> Result<(), Failure> {
-    if as_json { write_json(value) } else { write_text(template, &BTreeMap::from([("of", value)])) }
-}
-
 /// Prints a text template filled in with `values`.
 pub(super) fn write_text(template: &str, values: &impl Serialize) -> Result<(), Failure> {
-    say!("{}", fill(template, values)?.trim_end());
+    print(fill(template, values)?.trim_end());
     Ok(())
 }
 

@@ -3,13 +3,12 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use trilink_base::text::known;
 use trilink_fit::Fitted;
 use trilink_ingest::Ingested;
 use trilink_mocap::marker_files;
 use trilink_report::{Reported, shared_fit_sentence};
-use trilink_robot::decay::DecayLaw;
 use trilink_robot::{Parameter, Quantity};
-use trilink_statistics::Estimate;
 use trilink_synth::{Recipe, planted_models};
 use trilink_tables::clock::utc_now;
 use trilink_tables::config::{Campaign, Config, RobotConfig, toml_key};
@@ -19,17 +18,19 @@ use trilink_tables::{
     TrialStatus, is_there,
 };
 
-use super::output::{note, say};
+use super::output::{note, print, print_note, say};
 use super::synth::write_trials;
+use super::table::Table;
+use super::terminal::{Text, Tone, stderr_width};
 use super::{Context, Exclusive, Failure, Folders, Outcome};
 use crate::build::{
     DryRun, Finished, Kind, PlannedTarget, RerunOptions, Target, TrialCounts, check_unconfigured,
     count, dry_run, run,
 };
 
-/// Maximum number of groups of trials listed on the terminal; the report page lists all of them.
+/// Maximum number of findings of each kind listed on the terminal; the report page lists all of them.
 const MAX_LINES: usize = 20;
-/// Maximum number of lines of each kind with `--quiet`, so that the output stays below 25 lines.
+/// Maximum number of lines for findings of each kind with `--quiet`, so that the output stays below 25 lines.
 const MAX_QUIET: usize = 4;
 /// Maximum number of targets with the same reason that a dry run names.
 const MAX_NAMED: usize = 3;
@@ -140,16 +141,22 @@ impl Update {
         drop(watch);
         let Finished { ingested, fitted, reported, history_problem, .. } = &finished;
         if finished.was_up_to_date {
-            let counts = in_words(&ingested.trials);
-            let verdicts = verdicts(fitted).join(", ");
-            let page = reported.page.display();
-            say!("everything was up to date at {}: {counts}; {verdicts}; page: {page}", utc_now());
+            let mut verdicts = verdicts(fitted);
+            let more = verdicts.len().saturating_sub(MAX_QUIET);
+            if context.is_quiet() && more > 0 {
+                verdicts.truncate(MAX_QUIET);
+                verdicts.push(format!("and {more} more").into());
+            }
+            let verdicts = verdicts.into_iter().reduce(|all, next| all + ", " + next);
+            let page = format!("; page: {}", reported.page.display());
+            let up_to_date = Text::from(format!("everything was up to date at {}: ", utc_now()));
+            let counts = in_words(&ingested.trials) + "; ";
+            print(up_to_date + counts + verdicts.unwrap_or_default() + page);
         } else {
             print_fitted(context, fitted);
             print_parameters(context, &ingested.parameters);
-            say!("{}", in_words(&ingested.trials));
-            say!("page: {}", reported.page.display());
         }
+        say_missing(context, reported, finished.was_up_to_date);
         note_together(context, ingested);
         say_attention(
             context,
@@ -157,7 +164,10 @@ impl Update {
             history_problem.as_deref(),
             finished.was_up_to_date,
         );
-        say_missing(context, reported, finished.was_up_to_date);
+        if !finished.was_up_to_date {
+            print(in_words(&ingested.trials));
+            say!("page: {}", reported.page.display());
+        }
         // A failed trial needs attention. A model without a periodic solution is a result, not a failure.
         let is_whole = history_problem.is_none() && reported.damaged.is_empty();
         Ok(Outcome::well_if(is_whole && !ingested.needs_a_person()))
@@ -227,34 +237,67 @@ pub(super) fn planned(dry_run: &DryRun, explain: bool) -> Vec<String> {
 }
 
 /// Returns the preferred model of each campaign and whether it fits.
-pub(super) fn verdicts(Fitted { fits, comparison, .. }: &Fitted) -> Vec<String> {
+pub(super) fn verdicts(Fitted { fits, comparison, .. }: &Fitted) -> Vec<Text> {
     let by_campaign = comparison.chunk_by(|a, b| a.campaign == b.campaign);
     let verdicts = by_campaign.filter_map(|models| {
-        Some(format!("{}: {}", models[0].campaign, Comparison::new(models, fits)?.short()))
+        let compared = Comparison::new(models, fits)?;
+        Some(Text::from(&models[0].campaign) + ": " + short_verdict(&compared))
     });
     verdicts.collect()
 }
 
-/// Prints at most [`MAX_QUIET`] of the lines with `--quiet`, and otherwise all.
-fn say_limited(context: &Context, lines: &[String], say: impl Fn(&str)) {
-    let limit = if context.is_quiet() { MAX_QUIET } else { lines.len() };
-    lines.iter().take(limit).for_each(|line| say(line));
-    if lines.len() > limit {
-        say(&format!("and {} more, on the report page", lines.len() - limit));
+/// Returns the preferred model and whether it fits, in colour.
+fn short_verdict(compared: &Comparison) -> Text {
+    let tone = match compared.adequate() {
+        Some(true) => Tone::Good,
+        Some(false) => Tone::Bad,
+        None => Tone::Doubtful,
+    };
+    tone.paint(compared.short())
+}
+
+/// Prints at most [`MAX_LINES`] of the lines; with `--quiet`, only those that take at most [`MAX_QUIET`] lines on the
+/// terminal. The number of the others follows.
+fn say_limited(context: &Context, indent: &str, lines: Vec<Text>, say: impl Fn(Text)) {
+    let width = stderr_width();
+    let mut free = if context.is_quiet() { MAX_QUIET } else { usize::MAX };
+    let mut shown = 0;
+    for line in lines.iter().take(MAX_LINES) {
+        if free == 0 {
+            break;
+        }
+        let line = (Text::from(indent) + line.clone()).cut(width, free);
+        free -= line.height(width);
+        say(line);
+        shown += 1;
+    }
+    if lines.len() > shown {
+        say(format!("{indent}and {} more, on the report page", lines.len() - shown).into());
     }
 }
 
 /// Prints the failures found by the checks that examine the trials of a campaign or folder together.
 pub(super) fn note_together(context: &Context, ingested: &Ingested) {
-    let found = ingested.together().map(|found| format!("{}: {}", found.trial, found.message));
-    say_limited(context, &found.collect::<Vec<_>>(), |line| note!("{line}"));
+    let found = ingested.together();
+    let found = found.map(|found| Tone::Bad.paint(&found.trial) + ": " + &found.message);
+    say_limited(context, "", found.collect(), print_note);
 }
 
-/// Formats the numbers of trials by status.
-pub(super) fn in_words(trials: &[TrialRow]) -> String {
+/// Formats the numbers of trials by status, in colour unless they are zero.
+pub(super) fn in_words(trials: &[TrialRow]) -> Text {
     let TrialCounts { total, ok, flagged, failed, ignored } = count(trials);
-    let counts = format!("{total} trials: {ok} ok, {flagged} flagged, {failed} failed");
-    if ignored == 0 { counts } else { format!("{counts}, {ignored} ignored") }
+    let numbers =
+        [(ok, TrialStatus::Ok), (flagged, TrialStatus::Flagged), (failed, TrialStatus::Failed)];
+    let ignored = Some((ignored, TrialStatus::Ignored)).filter(|(number, _)| *number > 0);
+    let numbers = numbers.into_iter().chain(ignored).map(|(number, status)| {
+        let text = format!("{number} {status}");
+        match Tone::of(status.name()).filter(|_| number > 0) {
+            Some(tone) => tone.paint(text),
+            None => text.into(),
+        }
+    });
+    let numbers = numbers.reduce(|all, next| all + ", " + next).unwrap_or_default();
+    Text::from(format!("{total} trials: ")) + numbers
 }
 
 /// Prints the failed trials, by folder and cause, and the message `other`, if there is one, and then, unless the run had
@@ -265,31 +308,26 @@ pub(super) fn say_attention(
     other: Option<&str>,
     was_up_to_date: bool,
 ) {
-    let mut failed: Vec<String> = other.map(str::to_owned).into_iter().collect();
+    let mut failed: Vec<Text> = other.map(Text::from).into_iter().collect();
     failed.extend(lines(trials, TrialStatus::Failed));
-    let max = if context.is_quiet() { MAX_QUIET } else { MAX_LINES };
-    if !failed.is_empty() {
-        note!("needs attention:{}", block(&failed, max));
-    }
-    let flagged = lines(trials, TrialStatus::Flagged);
-    if !flagged.is_empty() && !was_up_to_date {
-        context.say(&format!("used, but flagged:{}", block(&flagged, max)));
+    note_block(context, "needs attention:", failed);
+    if !was_up_to_date && !context.is_quiet() {
+        note_block(context, "used, but flagged:", lines(trials, TrialStatus::Flagged));
     }
 }
 
 /// Returns a line for each group of trials with this status and a common cause.
-fn lines(trials: &[TrialRow], status: TrialStatus) -> Vec<String> {
-    CommonCause::find(trials, status).iter().map(CommonCause::to_string).collect()
+fn lines(trials: &[TrialRow], status: TrialStatus) -> Vec<Text> {
+    let causes = CommonCause::find(trials, status);
+    causes.iter().map(|cause| Text::status(status) + ": " + cause.to_string()).collect()
 }
 
-/// Indents at most `max` lines, and states how many lines were left out.
-fn block(lines: &[String], max: usize) -> String {
-    let mut block: String = lines.iter().take(max).map(|line| format!("\n  {line}")).collect();
-    if lines.len() > max {
-        let more = lines.len() - max;
-        block += &format!("\n  and {more} more, on the report page and in checks.parquet");
+/// Prints a heading and indented lines below it, or nothing if there are no lines.
+fn note_block(context: &Context, heading: &str, lines: Vec<Text>) {
+    if !lines.is_empty() {
+        print_note(Tone::Heading.paint(heading));
+        say_limited(context, "  ", lines, print_note);
     }
-    block
 }
 
 /// Prints which figures could not be drawn, unless the run had nothing to do, and which tables are damaged or
@@ -298,48 +336,58 @@ pub(super) fn say_missing(context: &Context, reported: &Reported, was_up_to_date
     if !was_up_to_date {
         reported.missing.iter().for_each(|figure| context.say(&format!("not drawn: {figure}")));
     }
-    let damaged = reported.damaged.iter().map(|damaged| format!("damaged: {damaged}"));
-    say_limited(context, &damaged.collect::<Vec<_>>(), |line| note!("{line}"));
+    let damaged = reported.damaged.iter();
+    let damaged = damaged.map(|damaged| Tone::Bad.paint("damaged") + ": " + damaged.to_string());
+    say_limited(context, "", damaged.collect(), print_note);
 }
 
 /// Prints any robot parameters measured by joint releases and coast-downs, next to the configured values; with
 /// `--quiet`, prints nothing.
 pub(super) fn print_parameters(context: &Context, rows: &[RobotParameterRow]) {
-    if rows.is_empty() || context.is_quiet() {
+    if context.is_quiet() {
         return;
     }
-    let head = format!("{:<32} {:<15} {:<15}", "trial", "law", "parameter");
-    say!("{head} {:>10} {:>9} {:>10}  basis", "measured", "+-", "configured");
-    for row in rows {
-        if !row.status.is_ok() {
-            say!("{:<32} {}", row.trial, row.status);
-        }
-        for RobotQuantity { name, unit, measured, configured } in row.quantities() {
-            let Estimate { value, se } = measured;
-            let name = format!("{name} {unit}");
-            let configured =
-                if configured.is_nan() { "-".to_owned() } else { format!("{configured:.5}") };
-            let law = row.law.map_or("", DecayLaw::name);
-            let head = format!("{:<32} {law:<15} {name:<15}", row.trial);
-            say!("{head} {value:>10.5} {se:>9.5} {configured:>10}  {}", row.basis());
-        }
+    for row in rows.iter().take(MAX_LINES) {
+        let law = match row.law {
+            Some(law) if row.status.is_ok() => law.name().into(),
+            _ => Tone::Doubtful.paint(row.status.name()),
+        };
+        print(Tone::Heading.paint(&row.trial) + ": " + law + "; " + row.basis());
+        let quantities: Vec<RobotQuantity> = row.quantities().collect();
+        Table::new(&quantities)
+            .indented(2)
+            .left("", |of| format!("{} {}", of.name, of.unit))
+            .right("", |of| format!("{:.5}", of.measured.value))
+            .left("", |of| format!("+- {:.5}", of.measured.se))
+            .left("", |of| match of.configured {
+                configured if configured.is_nan() => String::new(),
+                configured => format!("configured {configured:.5}"),
+            })
+            .print();
+    }
+    if rows.len() > MAX_LINES {
+        say!("and {} more trials, in robot_parameters.parquet", rows.len() - MAX_LINES);
     }
 }
 
-/// Prints the fitted parameters, the comparison of each campaign's models, and whether one set of coefficients
-/// describes all campaigns of each robot. With `--quiet`, prints only the preferred models.
+/// Prints a block for each campaign: the fitted parameters and the comparison of its models; then whether one set of
+/// coefficients describes all campaigns of each robot. With `--quiet`, prints only the preferred models.
 pub(super) fn print_fitted(context: &Context, fitted: &Fitted) {
     if context.is_quiet() {
-        return say_limited(context, &verdicts(fitted), |line| say!("{line}"));
+        return say_limited(context, "", verdicts(fitted), print);
     }
     let Fitted { fits, comparison, shared, .. } = fitted;
-    print_fits(fits);
-    print_exact(&context.config, fits);
-    for models in comparison.chunk_by(|a, b| a.campaign == b.campaign) {
-        if let Some(compared) = Comparison::new(models, fits) {
-            say!("{}: {compared}", models[0].campaign);
-        }
+    for fits in fits.chunk_by(|a, b| a.campaign == b.campaign) {
+        let campaign = &fits[0].campaign;
+        let models = comparison.iter().filter(|row| row.campaign == *campaign);
+        let compared = Comparison::new(models, fits);
+        let verdict = compared.as_ref().map(|compared| Text::from(": ") + short_verdict(compared));
+        print(Tone::Heading.paint(campaign) + verdict.unwrap_or_default());
+        print_fits(fits);
+        compared.iter().for_each(|compared| say!("  {compared}"));
     }
+    print_remarks(fits);
+    print_exact(&context.config, fits);
     for row in shared {
         let SharedFitRow { robot, fit, .. } = row;
         let values = fit
@@ -355,35 +403,53 @@ pub(super) fn print_fitted(context: &Context, fitted: &Fitted) {
     }
 }
 
-/// Prints a short table of fitted parameters.
+/// Prints a table of the models that were fitted to a campaign, with their coefficients of skidding and any other fitted
+/// parameters.
 fn print_fits(fits: &[FitRow]) {
-    let [c_s0, c_s1, c_s2] = ["c_S0", "c_S1", "c_S2"].map(|name| format!("{name:>10}"));
-    let marks = "c_S in kg/s; ~: not identifiable, |: at a bound, ?: the model does not fit";
-    let head = format!("{:<24} {:<17} {:>9} {:>14}", "campaign", "model", "J", "misfit ratio");
-    say!("{head} {c_s0} {c_s1} {c_s2}   {marks}");
-    for fit in fits {
-        let FitRow { campaign, model, status, failure, j, .. } = fit;
-        if !status.is_ok() {
-            say!("{campaign:<24} {model:<17} {status}: {failure}");
-            continue;
+    let mut table = Table::new(fits)
+        .indented(2)
+        .left("model", |fit| fit.model.to_string())
+        .right("J", |fit| if fit.status.is_ok() { format!("{:.5}", fit.j) } else { "-".to_owned() })
+        .right("misfit ratio", |fit| known([fit.lack_of_fit], |[ratio]| format!("{ratio:.2}")))
+        .left("fits", fits_in_words);
+    let is_skid = |parameter: Parameter| parameter.quantity() == Quantity::Skid;
+    for parameter in Parameter::ALL {
+        let is_free = |fit: &FitRow| fit.free.contains(&parameter);
+        if is_skid(parameter) || fits.iter().any(is_free) {
+            let name = match parameter.number() {
+                Some(wheel) if is_skid(parameter) => format!("c_S{wheel}"),
+                _ => parameter.name().to_owned(),
+            };
+            table = table.right(&name, |fit| {
+                if is_skid(parameter) || is_free(fit) {
+                    cell(fit, parameter)
+                } else {
+                    "-".to_owned()
+                }
+            });
         }
-        let (skid, others): (Vec<Parameter>, _) = Parameter::ALL
-            .into_iter()
-            .partition(|parameter| parameter.quantity() == Quantity::Skid);
-        let skid: String =
-            skid.iter().map(|parameter| format!(" {:>10}", cell(fit, *parameter))).collect();
-        let others: String = others
-            .iter()
-            .filter(|parameter| fit.free.contains(parameter))
-            .map(|parameter| format!("   {} {}", parameter.name(), cell(fit, *parameter)))
-            .collect();
-        let fits = match fit.adequate {
-            Some(true) => format!("{:.2} fits", fit.lack_of_fit),
-            Some(false) => format!("{:.2} not", fit.lack_of_fit),
-            None => "not known".to_owned(),
-        };
-        say!("{campaign:<24} {model:<17} {j:>9.5} {fits:>14}{skid}{others}");
     }
+    table.prose("", |fit| fit.failure.clone()).print();
+}
+
+/// Returns whether a model fits, or the status of its fit if there is none.
+fn fits_in_words(fit: &FitRow) -> Text {
+    match (fit.status.is_ok(), fit.adequate) {
+        (false, _) => Text::status(fit.status),
+        (true, Some(true)) => Tone::Good.paint("yes"),
+        (true, Some(false)) => Tone::Bad.paint("no"),
+        (true, None) => Tone::Doubtful.paint("not known"),
+    }
+}
+
+/// Prints the meaning of the marks in the tables of fits, and notes on the fits.
+fn print_remarks(fits: &[FitRow]) {
+    let cells: String =
+        fits.iter().flat_map(|fit| Parameter::ALL.map(|parameter| cell(fit, parameter))).collect();
+    let marks = [('~', "not identifiable"), ('|', "at a bound"), ('?', "the model does not fit")];
+    let marks = marks.iter().filter(|(mark, _)| cells.contains(*mark));
+    let marks: String = marks.map(|(mark, meaning)| format!("; {mark}: {meaning}")).collect();
+    say!("c_S in kg/s{marks}");
     let of_one_day: BTreeSet<&str> =
         fits.iter().filter(|fit| fit.single_day).map(|fit| fit.campaign.as_str()).collect();
     if !of_one_day.is_empty() {

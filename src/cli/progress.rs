@@ -11,7 +11,7 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_base::text::escape_controls;
 
 use super::Interrupted;
-use super::output::{note, write_note};
+use super::output::{note, print_note};
 use crate::build::{Kind, PlannedTarget, StagePlan, Watch};
 use crate::interrupt;
 
@@ -40,7 +40,7 @@ impl Progress {
             (false, true) => Shown::Bars,
             (false, false) => Shown::Lines,
         };
-        Self { shown, line: write_note }
+        Self { shown, line: |text| print_note(text) }
     }
 
     /// Whether nothing but results and errors is printed.
@@ -61,8 +61,9 @@ impl Progress {
             Shown::Bars => ProgressBar::new(total as u64),
             Shown::Nothing | Shown::Lines => ProgressBar::hidden(),
         };
-        let style =
-            ProgressStyle::with_template("{prefix:>10} {bar:30} {pos}/{len} {eta:>4} left {msg}");
+        let style = ProgressStyle::with_template(
+            "{prefix:>8} {bar:16} {pos}/{len} {eta:>4} left {wide_msg}",
+        );
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
         let done = AtomicUsize::new(0);
@@ -98,24 +99,37 @@ impl Watcher {
             stage.iter().for_each(show);
         }
     }
+
+    /// Prints lines above the progress bar, if there is one.
+    fn above_bar(&self, print: impl FnOnce()) {
+        match self.stage.lock().as_deref() {
+            Ok(Some(stage)) => stage.bar.suspend(print),
+            _ => print(),
+        }
+    }
 }
 
 impl Watch for Watcher {
     fn planned(&self, plan: &StagePlan) {
         if self.explain {
-            for PlannedTarget { target, why } in &plan.targets {
-                note!("{target}: {}", why.join("; "));
-            }
-            plan.removed.iter().for_each(|target| note!("{target}: no longer listed"));
-            plan.whole.iter().for_each(|why| note!("{why}"));
+            self.above_bar(|| {
+                for PlannedTarget { target, why } in &plan.targets {
+                    note!("{target}: {}", why.join("; "));
+                }
+                plan.removed.iter().for_each(|target| note!("{target}: no longer listed"));
+                plan.whole.iter().for_each(|why| note!("{why}"));
+            });
         }
         let trials = plan.removed.iter().filter(|target| target.kind == Kind::Trial);
-        let trials: Vec<String> = trials.map(|target| target.name.clone()).collect();
+        let trials: Vec<&str> = trials.map(|target| target.name.as_str()).collect();
         if !trials.is_empty() {
-            let trials = trials.join(", ");
+            let more = match trials.len().saturating_sub(MAX_NAMES) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let named = trials[..trials.len().min(MAX_NAMES)].join(", ");
             self.note(&format!(
-                "these trials were removed, because they are no longer in the list of trials: \
-                 {trials}"
+                "these trials were removed, because they are no longer in the list of trials: {named}{more}"
             ));
         }
     }
@@ -125,7 +139,7 @@ impl Watch for Watcher {
     }
 
     fn note(&self, message: &str) {
-        self.progress.say(message);
+        self.above_bar(|| self.progress.say(message));
     }
 
     fn begin(&self, stage: &'static str, total: usize) {
@@ -145,6 +159,8 @@ impl Watch for Watcher {
     }
 }
 
+/// Maximum number of removed trials that are named.
+const MAX_NAMES: usize = 10;
 /// Minimum duration of a stage before the lines of progress state the remaining time.
 const MIN_ELAPSED: Duration = Duration::from_secs(5);
 

@@ -5,7 +5,7 @@ use trilink_mechanics::Problem;
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 
-use super::output::note;
+use super::output::{note, warn};
 use super::{Context, Failure};
 use crate::build::check_unconfigured_tables;
 
@@ -68,7 +68,7 @@ pub(super) fn note_caution(campaign: &str, setup: &Setup) {
     let Some(fit) = setup.fit() else { return };
     let caution = fit.caution();
     if !caution.is_empty() {
-        note!("warning: {campaign} {}: {caution}", setup.model);
+        warn(&format!("{campaign} {}: {caution}", setup.model));
     }
 }
 
@@ -83,16 +83,15 @@ pub(super) fn note_extrapolation(
     match setup.measured_range() {
         Some(Ok(range)) => {
             if let Some((count, beyond)) = range.summary(problems) {
-                note!(
-                    "warning: {campaign} {model}: {count} of {all} motions are extrapolated \
-                     beyond the trials of the fit: {beyond}"
-                );
+                warn(&format!(
+                    "{campaign} {model}: {count} of {all} motions are extrapolated beyond the trials of the fit: \
+                     {beyond}"
+                ));
             }
         }
         Some(Err(why)) => {
-            note!(
-                "warning: {campaign} {model}: the range of the trials of the fit is not known: {why}"
-            );
+            let unknown = "the range of the trials of the fit is not known";
+            warn(&format!("{campaign} {model}: {unknown}: {why}"));
         }
         None => {}
     }

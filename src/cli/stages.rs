@@ -6,7 +6,7 @@ use trilink_fit::Fitted;
 use trilink_ingest::Ingested;
 use trilink_tables::FitRow;
 
-use super::output::{note, say};
+use super::output::{note, print, say};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, candidates, pipeline};
 use crate::build::{self, Shard};
 
@@ -47,8 +47,10 @@ impl Ingest {
             let (ingested, home) = context.watched(|watch| {
                 build::ingest_shard(&context.config, shard, &shards, wait, watch)
             })?;
-            say!("{}; {shard} in {}", pipeline::in_words(&ingested.trials), home.display());
-            return Ok(judge(&context, &ingested));
+            let outcome = judge(&context, &ingested);
+            let tables = format!("; {shard} in {}", home.display());
+            print(pipeline::in_words(&ingested.trials) + tables);
+            return Ok(outcome);
         }
         let ingested =
             context.watched(|watch| build::ingest(&context.config, only, wait, watch))?;
@@ -59,9 +61,10 @@ impl Ingest {
 
 /// Prints a summary of the ingested trials.
 pub(super) fn say_ingested(context: &Context, ingested: &Ingested) -> Outcome {
-    let derived = context.config.paths.derived.display();
-    say!("{}; tables in {derived}", pipeline::in_words(&ingested.trials));
-    judge(context, ingested)
+    let outcome = judge(context, ingested);
+    let tables = format!("; tables in {}", context.config.paths.derived.display());
+    print(pipeline::in_words(&ingested.trials) + tables);
+    outcome
 }
 
 /// Prints which trials need attention; returns [`Outcome::NeedsAttention`] if there are any.

@@ -7,8 +7,10 @@ use trilink_fit::Fitted;
 use trilink_tables::trial::TrialFolders;
 use trilink_tables::{Reader, is_there};
 
-use super::output::{say, write_json};
+use super::output::write_json;
 use super::pipeline::{in_words, planned, verdicts};
+use super::table::Table;
+use super::terminal::{Text, Tone};
 use super::{Context, Failure, Outcome};
 use crate::build::{LastRun, RerunOptions, dry_run, ingested, load_unconfigured};
 
@@ -30,9 +32,9 @@ struct Summary {
     folders: Vec<FolderSummary>,
     last_run: Option<LastRun>,
     /// Numbers of trials in the tables by status.
-    trials: Option<String>,
+    trials: Option<Text>,
     /// Preferred model of each campaign and whether it fits.
-    verdicts: Vec<String>,
+    verdicts: Vec<Text>,
     /// What a run would recompute and why; empty if everything is up to date.
     stale: Vec<String>,
     /// Path of the baseline; null if there is none.
@@ -106,34 +108,39 @@ impl Summary {
     }
 
     fn print(&self) {
-        say!("configuration  {}", self.configuration);
+        let mut lines: Vec<(&str, Text)> = vec![("configuration", (&self.configuration).into())];
         for FolderSummary { folder, trials, bytes } in &self.folders {
-            say!("trial folder   {folder}: {trials} trials, {}", megabytes(*bytes));
+            let text = format!("{folder}: {trials} trials, {}", megabytes(*bytes));
+            lines.push(("trial folder", text.into()));
         }
-        match &self.last_run {
+        let last_run = match &self.last_run {
             Some(LastRun { status, started, error, .. }) => {
                 let error = error.as_ref().map_or(String::new(), |error| format!(": {error}"));
-                say!("last run       {started}: {status}{error}");
+                Text::from(started) + ": " + Text::status(status) + error
             }
-            None => say!("last run       none: `trilink run` processes the trials"),
-        }
-        self.trials.iter().for_each(|trials| say!("tables         {trials}"));
-        self.verdicts.iter().for_each(|verdict| say!("verdict        {verdict}"));
+            None => "none: `trilink run` processes the trials".into(),
+        };
+        lines.push(("last run", last_run));
+        lines.extend(self.trials.iter().map(|trials| ("tables", trials.clone())));
+        lines.extend(self.verdicts.iter().map(|verdict| ("verdict", verdict.clone())));
         if self.stale.is_empty() {
-            say!("to do          nothing: everything is up to date");
+            lines.push(("to do", "nothing: everything is up to date".into()));
         }
-        for line in self.stale.iter().take(MAX_STALE) {
-            say!("to do          {line}");
-        }
+        lines.extend(self.stale.iter().take(MAX_STALE).map(|line| ("to do", line.into())));
         if self.stale.len() > MAX_STALE {
             let more = self.stale.len() - MAX_STALE;
-            say!("to do          and {more} more: `trilink run --dry-run --explain` lists them");
+            let more = format!("and {more} more: `trilink run --dry-run --explain` lists them");
+            lines.push(("to do", more.into()));
         }
-        let none = || "none: `trilink compare --accept WHY` saves one".to_owned();
-        say!("baseline       {}", self.baseline.clone().unwrap_or_else(none));
+        let none = "none: `trilink compare --accept WHY` saves one";
+        lines.push(("baseline", self.baseline.as_deref().unwrap_or(none).into()));
         let [derived, reports] = [self.derived_bytes, self.reports_bytes].map(megabytes);
-        say!("size           tables {derived}, reports {reports}");
-        self.page.iter().for_each(|page| say!("page           {page}"));
+        lines.push(("size", format!("tables {derived}, reports {reports}").into()));
+        lines.extend(self.page.iter().map(|page| ("page", page.into())));
+        Table::new(&lines)
+            .left("", |(name, _)| Tone::Heading.paint(name))
+            .prose("", |(_, text)| text.clone())
+            .print();
     }
 }
 

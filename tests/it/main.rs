@@ -33,4 +33,5 @@ mod shared;
 mod simulate;
 mod source;
 mod synth;
+mod terminal;
 mod update;

@@ -1,10 +1,11 @@
 //! Trials that need attention, grouped by folder and cause.
 
+use std::collections::HashMap;
 use std::fmt;
 
 use serde::Serialize;
 
-use crate::{TrialRow, TrialStatus};
+use crate::{CheckRow, TrialRow, TrialStatus};
 
 /// Trials of one folder that need attention for the same reason.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -22,26 +23,49 @@ pub struct CommonCause<'r> {
 impl<'r> CommonCause<'r> {
     /// Groups the trials with a status, in the order of the first trial of each group.
     pub fn find(trials: &'r [TrialRow], status: TrialStatus) -> Vec<Self> {
-        let mut groups: Vec<(String, Vec<&TrialRow>)> = Vec::new();
-        for row in trials.iter().filter(|row| row.status == status) {
-            let reason = without_numbers(&without_files(&row.message, &row.file));
-            let same = |(other, rows): &&mut (String, Vec<&TrialRow>)| {
-                *other == reason && rows[0].folder == row.folder
+        let found = trials.iter().filter(|row| row.status == status);
+        Self::group(trials, found.map(|row| (row, row.message.as_str())))
+    }
+
+    /// Groups the findings of one check, in the order of the first trial of each group; leaves out findings that do not
+    /// concern a single trial.
+    pub fn of_check(
+        trials: &'r [TrialRow],
+        findings: impl IntoIterator<Item = &'r CheckRow>,
+    ) -> Vec<Self> {
+        let by_name: HashMap<&str, &TrialRow> =
+            trials.iter().map(|row| (row.trial.as_str(), row)).collect();
+        let found = findings.into_iter().filter_map(|check| {
+            Some((*by_name.get(check.trial.as_str())?, check.message.as_str()))
+        });
+        Self::group(trials, found)
+    }
+
+    /// Groups messages about trials by folder and cause.
+    fn group(
+        trials: &'r [TrialRow],
+        found: impl Iterator<Item = (&'r TrialRow, &'r str)>,
+    ) -> Vec<Self> {
+        let mut groups: Vec<(String, Vec<(&TrialRow, &str)>)> = Vec::new();
+        for (row, message) in found {
+            let reason = without_numbers(&without_files(message, &row.file));
+            let same = |(other, group): &&mut (String, Vec<(&TrialRow, &str)>)| {
+                *other == reason && group[0].0.folder == row.folder
             };
             match groups.iter_mut().find(same) {
-                Some((_, rows)) => rows.push(row),
-                None => groups.push((reason, vec![row])),
+                Some((_, group)) => group.push((row, message)),
+                None => groups.push((reason, vec![(row, message)])),
             }
         }
-        let causes = groups.iter().map(|(_, rows)| {
-            let TrialRow { folder, file, message, .. } = rows[0];
+        let causes = groups.iter().map(|(_, group)| {
+            let (TrialRow { folder, file, status, .. }, message) = group[0];
             Self {
-                status,
+                status: *status,
                 folder,
-                trials: rows.iter().map(|row| row.trial.as_str()).collect(),
+                trials: group.iter().map(|(row, _)| row.trial.as_str()).collect(),
                 of: trials.iter().filter(|other| other.folder == *folder).count(),
-                message: match rows.len() {
-                    1 => message.clone(),
+                message: match group.len() {
+                    1 => message.to_owned(),
                     _ => without_files(message, file),
                 },
             }
@@ -52,11 +76,11 @@ impl<'r> CommonCause<'r> {
 
 impl fmt::Display for CommonCause<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let Self { status, folder, trials, of, message } = self;
+        let Self { folder, trials, of, message, .. } = self;
         match trials[..] {
-            [trial] => write!(f, "{status}: {trial}: {message}"),
-            _ if trials.len() == *of => write!(f, "{status}: {folder}: all {of} trials: {message}"),
-            _ => write!(f, "{status}: {folder}: {} of {of} trials: {message}", trials.len()),
+            [trial] => write!(f, "{trial}: {message}"),
+            _ if trials.len() == *of => write!(f, "{folder}: all {of} trials: {message}"),
+            _ => write!(f, "{folder}: {} of {of} trials: {message}", trials.len()),
         }
     }
 }
@@ -112,9 +136,9 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "failed: raw/a: 2 of 3 trials: wrong gait; no marker `M3`, 12 found",
-                "failed: 3: wrong gait; raw/a/3.csv: no marker `M4`, 12 found",
-                "failed: raw/b: all 2 trials: wrong gait; no marker `M3`, 12 found",
+                "raw/a: 2 of 3 trials: wrong gait; no marker `M3`, 12 found",
+                "3: wrong gait; raw/a/3.csv: no marker `M4`, 12 found",
+                "raw/b: all 2 trials: wrong gait; no marker `M3`, 12 found",
             ]
         );
         assert!(CommonCause::find(&rows, TrialStatus::Flagged).is_empty());

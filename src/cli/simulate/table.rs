@@ -1,88 +1,88 @@
 //! Table that `simulate` prints.
 
+use trilink_base::text::known;
 use trilink_fit::simulate::{Answer, Interval};
 use trilink_mechanics::{FromRest, MotionStatus, SharpLimit};
 use trilink_robot::metrics::{Dimension, GaitMetrics, Metric, MetricDefinition};
 
-use crate::cli::output::say;
+use crate::cli::table::Table;
+use crate::cli::terminal::Text;
 use crate::template::fixed;
+
+/// Decimals of lengths and speeds, of skid ratios, and of angles.
+const DECIMALS: [usize; 3] = [4, 6, 5];
+
+/// Line of the table.
+#[derive(Default)]
+struct Line {
+    model: &'static str,
+    omega: String,
+    metrics: Option<GaitMetrics>,
+    work: String,
+    status: Text,
+}
 
 /// Prints a line for each solution, followed by lines with its confidence intervals and with the change in d as the
 /// transition speed of dry friction goes to zero, if these are known.
 pub(super) fn print(answers: &[&Answer]) {
-    let names = answers.iter().map(|answer| answer.model.name().chars().count());
-    let width = names.chain([5]).max().unwrap_or_default();
-    let headings = in_columns(|metric| match metric.definition().dimension.units()[1] {
-        "" => metric.name().to_owned(),
-        unit => format!("{metric} {unit}"),
-    });
-    say!("{:<width$} {:>11} {headings} {:>10}  status", "model", "omega rad/s", "work J/m");
-    for answer in answers {
-        let model = answer.model.name();
-        if let Some(reason) = &answer.reason {
-            say!("{model:<width$} {:>11} {}: {reason}", answer.omega_rad_s, answer.status);
-            continue;
-        }
-        let work = if answer.work_j_m.is_nan() { String::new() } else { fixed(answer.work_j_m, 6) };
-        say!(
-            "{model:<width$} {:>11} {} {work:>10}  {}{}{}",
-            answer.omega_rad_s,
-            numbers(&answer.metrics, [7, 9, 8]),
-            answer.status,
-            reach_in_words(answer),
-            if answer.is_extrapolated() { ", extrapolated" } else { "" },
-        );
-        if let Some(interval) = &answer.interval {
-            print_interval(interval, width);
-        }
-        if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
-            let d_m = answer.metrics.d_m;
-            say!(
-                "{:<width$} {:>11} d changes by {:+.2} % (\u{b1}{:.2}) as transition_m_s goes to \
-                 zero",
-                "",
-                "",
-                100.0 * (metrics.d_m - d_m) / d_m,
-                100.0 * uncertainty.d_m / d_m,
-            );
-        }
-    }
-}
-
-/// Prints the lower and upper confidence limits of the metrics in two lines, or the reason why there are none. `width`
-/// is the width of the column of models, characters.
-fn print_interval(interval: &Interval, width: usize) {
-    if let Some(why) = &interval.no_interval {
-        say!("{:<width$} {:>11} no intervals: {}", "", "", why);
-        return;
-    }
-    for (what, limits) in [("95 % from", interval.lower), ("to", interval.upper)] {
-        say!("{:<width$} {what:>11} {}", "", numbers(&limits, [4, 6, 5]));
-    }
-}
-
-/// Formats metrics in columns with the given numbers of decimals: for lengths and speeds, for skid ratios, and for
-/// angles.
-fn numbers(metrics: &GaitMetrics, [length, ratio, angle]: [usize; 3]) -> String {
-    in_columns(|metric| {
-        let digits = match metric.definition().dimension {
-            Dimension::Length | Dimension::Speed => length,
-            Dimension::Ratio => ratio,
-            Dimension::Angle => angle,
+    let lines: Vec<Line> = answers.iter().flat_map(|answer| lines_of(answer)).collect();
+    let mut table = Table::new(&lines)
+        .left("model", |line| line.model)
+        .right("omega rad/s", |line| &line.omega);
+    for metric in Metric::ALL {
+        let MetricDefinition { dimension, .. } = *metric.definition();
+        let [length, ratio, angle] = DECIMALS;
+        let (name, decimals) = match (dimension, dimension.units()[1]) {
+            (Dimension::Ratio, _) => (metric.name().to_owned(), ratio),
+            (Dimension::Length | Dimension::Speed, unit) => (format!("{metric} {unit}"), length),
+            (Dimension::Angle, unit) => (format!("{metric} {unit}"), angle),
         };
-        fixed(metric.shown(metrics), digits)
-    })
+        table = table.right(&name, |line| {
+            line.metrics.map_or(String::new(), |metrics| fixed(metric.shown(&metrics), decimals))
+        });
+    }
+    table.right("work J/m", |line| &line.work).prose("status", |line| line.status.clone()).print();
 }
 
-/// Returns one line with a column per metric; `text` returns the content of a metric's column.
-fn in_columns(text: impl Fn(Metric) -> String) -> String {
-    let cells = Metric::ALL.map(|metric| {
-        let MetricDefinition { dimension, is_size, .. } = *metric.definition();
-        // Signed metrics need one more character.
-        let is_narrow = is_size && matches!(dimension, Dimension::Ratio | Dimension::Angle);
-        format!("{:>1$}", text(metric), if is_narrow { 12 } else { 13 })
-    });
-    cells.join(" ")
+/// Returns the line of a solution and the lines below it.
+fn lines_of(answer: &Answer) -> Vec<Line> {
+    let first = Line {
+        model: answer.model.name(),
+        omega: answer.omega_rad_s.to_string(),
+        ..Line::default()
+    };
+    if let Some(reason) = &answer.reason {
+        return vec![Line { status: Text::status(answer.status) + ": " + reason, ..first }];
+    }
+    let extrapolated = if answer.is_extrapolated() { ", extrapolated" } else { "" };
+    let mut lines = vec![Line {
+        metrics: Some(answer.metrics),
+        work: known([answer.work_j_m], |[work]| fixed(work, 6)),
+        status: Text::status(answer.status) + reach_in_words(answer) + extrapolated,
+        ..first
+    }];
+    match &answer.interval {
+        Some(Interval { no_interval: Some(why), .. }) => {
+            lines.push(Line { status: format!("no intervals: {why}").into(), ..Line::default() });
+        }
+        Some(Interval { lower, upper, .. }) => {
+            for (what, limits) in [("95 % from", lower), ("to", upper)] {
+                let omega = what.to_owned();
+                lines.push(Line { omega, metrics: Some(*limits), ..Line::default() });
+            }
+        }
+        None => {}
+    }
+    if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
+        let d_m = answer.metrics.d_m;
+        let status = format!(
+            "d changes by {:+.2} % (\u{b1}{:.2}) as transition_m_s goes to zero",
+            100.0 * (metrics.d_m - d_m) / d_m,
+            100.0 * uncertainty.d_m / d_m,
+        );
+        lines.push(Line { status: status.into(), ..Line::default() });
+    }
+    lines
 }
 
 /// Describes the symmetry of a steady-state motion and whether the robot reaches it from rest.

@@ -24,6 +24,8 @@ pub fn trilink(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trilink"))
         .args(arguments)
         .current_dir(folder)
+        .env_remove("COLUMNS")
+        .env_remove("CLICOLOR_FORCE")
         .output()
         .expect("the program starts")
 }

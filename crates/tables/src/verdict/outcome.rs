@@ -151,6 +151,11 @@ impl<'r> Comparison<'r> {
         sentences.join(" ")
     }
 
+    /// Returns whether the preferred model is adequate; `None` if this is not known or there is no fit.
+    pub fn adequate(&self) -> Option<bool> {
+        self.ranked.first().and_then(|(_, fit)| fit.adequate)
+    }
+
     /// Formats the preferred model and whether it is adequate, in a few words.
     pub fn short(&self) -> String {
         let Some((first, fit)) = self.ranked.first() else { return "no fit".to_owned() };
