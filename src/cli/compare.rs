@@ -5,18 +5,23 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
-use serde_json::json;
+use serde_json::Value;
 use trilink_tables::clock::utc_now;
 use trilink_tables::config::{Config, Paths, Tolerances};
 use trilink_tables::{is_there, write_bytes};
 
-use super::output::{note, write_data, write_text};
+use super::output::{note, print, say, write_data};
+use super::table::{Table, short};
+use super::terminal::{Text, Tone};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{Lock, check_finished, hold, share, sweep};
 use crate::compare::{
-    Acceptance, ComparisonResult, Snapshot, Verdict, by_table, compare, junit, note_acceptances,
-    page, record_run, tables_folder, to_json,
+    Acceptance, ComparisonResult, Difference, RunTime, Snapshot, Verdict, by_table, compare, junit,
+    note_acceptances, page, record_run, tables_folder, to_json,
 };
+
+/// Maximum number of differences listed on the terminal; the comparison page lists all of them.
+const MAX_ROWS: usize = 10;
 
 /// Compare the tables with those of an earlier run and list differences beyond tolerance.
 #[derive(clap::Args)]
@@ -104,7 +109,7 @@ impl Compare {
         if self.json {
             write_data(&json);
         } else {
-            print(&compared, &html)?;
+            print_comparison(&compared, &html);
         }
         let mut accepted = baseline.accepted;
         if let Some(reason) = self.accept {
@@ -189,18 +194,48 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints the causes of the differences out of tolerance, a summary of the comparison, and the path of the comparison
-/// page.
-fn print(compared: &ComparisonResult, page: &Path) -> Result<(), Failure> {
-    let text = json!({
-        "causes": compared.causes,
-        "appeared": by_table(&compared.appeared),
-        "longer": compared.run_times.iter().filter(|time| time.is_longer).collect::<Vec<_>>(),
-        "cells": compared.cells,
-        "out": compared.out().count(),
-        "within": compared.count(Verdict::Within),
-        "not_judged": compared.count(Verdict::NotJudged),
-        "page": page,
+/// Prints the causes of the differences out of tolerance, the largest of these differences, a summary of the comparison,
+/// and the path of the comparison page.
+fn print_comparison(compared: &ComparisonResult, page: &Path) {
+    let ComparisonResult { causes, appeared, run_times, cells, .. } = compared;
+    causes.iter().for_each(|cause| say!("{}", cause.sentence));
+    let out = compared.out().count();
+    let largest: Vec<&Difference> = compared.out().take(MAX_ROWS).collect();
+    if out > MAX_ROWS {
+        say!("the {MAX_ROWS} largest of {out} differences out of tolerance:");
+    }
+    let table = || {
+        Table::new(&largest)
+            .left("row", |of| &of.row)
+            .left("value", |of| format!("{}.{}", of.table, of.column))
+            .right("baseline", |of| cell(&of.baseline))
+            .right("now", |of| cell(&of.candidate))
+    };
+    let with_tolerance = table().right("of tolerance", |of| match of.severity() {
+        severity if severity.is_finite() => format!("{severity:.1}x"),
+        _ => "-".to_owned(),
     });
-    write_text(include_str!("text/compare.txt"), &text)
+    if with_tolerance.fits() { with_tolerance } else { table() }.print();
+    by_table(appeared).iter().for_each(|rows| say!("new in {rows}"));
+    for RunTime { stage, baseline_s, candidate_s, .. } in run_times.iter().filter(|of| of.is_longer)
+    {
+        say!("longer: {stage}: {candidate_s:.1} s, baseline {baseline_s:.1} s");
+    }
+    let [within, not_judged] = [Verdict::Within, Verdict::NotJudged].map(|of| compared.count(of));
+    let tone = if compared.passes() { Tone::Good } else { Tone::Bad };
+    print(
+        Text::from(format!("{cells} values compared: "))
+            + tone.paint(format!("{out} out of tolerance"))
+            + format!(", {within} differ within tolerance, {not_judged} differ and are not judged"),
+    );
+    say!("page: {}", page.display());
+}
+
+/// Formats a value of a table.
+fn cell(value: &Value) -> String {
+    match (value.as_f64(), value.as_str()) {
+        (Some(number), _) => short(number),
+        (None, Some(text)) => text.to_owned(),
+        (None, None) => "-".to_owned(),
+    }
 }
