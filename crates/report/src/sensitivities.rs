@@ -13,6 +13,9 @@ use super::looks;
 /// Maximum number of parameters shown; those with the largest elasticities are chosen.
 const SHOWN: usize = 7;
 
+/// Magnitude from which an elasticity has the full colour.
+const SATURATED: f64 = 2.0;
+
 /// Draws the elasticities of a simulated motion of a campaign, in the format that `file` specifies.
 ///
 /// # Errors
@@ -42,12 +45,11 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
     // The first metric is at the top.
     let heights = || metrics.iter().rev().zip(0_u8..).map(|(name, nth)| (f64::from(nth), *name));
     let places = || parameters.iter().zip(0_u8..).map(|((name, _), nth)| (f64::from(nth), *name));
-    let largest = parameters.first().map_or(f64::NAN, |(_, size)| *size);
     let cells = heights().flat_map(|(y, metric)| {
         places().filter_map(move |(x, parameter)| {
             let is_of = |row: &&SensitivityRow| row.metric == metric && row.parameter == parameter;
             let elasticity = rows.iter().find(is_of)?.elasticity;
-            let look = Look::Cells(looks::signed(elasticity / largest));
+            let look = Look::Cells(looks::signed(elasticity / SATURATED));
             elasticity.is_finite().then(|| Layer::new(&fixed(elasticity, 2), [(x, y)], look))
         })
     });
