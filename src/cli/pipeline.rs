@@ -479,7 +479,7 @@ fn print_exact(config: &Config, fits: &[FitRow]) {
 /// Formats a fitted parameter, with marks if it is at a bound, not identifiable, or from an inadequate fit.
 fn cell(fit: &FitRow, parameter: Parameter) -> String {
     let value = fit.parameters[parameter];
-    if value.is_nan() {
+    if value.is_nan() || !fit.status.is_ok() {
         return "-".to_owned();
     }
     let mark = if fit.at_bound.contains(&parameter) {
