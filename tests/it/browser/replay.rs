@@ -101,7 +101,8 @@ fn a_replay_plays_at_its_speed_pauses_and_does_not_begin_by_itself() {
 fn a_cursor_runs_through_the_charts_and_a_click_in_one_is_followed() {
     let Some(mut browser) = opened(1400) else { return };
     assert!(number(&mut browser, "document.querySelectorAll(\".panel .cursor\").length") >= 8.0);
-    let chart = "[...document.querySelectorAll(\".panel\")].find(panel => panel.querySelector(\".cursor\"))";
+    // The last chart shows the whole recording.
+    let chart = "[...document.querySelectorAll(\".panel\")].findLast(panel => panel.querySelector(\".cursor\"))";
     let at = browser.place(&format!(
         "(() => {{ const panel = {chart}; panel.scrollIntoView({{ block: \"center\", behavior: \"instant\" }}); \
          const box = panel.getBoundingClientRect(); return [box.x + 0.6 * box.width, box.y + 0.5 * box.height]; }})()"

@@ -4,7 +4,7 @@ use minijinja::context;
 use minijinja::value::Value;
 use trilink_mechanics::Pose;
 use trilink_plot::envelope;
-use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
+use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{CycleRow, Fill, TrialRow};
 
@@ -53,9 +53,11 @@ pub(crate) fn figures(
     let wheels = wheels.flat_map(|(kind, all_m_s)| {
         let titles = (0..).map(move |wheel| format!("{kind} velocity of wheel {wheel}"));
         let y_label = format!("{kind} (mm/s)");
+        // The wheels share one scale, so that they can be compared.
+        let covered = Range::enclosing(all_m_s.iter().flatten().map(|m_s| 1e3 * m_s));
         titles
             .zip(all_m_s)
-            .map(|(title, m_s)| course(title, &y_label, m_s, 1e3))
+            .map(|(title, m_s)| Panel { covered, ..course(title, &y_label, m_s, 1e3) })
             .collect::<Vec<_>>()
     });
     let residuals = lines(&["link 0", "link 1", "link 2"], |link| {

@@ -44,6 +44,15 @@ pub(crate) struct Remarks<'r> {
     pub changes: Option<&'r Changes>,
 }
 
+/// Returns the numbers and anchors of the figures that correspond to a figure of the paper, in the paper's order.
+fn paper_figures(drawn: &[Drawn<'_>]) -> BTreeMap<u32, String> {
+    let numbered = drawn.iter().filter_map(|(figure, _)| {
+        let number = figures::number(&figure.stem);
+        Some((number.strip_prefix("Fig. ")?.parse().ok()?, figures::id(&figure.stem)))
+    });
+    numbered.collect()
+}
+
 /// Renders the main report page, `index.html`.
 ///
 /// # Errors
@@ -110,6 +119,7 @@ pub(crate) fn html(
         campaigns => campaigns::sections(input, (tables, truth), drawn)?,
         shared => shared::sections(tables),
         not_shared => Serde(shared::not_tested(input, tables)),
+        paper_figures => Serde(paper_figures(drawn)),
         comparisons => images(drawn, |figure| {
             figure.campaigns.len() > 1 && figure.stem != figures::TRUTH
         }),
