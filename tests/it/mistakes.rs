@@ -820,7 +820,7 @@ fn shortcomings(sound: &Small, Mistake { name, make, words }: &Mistake) -> Vec<S
         }
         for campaign in &lost {
             let mut sentences = fitted.lines().filter_map(|line| line.strip_prefix(campaign));
-            let has_none = sentences.all(|sentence| sentence == NO_FIT);
+            let has_none = sentences.all(|sentence| sentence == "no fit");
             must(has_none, &format!("`{command}` has a fit of {campaign}"), &fitted);
         }
     }

@@ -605,7 +605,7 @@ fn a_tilted_floor_is_found_from_coast_downs_in_opposite_directions_and_from_no_o
     }
     let printed = succeed(folder.path(), &["ingest"]);
     assert!(
-        printed.contains("kinematic-coast-down-r1 ") && printed.contains("dry friction or slope")
+        printed.contains("kinematic-coast-down-r1: ") && printed.contains("dry friction or slope")
     );
     let rows = coast_downs(folder.path());
     let row = &rows["kinematic-coast-down-r1"];
