@@ -1,17 +1,19 @@
-//! Names that a shell completes, taken from the project in the current folder.
+//! Names that a shell completes; those of a project are of the one in the current folder, whatever `--config` says.
 
 use clap_complete::{ArgValueCandidates, CompletionCandidate};
 use trilink_tables::Explanation;
 use trilink_tables::config::Config;
 
 use crate::build::ingested;
-use crate::inspect::list;
+use crate::inspect::{Listed, list};
 
 /// Environment variable with which a shell's script asks this program for candidates.
 pub(super) const VARIABLE: &str = "TRILINK_COMPLETE";
 
 /// Creates the candidates from the configuration; none if it cannot be read.
-fn from_config(names: fn(&Config) -> Vec<String>) -> ArgValueCandidates {
+fn from_config(
+    names: impl Fn(&Config) -> Vec<String> + Send + Sync + 'static,
+) -> ArgValueCandidates {
     ArgValueCandidates::new(move || {
         let names = Config::load_or_default(None).map(|config| names(&config));
         names.unwrap_or_default().into_iter().map(CompletionCandidate::new).collect()
@@ -34,11 +36,14 @@ pub(super) fn trials() -> ArgValueCandidates {
 }
 
 pub(super) fn tables() -> ArgValueCandidates {
-    from_config(|config| list(&config.paths.derived).into_iter().map(|table| table.name).collect())
+    // A folder of tables has the name `FOLDER/<trial>` in lists.
+    let name = |table: Listed| table.name.split('/').next().unwrap_or_default().to_owned();
+    from_config(move |config| list(&config.paths.derived).into_iter().map(name).collect())
 }
 
 pub(super) fn checks() -> ArgValueCandidates {
     ArgValueCandidates::new(|| {
+        // A check is listed as `W030 missing-markers`.
         let codes =
             Explanation::all().filter_map(|explanation| explanation.check.split(' ').next());
         codes.map(CompletionCandidate::new).collect()

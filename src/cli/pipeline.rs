@@ -148,10 +148,10 @@ impl Update {
                 verdicts.push(format!("and {more} more").into());
             }
             let verdicts = verdicts.into_iter().reduce(|all, next| all + ", " + next);
+            let verdicts = verdicts.map(|verdicts| Text::from("; ") + verdicts);
             let page = format!("; page: {}", reported.page.display());
             let up_to_date = Text::from(format!("everything was up to date at {}: ", utc_now()));
-            let counts = in_words(&ingested.trials) + "; ";
-            print(up_to_date + counts + verdicts.unwrap_or_default() + page);
+            print(up_to_date + in_words(&ingested.trials) + verdicts.unwrap_or_default() + page);
         } else {
             print_fitted(context, fitted);
             print_parameters(context, &ingested.parameters);
@@ -267,12 +267,12 @@ fn say_limited(context: &Context, indent: &str, lines: Vec<Text>, say: impl Fn(T
             break;
         }
         let line = (Text::from(indent) + line.clone()).cut(width, free);
-        free -= line.height(width);
+        free = free.saturating_sub(line.height(width));
         say(line);
         shown += 1;
     }
     if lines.len() > shown {
-        say(format!("{indent}and {} more, on the report page", lines.len() - shown).into());
+        say(format!("{indent}and {} more, in checks.parquet", lines.len() - shown).into());
     }
 }
 
@@ -491,7 +491,7 @@ fn cell(fit: &FitRow, parameter: Parameter) -> String {
         ""
     };
     // Two decimals suffice for coefficients in kg/s; small values need more.
-    let decimals = if value < 1.0 { 5 } else { 2 };
+    let decimals = if value.abs() < 1.0 { 5 } else { 2 };
     let is_doubtful = fit.adequate == Some(false) && fit.free.contains(&parameter);
     format!("{mark}{value:.decimals$}{}", if is_doubtful { "?" } else { "" })
 }

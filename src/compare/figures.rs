@@ -111,14 +111,14 @@ impl<'s> Curves<'s> {
             let band = band.collect();
             let changes = points.iter().filter_map(|(omega, difference)| {
                 let change = difference.candidate.as_f64()? - difference.baseline.as_f64()?;
-                let errors = difference.judgement.errors.unwrap_or(f64::NAN);
-                Some((*omega, change, HALF_WIDTH_95 * change.abs() / errors))
+                let errors = difference.judgement.errors.filter(|errors| *errors > 0.0);
+                Some((*omega, change, HALF_WIDTH_95 * change.abs() / errors.unwrap_or(f64::NAN)))
             });
             let layers = vec![
                 Layer { band, ..Layer::new(TOLERANCE, zero, trends::BASELINE) },
                 Layer::with_errors(CHANGE, changes, trends::RUN),
             ];
-            let label = of.dimension.with_unit(&format!("change of {}", of.plain));
+            let label = of.dimension.with_unit(&format!("change in {}", of.plain));
             Panel::new(of.in_words(), "omega (rad/s)", label, layers)
         });
         let texts = [title, String::new()];

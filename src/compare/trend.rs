@@ -227,6 +227,9 @@ impl<'r> Series<'r> {
     /// tolerance, if there is one; `None` without a baseline.
     fn since_baseline(&self, runs: &Runs) -> Option<Json> {
         let (baseline, rows) = *self.baselines(runs).last()?;
+        if runs.accepted.iter().max() != Some(&baseline.run) {
+            return None;
+        }
         let last = rows.last().filter(|last| last.basis == baseline.basis)?;
         let out = rows.iter().rev().take_while(|row| self.is_out(baseline, row)).last();
         let change = percent(last.value, baseline.value);
@@ -256,9 +259,13 @@ impl<'r> Series<'r> {
             let is_last = index + 1 == baselines.len();
             let beyond = rows.last().filter(|_| is_last).map(|row| (x(row) + 0.4, *row));
             for (x, row) in rows.iter().map(|row| (x(row), *row)).chain(beyond) {
-                let limit = self.limit(baseline, row).unwrap_or(f64::NAN);
+                // Values with another basis are not judged.
+                let limit = self.limit(baseline, row).filter(|_| row.basis == baseline.basis);
+                let limit = limit.unwrap_or(f64::NAN);
+                let is_one_sided = self.tolerance.is_some_and(|of| of.rises_only);
+                let below = if is_one_sided { 0.0 } else { limit };
                 levels.push([x, baseline.value]);
-                band.push([baseline.value - limit, baseline.value + limit]);
+                band.push([baseline.value - below, baseline.value + limit]);
             }
             levels.push([f64::NAN; 2]);
             band.push([f64::NAN; 2]);

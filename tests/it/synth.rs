@@ -8,9 +8,9 @@ use serde_json::Value;
 use trilink_mechanics::{Laws, Problem, REFERENCE_ACCURACY};
 use trilink_robot::Model;
 use trilink_synth::Recipe;
-use trilink_tables::Table;
 use trilink_tables::config::Config;
 use trilink_tables::trial::TrialList;
+use trilink_tables::{Columns as _, Table, TrialRow, TrialStatus};
 
 use crate::common::{files, succeed, text, trilink};
 
@@ -674,4 +674,62 @@ fn robots_are_off_their_configured_values_by_their_standard_deviations() {
     succeed(folder.path(), &["fit"]);
     let fits = Table::read(&folder.path().join("derived/fits.parquet")).unwrap();
     assert_eq!(fits.values::<bool>("adequate").unwrap(), [true]);
+}
+
+/// Moves the markers in the first and last three seconds of a CSV file; `to` receives the distance from the untouched
+/// part, 0 to 1, and returns the new position, or `None` to hide the marker.
+fn disturb_ends(path: &Path, to: impl Fn(f64, [f64; 3]) -> Option<[f64; 3]>) {
+    let content = std::fs::read_to_string(path).unwrap();
+    let lines: Vec<&str> = content.lines().collect();
+    let frames = (3.0 * RATE_HZ) as usize;
+    let changed = lines.iter().enumerate().map(|(i, line)| {
+        let row = i.saturating_sub(5);
+        let from_end =
+            (frames.saturating_sub(row)).max((row + frames + 5).saturating_sub(lines.len()));
+        if i < 5 || from_end == 0 {
+            return (*line).to_owned();
+        }
+        let cells: Vec<&str> = line.split(',').collect();
+        let markers = cells[2..].chunks_exact(3).map(|marker| {
+            let seen: Vec<f64> = marker.iter().filter_map(|cell| cell.parse().ok()).collect();
+            let moved = <[f64; 3]>::try_from(seen)
+                .ok()
+                .and_then(|position| to(from_end as f64 / frames as f64, position));
+            moved.map_or(",,".to_owned(), |of| of.map(|x| format!("{x:.3}")).join(","))
+        });
+        format!("{},{},{}", cells[0], cells[1], markers.collect::<Vec<_>>().join(","))
+    });
+    std::fs::write(path, changed.collect::<Vec<_>>().join("\r\n") + "\r\n").unwrap();
+}
+
+#[test]
+fn what_happens_before_and_after_the_motion_never_fails_a_trial() {
+    let folder = kinematic("symmetric");
+    succeed(folder.path(), &["synth", "trials", "--omega", "2,3.9"]);
+    let path = folder.path().join("trials/kinematic-symmetric-3.90-r1.csv");
+    let sound = std::fs::read(&path).unwrap();
+    let measured = || {
+        trilink(folder.path(), &["ingest"]);
+        let trials = Table::read(&folder.path().join("derived/trials.parquet")).unwrap();
+        let rows = TrialRow::from_table(&trials).unwrap();
+        rows.into_iter().find(|row| row.trial == "kinematic-symmetric-3.90-r1").unwrap()
+    };
+    let d_m = measured().metrics.d_m;
+    let carried =
+        |a: f64, [x, y, z]: [f64; 3]| Some([x + 800.0 * a, y + 300.0 * a * a, z + 500.0 * a]);
+    let shaken = |a: f64, [x, y, z]: [f64; 3]| {
+        Some([x + 50.0 * a * (40.0 * a).sin(), y + 50.0 * a * (31.0 * a).cos(), z])
+    };
+    type Moved<'f> = &'f dyn Fn(f64, [f64; 3]) -> Option<[f64; 3]>;
+    let ends: [(&str, Moved); 3] =
+        [("carried", &carried), ("shaken", &shaken), ("not in view", &|_, _| None)];
+    for (name, to) in ends {
+        std::fs::write(&path, &sound).unwrap();
+        disturb_ends(&path, to);
+        let row = measured();
+        println!("{name}: {} {} {:+.2e}", row.status, row.cycles, row.metrics.d_m / d_m - 1.0);
+        assert_ne!(row.status, TrialStatus::Failed, "{name}: {}", row.message);
+        let is_right = (row.metrics.d_m / d_m - 1.0).abs() < 0.005;
+        assert!(is_right || row.status == TrialStatus::Flagged, "{name}: {row:?}");
+    }
 }

@@ -169,7 +169,7 @@ fn a_quiet_run_prints_fewer_than_25_lines_however_much_is_wrong() {
             assert_eq!(output.status.code(), Some(1));
             let said = said(&output);
             assert!(
-                said.contains("60 failed") && said.contains("more, on the report page"),
+                said.contains("60 failed") && said.contains("more, in checks.parquet"),
                 "{said}"
             );
             assert!(said.lines().count() < 25, "{said}");

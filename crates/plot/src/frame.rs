@@ -305,11 +305,12 @@ impl<'b> Frame<'b> {
             let (x, _) = points[i];
             let [low, high] = [-point.error, point.error]
                 .map(|error| self.at(&Point { y: point.y + error, ..point }).1);
-            let low = low.max(self.y.low);
-            let high = high.min(self.y.high);
-            self.path(vec![(x, low), (x, high)], style::SOLID, stroke)?;
+            let inside = |y: &f64| (self.y.low..=self.y.high).contains(y);
+            let bar = vec![(x, low.max(self.y.low)), (x, high.min(self.y.high))];
+            self.path(bar, style::SOLID, stroke)?;
             let half = units(0.5 * ends_px);
-            for y in [low, high].into_iter().filter(|_| half > 0) {
+            // An end beyond the axes has no cap.
+            for y in [low, high].into_iter().filter(inside).filter(|_| half > 0) {
                 let end = PathElement::new([(-half, 0), (half, 0)], stroke);
                 self.area.draw(&(EmptyElement::at((x, y)) + end))?;
             }

@@ -188,7 +188,7 @@ pub(crate) fn write(
                 .map_or(Vec::new(), |recording| figures::trial::figures(trial, recording, inputs));
             let row = tables.robots.iter().find(|row| row.trial == trial.trial);
             let decay = row.zip(recording.as_ref());
-            let decay = decay.and_then(|(row, recording)| figures::decay(row, recording));
+            let decay = decay.and_then(|(row, recording)| figures::decay(row, recording, input));
             figures.splice(0..0, decay);
             figures.iter_mut().for_each(|figure| figure.is_synthetic = is_synthetic);
             let images = figures.iter().map(page::image).collect::<Result<Vec<_>, _>>()?;

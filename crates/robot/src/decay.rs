@@ -4,6 +4,7 @@
 //! constant magnitude, and holds a body at rest against any smaller force.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use nalgebra::SVector;
 use trilink_base::named;
@@ -33,6 +34,28 @@ impl DecayLaw {
     pub fn is_dry(self) -> bool {
         self != Self::Viscous
     }
+}
+
+/// Fraction of the maximum speed below which a pushed robot has been released.
+pub const RELEASED: f64 = 0.95;
+/// Fraction of the maximum speed at which the coasting that is analysed ends.
+const SLOW: f64 = 0.1;
+/// Minimum speed at which dry friction has its full magnitude, as a multiple of the wheels' transition speed. Below it,
+/// dry friction resembles viscous resistance.
+const MIN_TRANSITIONS: f64 = 4.0;
+
+/// Returns the samples in which a pushed robot coasts, from its release until it is slow. Speeds in m/s, NaN where
+/// unknown; `transition_m_s` is the transition speed of the wheels' dry friction.
+pub fn coasting(speed_m_s: &[f64], transition_m_s: f64) -> Range<usize> {
+    let max_m_s = speed_m_s.iter().fold(0.0, |max: f64, v| max.max(v.abs()));
+    let first = |from: usize, is: &dyn Fn(f64) -> bool| {
+        let found = speed_m_s[from..].iter().position(|v| is(v.abs()));
+        found.map_or(speed_m_s.len(), |i| from + i)
+    };
+    let fastest = first(0, &|v| v >= max_m_s);
+    let start = first(fastest, &|v| v < RELEASED * max_m_s);
+    let slow_m_s = (SLOW * max_m_s).max(MIN_TRANSITIONS * transition_m_s);
+    start..first(start, &|v| v < slow_m_s)
 }
 
 /// Straight path of a coasting body: `v' = -lambda v - g` until the body stops.

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use nalgebra::SVector;
 use trilink_robot::Robot;
-use trilink_robot::decay::{Coast, DecayLaw};
+use trilink_robot::decay::{Coast, DecayLaw, RELEASED, coasting};
 use trilink_statistics::Estimate;
 use trilink_statistics::{mean, seen};
 use trilink_tables::{Columns as _, Coordinates, DecayFit, RobotParameterRow, SlopeStatus};
@@ -22,13 +22,6 @@ use crate::error::Problem;
 
 /// Minimum speed of a robot that is considered to have been pushed, m/s.
 const MIN_SPEED_M_S: f64 = 0.05;
-/// Fraction of the maximum speed at which the fit starts, after the robot has been released.
-const RELEASED: f64 = 0.95;
-/// Fraction of the maximum speed at which the fit ends.
-const SLOW: f64 = 0.1;
-/// Minimum speed at which dry friction has its full magnitude, as a multiple of the wheels' transition speed. Below it,
-/// dry friction resembles viscous resistance.
-const MIN_TRANSITIONS: f64 = 4.0;
 /// Fraction of the maximum speed to which the speed must fall for the decay to be visible.
 const MIN_FALL: f64 = 0.6;
 /// Minimum number of batches into which the residuals are divided.
@@ -64,10 +57,8 @@ pub(crate) fn measure(
     if max_m_s < MIN_SPEED_M_S {
         return Err(Problem::NotPushed { found_m_s: max_m_s, needed_m_s: MIN_SPEED_M_S });
     }
-    let fastest = speed_m_s.iter().position(|v| v.abs() >= max_m_s).unwrap_or(0);
-    let start = first_below(speed_m_s, fastest, RELEASED * max_m_s).unwrap_or(speed_m_s.len() - 1);
-    let slow = SLOW.max(MIN_TRANSITIONS * robot.transition_m_s / max_m_s);
-    let end = first_below(speed_m_s, start, slow * max_m_s).unwrap_or(speed_m_s.len());
+    let Range { start, end } = coasting(speed_m_s, robot.transition_m_s);
+    let start = start.min(speed_m_s.len() - 1);
     let Some(fall) = first_below(speed_m_s, start, MIN_FALL * max_m_s) else {
         return Err(no_decay(&speed_m_s[start..], max_m_s));
     };

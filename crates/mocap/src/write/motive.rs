@@ -9,9 +9,9 @@ use crate::Recording;
 pub(super) fn bytes(trial: &str, recording: &Recording) -> Vec<u8> {
     let Recording { frames, labels, .. } = recording;
     let rows = frames.len();
-    let rate_hz = recording.rate_hz.unwrap_or(f64::NAN);
+    let rate_hz = recording.rate_hz.map(|rate_hz| format!("{rate_hz:.6}")).unwrap_or_default();
     let mut text = format!(
-        "Format Version,1.23,Take Name,{trial},Capture Frame Rate,{rate_hz:.6},Export Frame Rate,{rate_hz:.6},Total \
+        "Format Version,1.23,Take Name,{trial},Capture Frame Rate,{rate_hz},Export Frame Rate,{rate_hz},Total \
          Frames in Take,{rows},Total Exported Frames,{rows},Rotation Type,Quaternion,Length Units,Meters,Coordinate \
          Space,Global\r\n\r\n"
     );

@@ -2,41 +2,41 @@
 
 use minijinja::context;
 use trilink_plot::{Figure, Layer, Layout, Panel};
+use trilink_robot::decay::coasting;
 use trilink_tables::RobotParameterRow;
 
 use super::texts::texts;
 use crate::looks;
 use crate::recording::Recording;
 
-/// Speeds between which the fitted law is drawn, as fractions of the highest speed.
-const FITTED: [f64; 2] = [0.95, 0.1];
+/// Number of intervals into which the fitted curve is divided.
 const POINTS: usize = 200;
 
-/// Returns the figure of a coast-down; `None` if no law was identified.
-pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
+/// Returns the figure of a coast-down; `None` if no law was identified. `transition_m_s` is the transition speed of the
+/// robot's dry friction.
+pub(super) fn figure(
+    stem: &str,
+    row: &RobotParameterRow,
+    recording: &Recording,
+    transition_m_s: f64,
+) -> Option<Figure> {
     let law = row.law?;
     let (_, fit) = row.laws().into_iter().find(|(of, _)| *of == law)?;
     let term = |value: f64| if value.is_finite() { value / row.mass_kg } else { 0.0 };
     let [viscous_1_s, dry_m_s2] = [fit.roll_sum_kg_s.value, fit.roll_dry_sum_n.value].map(term);
     let speed = recording.roll_m_s[0].iter().map(|of| of.abs());
     let measured: Vec<(f64, f64)> = recording.time_s.iter().copied().zip(speed).collect();
-    let known = measured.iter().filter(|(_, speed)| speed.is_finite());
-    let (fastest_s, highest) = *known.clone().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let coasting = known.filter(|(time_s, _)| *time_s > fastest_s);
-    let coasting: Vec<(f64, f64)> = coasting
-        .copied()
-        .skip_while(|(_, speed)| *speed > FITTED[0] * highest)
-        .take_while(|(_, speed)| *speed > FITTED[1] * highest)
-        .collect();
+    let coasting = &measured[coasting(&recording.roll_m_s[0], transition_m_s)];
+    let known = coasting.iter().copied().filter(|(_, speed)| speed.is_finite());
+    let coasting: Vec<(f64, f64)> = known.collect();
     let (start_s, end_s) = (coasting.first()?.0, coasting.last()?.0);
     // The speed is `remaining v_0 - lost`, where v_0 is the speed at the start.
     let parts = |time_s: f64| {
         let after_s = time_s - start_s;
         let remaining = (-viscous_1_s * after_s).exp();
-        let lost = if viscous_1_s > 0.0 {
-            dry_m_s2 / viscous_1_s * (1.0 - remaining)
-        } else {
-            dry_m_s2 * after_s
+        let lost = match viscous_1_s * after_s {
+            0.0 => dry_m_s2 * after_s,
+            decay => dry_m_s2 * after_s * -(-decay).exp_m1() / decay,
         };
         (remaining, lost)
     };
@@ -93,13 +93,13 @@ mod tests {
         let roll = time_s.iter().map(|t| -speed(*t)).collect();
         let roll_m_s = [roll, Vec::new(), Vec::new()];
         let recording = Recording { time_s, roll_m_s, ..Recording::default() };
-        let figure = figure("coast", &row, &recording).expect("it coasts");
+        let figure = figure("coast", &row, &recording, 0.0).expect("it coasts");
         let curve = &figure.panels[0].layers[1].points;
         assert!(curve.len() > 100 && curve[0].x > 1.0);
         for point in curve {
             assert!((point.y - 1e3 * speed(point.x)).abs() < 1e-6, "{point:?}");
         }
         let none = RobotParameterRow { law: None, ..row };
-        assert!(super::figure("coast", &none, &recording).is_none());
+        assert!(super::figure("coast", &none, &recording, 0.0).is_none());
     }
 }

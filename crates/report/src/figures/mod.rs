@@ -150,9 +150,16 @@ impl Figures {
 
 /// Returns the figure of the decay that a joint release or a coast-down measures, with the fitted law, for the page of
 /// the trial.
-pub(crate) fn decay(row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
+pub(crate) fn decay(
+    row: &RobotParameterRow,
+    recording: &Recording,
+    input: &ReportInput,
+) -> Option<Figure> {
     match row.kind {
-        TrialKind::CoastDown => coast::figure("coast", row, recording),
+        TrialKind::CoastDown => {
+            let transition_m_s = input.robot(&row.robot)?.transition_m_s;
+            coast::figure("coast", row, recording, transition_m_s)
+        }
         _ => release::figure("release", row, recording),
     }
 }

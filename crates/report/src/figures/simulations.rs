@@ -277,7 +277,7 @@ fn sweep(
             let higher = higher.max_by(|a, b| a.1.total_cmp(&b.1));
             exceeded.extend(higher.map(|(x, y)| {
                 format!(
-                    "{} reaches {y:.0}{unit} at the end of the range, {x:.2} rad/s",
+                    "{} reaches {y:.0}{unit} at the edge of the range, {x:.2} rad/s",
                     quantity.symbol
                 )
             }));

@@ -49,13 +49,15 @@ const button = (text, label, act) => {
 };
 const copy = text => {
   const put = event => { event.clipboardData.setData("text/plain", text); event.preventDefault(); };
-  document.addEventListener("copy", put, { once: true });
+  document.addEventListener("copy", put);
   document.execCommand("copy");
+  document.removeEventListener("copy", put);
 };
 const csv = cells => {
   // A value and its standard error get columns of their own.
   const error = / ± |^[\d.-]+\(\d+\)$/;
-  const split = cells[0].map((_, i) => cells.some(row => error.test(row[i])));
+  const plain = cells.map(row => row.map(text => text.replaceAll("\u2212", "-")));
+  const split = plain[0].map((_, i) => plain.some(row => error.test(row[i])));
   const field = text => (/[",]/.test(text) ? `"${text.replaceAll("\"", "\"\"")}"` : text);
   const parts = (text, i, nth) => {
     if (!split[i]) return [text];
@@ -65,8 +67,7 @@ const csv = cells => {
     return value ? [value, (last / 10 ** decimals.length).toFixed(decimals.length)]
       : [...text.split(" ± "), ""].slice(0, 2);
   };
-  return cells.map(row => row.map(text => text.replaceAll("\u2212", "-")))
-    .map((row, nth) => row.flatMap((text, i) => parts(text, i, nth)).map(field).join(",") + "\n").join("");
+  return plain.map((row, nth) => row.flatMap((text, i) => parts(text, i, nth)).map(field).join(",") + "\n").join("");
 };
 const latex = (cells, columns) => {
   const signs = { "±": "$\\pm$", "\u2212": "$-$", "∞": "$\\infty$", "†": "$\\dagger$", "\\": "\\textbackslash{}",
