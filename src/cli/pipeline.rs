@@ -469,7 +469,7 @@ fn print_exact(config: &Config, fits: &[FitRow]) {
     let exact: BTreeSet<&String> = robots.filter(is_exact).collect();
     for name in exact {
         say!(
-            "{name}: limits take the robot's declared parameters as exact; state their uncertainty in \
+            "{name}: confidence limits treat the robot's declared parameters as exact; state their uncertainty in \
              [robot.{}.standard_deviation]",
             toml_key(name)
         );

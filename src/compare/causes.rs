@@ -331,14 +331,14 @@ impl<'r> Search<'r> {
 
     fn find_coefficients(&mut self) {
         let fits = self.runs.map(|run| run.records("fits"));
-        let changes = self.remaining.iter().filter_map(|index| {
-            let difference = &self.compared.differences[*index];
+        let change = |difference: &'r Difference| {
             let parameter = Parameter::of_name(&difference.column)?;
             let fit = fits[1].get(&difference.row).filter(|_| difference.table == "fits")?;
             let [campaign, model] = ["campaign", "model"].map(|column| text(fit, column));
             Some(CoefficientChange { campaign, model, parameter, ratio: ratio(difference)? })
-        });
-        let changes: Vec<CoefficientChange> = changes.collect();
+        };
+        let out = self.remaining.iter().map(|index| &self.compared.differences[*index]);
+        let changes: Vec<CoefficientChange> = out.filter_map(change).collect();
         let inadequate = fits.map(inadequate);
         let judged = |parameter: Parameter| {
             let both = fits[1].values().filter(|fit| {
@@ -348,6 +348,31 @@ impl<'r> Search<'r> {
             });
             both.map(|fit| text(fit, "campaign")).collect::<BTreeSet<_>>().len()
         };
+        let has_means = self.remaining.iter().any(|i| self.compared.differences[*i].table == MEANS);
+        if changes.is_empty() && has_means {
+            // Variation between days widens the tolerance of coefficients, but campaigns that agree are evidence.
+            let within = self.compared.differences.iter().filter(|of| !of.is_out());
+            let mut alike: BTreeMap<Parameter, Vec<CoefficientChange>> = BTreeMap::new();
+            for change in within.filter_map(change) {
+                if !inadequate.iter().any(|all| all.contains(&[change.campaign, change.model])) {
+                    alike.entry(change.parameter).or_default().push(change);
+                }
+            }
+            alike.retain(|parameter, changes| {
+                let ratio = median(changes.iter().map(|change| change.ratio).collect());
+                let campaigns: BTreeSet<&str> = changes.iter().map(|of| of.campaign).collect();
+                campaigns.len() > 1
+                    && campaigns.len() == judged(*parameter)
+                    && (ratio - 1.0).abs() > MIN_CHANGE
+                    && changes.iter().all(|change| is_same(change.ratio, ratio))
+            });
+            let alike: Vec<CoefficientChange> = alike.into_values().flatten().collect();
+            for CoefficientCause { sentence, .. } in by_coefficient(&alike, judged) {
+                let sentence = sentence + "; within tolerance, but the campaigns agree";
+                let kind = CauseKind::Coefficients;
+                self.causes.push(Cause { kind, sentence, differences: Vec::new() });
+            }
+        }
         for CoefficientCause { sentence, parameters } in by_coefficient(&changes, judged) {
             self.add(CauseKind::Coefficients, sentence, |difference| {
                 difference.table == "fits"
@@ -370,7 +395,7 @@ impl<'r> Search<'r> {
             let of_table = self.remaining.iter().map(|index| &self.compared.differences[*index]);
             let of_table: Vec<&Difference> = of_table.filter(|of| of.table == *table).collect();
             let rows: BTreeSet<&str> = of_table.iter().map(|of| of.row.as_str()).collect();
-            let name = if *table == "campaigns" { "means of campaigns" } else { table };
+            let name = if *table == MEANS { "means of campaigns" } else { table };
             let sentence = match of_table.len() {
                 1 => format!("{name}: {row}: {largest}"),
                 count if rows.len() == 1 => format!("{name}: {row}: {count} values, {largest}"),
@@ -387,6 +412,10 @@ impl<'r> Search<'r> {
 const ROBOTS: &str = "robot_parameters";
 /// Column with the sum of the viscous roll resistances that a coast-down measures.
 const ROLL: &str = "roll_sum_kg_s";
+/// Table of the means over the trials of a campaign.
+const MEANS: &str = "campaigns";
+/// Minimum relative change of a coefficient within its tolerance that is a likely cause if all campaigns agree on it.
+const MIN_CHANGE: f64 = 0.02;
 /// Column with the stiffness of the passive joint that a release measures.
 const STIFFNESS: &str = "stiffness_nm_rad";
 

@@ -14,7 +14,7 @@ use super::{ComparisonResult, Difference};
 /// Legend label of the tolerances.
 const TOLERANCE: &str = "tolerance";
 /// Legend label of the differences.
-const CHANGE: &str = "this run minus baseline, 95 % interval";
+const CHANGE: &str = "this run minus baseline, 95 % confidence interval";
 
 /// Differences between the candidate run and the baseline run against frequency: metrics of a campaign's trials, or
 /// predictions of a model.

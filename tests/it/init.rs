@@ -198,7 +198,7 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     edit(path, "pipeline.toml", &EDITED);
     quick(path);
     succeed(path, &["-q", "check"]);
-    const EXACT: &str = "limits take the robot's declared parameters as exact";
+    const EXACT: &str = "confidence limits treat the robot's declared parameters as exact";
     assert!(!succeed(path, &["run"]).contains(EXACT));
 
     assert_preferred(path, "skid-roll", &truth(path)["weave"]["skid_kg_s"], 0.15);

@@ -259,10 +259,11 @@ fn assert_rings_for_a_reason(arguments: &[&str], days_and_frequencies: &str) {
     for (night, status, first) in worn.iter().filter(|(night, ..)| *night > WORN_FROM) {
         assert_eq!(*status, 1, "night {night}");
         assert!(first.starts_with("skid of the middle wheel (wheel 0) +"), "{night}: {first}");
-        assert!(first.ends_with(" campaigns (skid-roll)"), "{night}: {first}");
+        assert!(first.contains(" campaigns (skid-roll)"), "{night}: {first}");
     }
     let history = std::fs::read_to_string(folder.path().join("reports/history.html")).unwrap();
-    let (_, steps) = history.split_once("id=\"steps\"").unwrap();
+    // A step of a mean may be found in a later night.
+    let (_, steps) = history.split_once(&format!("#run-{WORN_FROM}\"")).unwrap();
     let first = steps.split_once("<li>").unwrap().1;
     assert!(first.starts_with("skid of the middle wheel (wheel 0) +"), "{first:.200}");
 }

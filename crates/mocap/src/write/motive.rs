@@ -1,4 +1,4 @@
-//! Writes CSV files as OptiTrack Motive exports markers, whose layout the reader describes.
+//! Writes CSV files as OptiTrack Motive exports markers; `crate::motive` describes the layout.
 
 use std::fmt::Write as _;
 
@@ -32,7 +32,7 @@ pub(super) fn bytes(trial: &str, recording: &Recording) -> Vec<u8> {
     for (row, frame) in frames.iter().enumerate() {
         write!(text, "{frame},{:.6}", time_s(recording, row)).expect("memory");
         for [x, y, z] in recording.row_mm(row) {
-            // Cyclic, so that the axes stay right-handed.
+            // Motive has y up; a cyclic permutation keeps the axes right-handed.
             for x in [y, z, x] {
                 text.push(',');
                 if x.is_finite() {

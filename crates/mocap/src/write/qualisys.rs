@@ -1,4 +1,4 @@
-//! Writes TSV files as Qualisys Track Manager exports 3D data, whose layout the reader describes.
+//! Writes TSV files as Qualisys Track Manager exports 3D data; `crate::qualisys` describes the layout.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! Writes TRC files, whose layout the reader describes.
+//! Writes TRC files; `crate::trc` describes the layout.
 
 use std::fmt::Write as _;
 

@@ -1,5 +1,5 @@
 // Tables, and what tables and charts share. A click on a heading sorts a table; its buttons copy it as CSV or LaTeX.
-// The selected trial is lit in every row and chart. The fragment of the address holds the selection and the filter of
+// The selected trial is highlighted in every row and chart. The fragment of the address holds the selection and the filter of
 // the trials, such as `#trial=NAME&filter=WORDS`. Pages are complete without this script.
 const fragment = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
 const remember = (key, value) => {
@@ -147,7 +147,7 @@ if (filter) {
   filter.closest("p").hidden = false;
 }
 
-// Unfolds what the address names.
+// Opens the folded sections around the target of the address and scrolls to it.
 const reveal = () => {
   const named = document.getElementById(location.hash.slice(1));
   for (let of = named?.closest("details"); of; of = of.parentElement.closest("details")) of.open = true;
