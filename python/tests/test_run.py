@@ -16,7 +16,8 @@ def test_run_returns_a_summary_of_the_results(project):
     folder, summary = project
     assert summary["was_up_to_date"] is False and summary["needs_a_person"] is False
     results = summary["results"]
-    assert results["trials"] == {"total": 4, "ok": 4, "flagged": 0, "failed": 0}
+    counts = {"ok": 4, "flagged": 0, "failed": 0, "ignored": 0}
+    assert results["trials"] == {"total": 4, **counts}
     assert [fit["model"] for fit in results["fits"]] == ["no-skid", "skid-roll"]
     assert os.path.isfile(results["page"]) and summary["derived"] == str(folder / "derived")
     assert {stage["stage"] for stage in summary["stages"]} == {"ingest", "fit", "report"}
