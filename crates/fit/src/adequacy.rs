@@ -593,6 +593,12 @@ fn worst_run(terms: &[Term], metric: Metric) -> Option<MisfitRun> {
         campaign: first.campaign.to_owned(),
         least,
         most,
+        largest: known
+            .iter()
+            .map(|term| term.value)
+            .filter(|value| value.is_finite())
+            .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+            .unwrap_or(f64::NAN),
         from_rad_s: first.omega_rad_s,
         to_rad_s: last.omega_rad_s,
     })
@@ -682,6 +688,8 @@ mod tests {
             text(&terms[..1]).as_deref(),
             Some("the measured sigma0 is 3.1 % above that of the model at 0.5 rad/s")
         );
+        let largest = |terms: &[Term]| worst_run(terms, Metric::Sigma0).expect("a run").largest;
+        assert_eq!([largest(&terms), largest(&terms[..3])], [1.0 / 3.0, -0.03]);
         // A run within the noise is reported by its largest deviation.
         assert_eq!(
             text(&terms[1..2]).as_deref(),

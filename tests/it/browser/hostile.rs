@@ -98,6 +98,7 @@ fn hostile_names_are_shown_as_text_and_never_executed() {
                 campaign: name.clone(),
                 least: 0.1,
                 most: 0.2,
+                largest: -0.2,
                 from_rad_s: 1.0,
                 to_rad_s: 2.0,
             }]),

@@ -481,6 +481,7 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
         campaign: String::new(),
         least: 0.07,
         most: 1.19,
+        largest: -0.59,
         from_rad_s: 4.5,
         to_rad_s: 6.0,
     };

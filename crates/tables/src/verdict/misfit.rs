@@ -3,7 +3,6 @@
 use std::fmt::{self, Display, Formatter};
 
 use trilink_base::named;
-use trilink_base::numbers::significant;
 use trilink_base::text::known;
 use trilink_robot::metrics::Metric;
 
@@ -33,6 +32,9 @@ verdict! {
         /// Maximum of |measured / predicted - 1| in the run; missing if the model does not predict the
         /// metric.
         pub most: f64 as "_most",
+        /// Largest deviation predicted / measured - 1 of this metric at any frequency, in the run or not; missing if
+        /// there is none.
+        pub largest: f64 as "_largest",
         pub from_rad_s: f64 as "_from_rad_s",
         pub to_rad_s: f64 as "_to_rad_s",
     }
@@ -76,7 +78,7 @@ impl Misfit {
     /// deviates, because all models predict it; otherwise that of the metric with the largest deviation.
     pub fn largest(&self) -> Option<String> {
         let deviations: Vec<(Metric, f64)> = match self {
-            Self::Off(runs) => runs.iter().map(|run| (run.metric, run.most)).collect(),
+            Self::Off(runs) => runs.iter().map(|run| (run.metric, run.largest.abs())).collect(),
             Self::Rms(rms) => rms.by_metric().collect(),
         };
         let known = deviations.into_iter().filter(|(_, value)| value.is_finite());
@@ -84,7 +86,7 @@ impl Misfit {
             (*a == Metric::D).cmp(&(*b == Metric::D)).then(x.total_cmp(y))
         })?;
         let symbol = metric.definition().symbol;
-        let percent = significant(100.0 * most, 2);
+        let percent = two_digits(100.0 * most);
         Some(match self {
             Self::Off(_) => format!("misses {symbol} by up to {percent} %"),
             Self::Rms(_) => format!("misses {symbol} by {percent} % (RMS)"),
@@ -139,7 +141,7 @@ impl Columns for Option<Misfit> {
 
 impl Display for MisfitRun {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
-        let Self { side, metric, campaign, least, most, from_rad_s, to_rad_s } = self;
+        let Self { side, metric, campaign, least, most, largest: _, from_rad_s, to_rad_s } = self;
         if !campaign.is_empty() {
             write!(f, "{campaign}: ")?;
         }
@@ -196,6 +198,7 @@ mod tests {
             campaign: String::new(),
             least,
             most,
+            largest: 1.0 / (1.0 + most) - 1.0,
             from_rad_s,
             to_rad_s,
         };
