@@ -49,8 +49,8 @@ pub fn short(value: Option<f64>) -> String {
     }
 }
 
-/// Formats a value and its standard error, both rounded to the second significant digit of the error (GUM 7.2.6).
-/// Without a positive error, formats only the value, with four significant digits.
+/// Formats a value and its standard error, both rounded to the decimal place of [`place`]; an error smaller than a unit
+/// of this place is rounded up to it. Without a positive error, formats only the value, with four significant digits.
 pub fn with_error(value: f64, error: f64) -> String {
     if !error.is_finite() || error <= 0.0 {
         return significant(value, 4);
@@ -59,7 +59,7 @@ pub fn with_error(value: f64, error: f64) -> String {
         return NONE.to_owned();
     }
     let place = place(error, value);
-    format!("{} ± {}", rounded(value, place), rounded(error, place))
+    format!("{} ± {}", rounded(value, place), rounded(error.max(10_f64.powi(-place)), place))
 }
 
 /// Formats a value and its standard error in the concise notation, such as `104.31(22)`: the digits in parentheses are
@@ -69,14 +69,19 @@ pub fn concise(value: f64, error: f64) -> String {
         return with_error(value, error);
     }
     let place = place(error, value);
-    let last = (error * 10_f64.powi(place.max(0))).round();
+    let last = (error.max(10_f64.powi(-place)) * 10_f64.powi(place.max(0))).round();
     let error = if place < 0 { rounded(last, place) } else { fixed(last, 0) };
     format!("{}({error})", rounded(value, place))
 }
 
+/// Maximum number of significant digits of a value with an uncertainty. The scale of a calibrated camera system is not
+/// known more accurately, however little the trials scatter.
+const MAX_DIGITS: i32 = 5;
+
 /// Returns the decimal place to which a value and its uncertainty are rounded, as a number of decimals: that of the
-/// second significant digit of the uncertainty or, without a positive uncertainty, that of the fourth significant digit
-/// of the value. The number is negative for places left of the decimal point.
+/// second significant digit of the uncertainty (GUM 7.2.6), but at most that of the digit [`MAX_DIGITS`] of the value;
+/// without a positive uncertainty, that of the fourth significant digit of the value. The number is negative for places
+/// left of the decimal point.
 pub fn place(uncertainty: f64, value: f64) -> i32 {
     if !uncertainty.is_finite() || uncertainty <= 0.0 {
         return i32::try_from(decimals(value, 4)).expect("at most 12");
@@ -84,7 +89,12 @@ pub fn place(uncertainty: f64, value: f64) -> i32 {
     // The rounded number determines the place, because 0.0996 is rounded to 0.10.
     let rounded = format!("{uncertainty:.1e}");
     let power = rounded.split_once('e').and_then(|(_, power)| power.parse::<i32>().ok());
-    (1 - power.expect("an exponent")).clamp(-12, 12)
+    let of_error = 1 - power.expect("an exponent");
+    let of_value = match value.abs().log10() {
+        power if power.is_finite() => MAX_DIGITS - 1 - power.floor() as i32,
+        _ => of_error,
+    };
+    of_error.min(of_value).clamp(-12, 12)
 }
 
 /// Formats a number rounded to a decimal place, such as one returned by [`place`].
@@ -160,6 +170,12 @@ mod tests {
         assert_eq!(interval_to([98.413, f64::INFINITY], place(2.1, 104.2)), "98.4 to ∞");
         assert_eq!(rounded(104.21, place(f64::NAN, 104.21)), "104.2");
         assert_eq!(with_error(f64::NAN, 0.1), NONE);
+        // Five digits at most.
+        assert_eq!(with_error(271.0548, 0.0044), "271.05 ± 0.01");
+        assert_eq!(concise(271.0548, 0.0044), "271.05(1)");
+        assert_eq!(with_error(0.500_000_49, 7.6e-7), "0.50000 ± 0.00001");
+        assert_eq!(with_error(-1_234_567.0, 3.0), "\u{2212}1234600 ± 100");
+        assert_eq!(with_error(0.0, 3.21e-7), "0.00000000 ± 0.00000032");
     }
 
     #[test]
