@@ -3,11 +3,13 @@
 use super::figure::Layer;
 use super::style::{Look, MARKER_RADIUS, Shape};
 
-/// Distances between neighbouring markers that are tried in turn, as fractions of a marker's width.
-const DISTANCES: [f64; 4] = [1.0, 0.8, 0.6, 0.4];
-/// Maximum shift of a marker, as a multiple of its width. Measurements so dense that they would have to be
-/// shifted farther stay where they are.
-const MAX_SHIFT: f64 = 2.0;
+/// Maximum distance between neighbouring repeats of one frequency, as a fraction of a marker's width; measured
+/// frequencies of repeats differ by less.
+const SAME: f64 = 0.05;
+/// Maximum shift, as a fraction of the distance to the nearest other frequency.
+const MAX_SHIFT: f64 = 0.25;
+/// Maximum number of repeats that are shifted: more could not be told apart.
+const MAX_REPEATS: usize = 8;
 
 /// Returns the horizontal shift (px) of every point of the layers of a panel. Only markers of trials are shifted, and
 /// those with the same shape keep their order. `x_px` converts a value to a horizontal position.
@@ -35,28 +37,22 @@ pub(crate) fn shifts(layers: &[&Layer], x_px: impl Fn(f64) -> f64) -> Vec<Vec<f6
     shifts
 }
 
-/// Returns the smallest shifts (in the least-squares sense) after which markers of the given width at the sorted
-/// positions `xs` are beside each other, or overlap as little as [`MAX_SHIFT`] permits.
+/// Returns shifts that draw repeats at the sorted positions `xs` symmetrically beside each other, `width` apart or as far
+/// as the distance to the nearest other position permits.
 fn spread(xs: &[f64], width: f64) -> Vec<f64> {
-    let within = |shifts: &Vec<f64>| shifts.iter().all(|shift| shift.abs() <= MAX_SHIFT * width);
-    let tried = DISTANCES.into_iter().map(|distance| apart(xs, distance * width));
-    tried.into_iter().find(within).unwrap_or_else(|| vec![0.0; xs.len()])
-}
-
-/// Returns the least-squares shifts after which sorted positions are at least `distance` apart: an isotonic regression
-/// by pooling adjacent violators.
-fn apart(xs: &[f64], distance: f64) -> Vec<f64> {
-    let mut pools: Vec<(f64, usize)> = Vec::new();
-    for (i, x) in xs.iter().enumerate() {
-        let (mut mean, mut count) = (x - distance * i as f64, 1);
-        while let Some((before, of)) = pools.pop_if(|(before, _)| *before > mean) {
-            mean = (before * of as f64 + mean * count as f64) / (of + count) as f64;
-            count += of;
-        }
-        pools.push((mean, count));
+    let mut shifts = Vec::with_capacity(xs.len());
+    for repeats in xs.chunk_by(|a, b| b - a < SAME * width) {
+        let [first, count] = [shifts.len(), repeats.len()];
+        let before = first.checked_sub(1).map_or(f64::INFINITY, |i| xs[first] - xs[i]);
+        let after = xs.get(first + count).map_or(f64::INFINITY, |x| x - xs[first + count - 1]);
+        let half = 0.5 * (count - 1) as f64;
+        let distance = match count {
+            2..=MAX_REPEATS => width.min(MAX_SHIFT * before.min(after) / half),
+            _ => 0.0,
+        };
+        shifts.extend((0..count).map(|i| distance * (i as f64 - half)));
     }
-    let means = pools.into_iter().flat_map(|(mean, count)| std::iter::repeat_n(mean, count));
-    means.zip(xs).enumerate().map(|(i, (mean, x))| mean + distance * i as f64 - x).collect()
+    shifts
 }
 
 #[cfg(test)]
@@ -64,24 +60,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn repeats_are_beside_each_other_and_other_points_stay() {
-        let xs = [10.0, 50.0, 50.0, 50.0, 53.0, 90.0];
+    fn repeats_are_beside_each_other_and_nearer_to_their_frequency_than_to_another() {
+        let xs = [10.0, 50.0, 50.1, 50.2, 60.0, 90.0, 90.0];
         let shifts = spread(&xs, 6.0);
-        assert_eq!([shifts[0], shifts[5]], [0.0; 2]);
-        let drawn: Vec<f64> = xs.iter().zip(&shifts).map(|(x, shift)| x + shift).collect();
-        for pair in drawn[1..5].windows(2) {
-            assert!((pair[1] - pair[0] - 6.0).abs() < 1e-9, "{drawn:?}");
-        }
-        let sum: f64 = shifts.iter().sum();
-        assert!(sum.abs() < 1e-9 && shifts.iter().all(|shift| shift.abs() < 12.0), "{shifts:?}");
+        let expected = [0.0, -2.45, 0.0, 2.45, 0.0, -3.0, 3.0];
+        let is_near = |(found, expected): (&f64, f64)| (found - expected).abs() < 1e-9;
+        assert!(shifts.iter().zip(expected).all(is_near), "{shifts:?}");
     }
 
     #[test]
-    fn many_repeats_overlap_and_dense_measurements_stay() {
-        let shifts = spread(&[20.0; 8], 6.0);
-        assert!(shifts.windows(2).all(|pair| pair[1] - pair[0] > 2.0), "{shifts:?}");
-        assert!(shifts.iter().all(|shift| shift.abs() <= 12.0), "{shifts:?}");
-        let dense: Vec<f64> = (0..200).map(f64::from).collect();
+    fn dense_measurements_stay() {
+        let dense: Vec<f64> = (0..200).map(|i| 0.1 * f64::from(i)).collect();
         assert!(spread(&dense, 6.0).iter().all(|shift| *shift == 0.0));
     }
 
