@@ -36,10 +36,18 @@ pub(crate) fn figures(
         let values = values.iter().map(|value| factor * value);
         recording.time_s.iter().copied().zip(values).collect()
     };
+    // Vertical axes show the cycles in use; what happens before and after may be larger.
+    let in_use = times_in_use(trial, recording);
+    let used = |values: &[f64], factor: f64| {
+        let values =
+            values.iter().zip(&recording.time_s).filter(|(_, time_s)| in_use.contains(time_s));
+        Range::enclosing(values.map(|(value, _)| factor * value))
+    };
     // Each component has its own panel, because overlapping lines would hide each other.
     let course = |title: String, y_label: &str, values: &[f64], factor: f64| {
         let points = envelope(&over_time(values, factor), DENSE_PARTS).concat();
-        panel(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)])
+        let panel = panel(&title, y_label, vec![Layer::new("measured", points, looks::RECORDED)]);
+        Panel { shown: used(values, factor).map(with_margin), ..panel }
     };
     let angles = recording
         .phi_rad
@@ -54,10 +62,12 @@ pub(crate) fn figures(
         let titles = (0..).map(move |wheel| format!("{kind} velocity of wheel {wheel}"));
         let y_label = format!("{kind} (mm/s)");
         // The wheels share one scale, so that they can be compared.
-        let covered = Range::enclosing(all_m_s.iter().flatten().map(|m_s| 1e3 * m_s));
+        let ranges = all_m_s.iter().filter_map(|m_s| used(m_s, 1e3));
+        let covered = Range::enclosing(ranges.flat_map(|range| [range.low, range.high]));
+        let shown = covered.map(with_margin);
         titles
             .zip(all_m_s)
-            .map(|(title, m_s)| Panel { covered, ..course(title, &y_label, m_s, 1e3) })
+            .map(|(title, m_s)| Panel { covered, shown, ..course(title, &y_label, m_s, 1e3) })
             .collect::<Vec<_>>()
     });
     let residuals = lines(&["link 0", "link 1", "link 2"], |link| {
@@ -113,6 +123,13 @@ fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
         .map(|quantity| {
             let kinds = [("not used", looks::UNUSED, false), ("used", looks::measured(0), true)];
             let mean = Layer::new("mean", [(f64::NAN, quantity.of(&trial.metrics))], Look::Guides);
+            let values = recording.cycles.iter().map(|cycle| (cycle, quantity.of(&cycle.metrics)));
+            let used = values.clone().filter(|(cycle, _)| cycle.used).map(|(_, value)| value);
+            let shown = Range::enclosing(used).map(with_margin);
+            let is_off =
+                |value: f64| shown.is_some_and(|shown| !value.is_nan() && !shown.contains(value));
+            let off = values.filter(|(_, value)| is_off(*value)).count();
+            let beyond = if off > 0 { format!("{off} off the scale") } else { String::new() };
             let layers = [mean]
                 .into_iter()
                 .chain(kinds.map(|(name, look, used)| {
@@ -124,11 +141,33 @@ fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
                 .collect();
             Panel {
                 x_scale: Scale::Whole,
+                shown,
+                beyond,
                 ..Panel::new(quantity.title, "Cycle", quantity.axis_label(), layers)
             }
         })
         .collect();
     Figure::new("cycles", texts("cycles", context! {}), &[], Layout::Grid, panels)
+}
+
+/// Returns a range extended on both sides by a quarter of its span.
+fn with_margin(Range { low, high }: Range) -> Range {
+    let margin = 0.25 * (high - low) + 1e-3 * low.abs().max(high.abs());
+    Range { low: low - margin, high: high + margin }
+}
+
+/// Returns the times from the start of the first cycle in use to the end of the last, s; all times if none is in use.
+fn times_in_use(trial: &TrialRow, recording: &Recording) -> std::ops::RangeInclusive<f64> {
+    let mut starts_s =
+        recording.cycles.iter().filter(|cycle| cycle.used).map(|cycle| cycle.start_s);
+    let first_s = starts_s.next().unwrap_or(f64::NEG_INFINITY);
+    let last_s = starts_s.next_back().unwrap_or(first_s);
+    let is_used = first_s.is_finite();
+    first_s..=if is_used {
+        last_s + std::f64::consts::TAU / trial.omega_rad_s
+    } else {
+        f64::INFINITY
+    }
 }
 
 /// Returns the layers that shade the times outside the cycles in use (cycles that enter the trial means); empty if no
