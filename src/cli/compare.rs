@@ -11,7 +11,7 @@ use trilink_tables::config::{Config, Paths, Tolerances};
 use trilink_tables::{is_there, write_bytes};
 
 use super::output::{note, print, say, write_data};
-use super::table::{Table, short};
+use super::table::{Table, rounded};
 use super::terminal::{Text, Tone};
 use super::{Context, Exclusive, Failure, Outcome};
 use crate::build::{Lock, check_finished, hold, share, sweep};
@@ -22,6 +22,8 @@ use crate::compare::{
 
 /// Maximum number of differences listed on the terminal; the comparison page lists all of them.
 const MAX_ROWS: usize = 10;
+/// Significant digits of printed values.
+const DIGITS: usize = 4;
 
 /// Compare the tables with those of an earlier run and list differences beyond tolerance.
 #[derive(clap::Args)]
@@ -198,7 +200,9 @@ fn set_tolerance(config: &mut Config, line: &str) -> Result<(), Failure> {
 /// and the path of the comparison page.
 fn print_comparison(compared: &ComparisonResult, page: &Path) {
     let ComparisonResult { causes, appeared, run_times, cells, .. } = compared;
-    causes.iter().for_each(|cause| say!("{}", cause.sentence));
+    for (cause, nth) in causes.iter().zip(0..) {
+        print(if nth == 0 { Tone::Bad.paint(&cause.sentence) } else { (&cause.sentence).into() });
+    }
     let out = compared.out().count();
     let largest: Vec<&Difference> = compared.out().take(MAX_ROWS).collect();
     if out > MAX_ROWS {
@@ -207,7 +211,7 @@ fn print_comparison(compared: &ComparisonResult, page: &Path) {
     let table = || {
         Table::new(&largest)
             .left("row", |of| &of.row)
-            .left("value", |of| format!("{}.{}", of.table, of.column))
+            .left("value", |of| &of.column)
             .right("baseline", |of| cell(&of.baseline))
             .right("now", |of| cell(&of.candidate))
     };
@@ -234,7 +238,7 @@ fn print_comparison(compared: &ComparisonResult, page: &Path) {
 /// Formats a value of a table.
 fn cell(value: &Value) -> String {
     match (value.as_f64(), value.as_str()) {
-        (Some(number), _) => short(number),
+        (Some(number), _) => rounded(number, DIGITS),
         (None, Some(text)) => text.to_owned(),
         (None, None) => "-".to_owned(),
     }

@@ -373,7 +373,20 @@ impl<'r> Search<'r> {
                 self.causes.push(Cause { kind, sentence, differences: Vec::new() });
             }
         }
-        for CoefficientCause { sentence, parameters } in by_coefficient(&changes, judged) {
+        let within = self.compared.differences.iter().filter(|of| !of.is_out());
+        let within: Vec<CoefficientChange> = within.filter_map(change).collect();
+        for CoefficientCause { mut sentence, parameters, ratio } in by_coefficient(&changes, judged)
+        {
+            let alike = within.iter().filter(|of| {
+                parameters.contains(&of.parameter)
+                    && is_same(of.ratio, ratio)
+                    && !inadequate.iter().any(|all| all.contains(&[of.campaign, of.model]))
+            });
+            let alike: BTreeSet<&str> = alike.map(|of| of.campaign).collect();
+            if !alike.is_empty() {
+                let alike = listed(&alike.into_iter().collect::<Vec<_>>());
+                sentence += &format!("; alike, but within tolerance, in {alike}");
+            }
             self.add(CauseKind::Coefficients, sentence, |difference| {
                 difference.table == "fits"
                     && parameters.iter().any(|parameter| parameter.name() == difference.column)
@@ -497,6 +510,8 @@ pub(super) struct CoefficientChange<'r> {
 pub(super) struct CoefficientCause {
     pub sentence: String,
     pub parameters: Vec<Parameter>,
+    /// Median ratio of the values to those of the baseline.
+    pub ratio: f64,
 }
 
 /// Groups changes of coefficients by coefficient, or by quantity if all wheels change alike. `judged` returns the
@@ -538,7 +553,8 @@ pub(super) fn by_coefficient(
             let grip = if ratio(&of_all) > 1.0 { "stickier" } else { "more slippery" };
             sentence += &format!(": the floor or the tyres may be {grip}");
         }
-        causes.push((campaigns.len(), CoefficientCause { sentence, parameters }));
+        let ratio = ratio(&of_all);
+        causes.push((campaigns.len(), CoefficientCause { sentence, parameters, ratio }));
     }
     causes.sort_by_key(|(campaigns, _)| Reverse(*campaigns));
     causes.into_iter().map(|(_, cause)| cause).collect()

@@ -12,9 +12,9 @@ use super::snapshot::{Record, Records, Snapshot, number, text};
 use super::{ComparisonResult, Difference};
 
 /// Legend label of the tolerances.
-const TOLERANCE: &str = "tolerance";
-/// Legend label of the differences.
-const CHANGE: &str = "this run minus baseline, 95 % confidence interval";
+const TOLERANCE: &str = "no change, with the tolerance around it";
+/// Legend labels of the differences within and out of tolerance.
+const CHANGES: [&str; 2] = ["this run minus baseline (bars: 95 %)", "out of tolerance"];
 
 /// Differences between the candidate run and the baseline run against frequency: metrics of a campaign's trials, or
 /// predictions of a model.
@@ -103,23 +103,29 @@ impl<'s> Curves<'s> {
         let metrics = Metric::ALL.into_iter().map(Metric::definition);
         let panels = metrics.filter(|of| columns.contains(of.column)).map(|of| {
             let points = self.points(of);
+            let factor = of.dimension.shown_per_unit();
             let zero = points.iter().map(|(omega, _)| (*omega, 0.0));
             let band = points.iter().map(|(_, difference)| {
-                let limit = difference.judgement.limit.unwrap_or(f64::NAN);
+                let limit = factor * difference.judgement.limit.unwrap_or(f64::NAN);
                 [-limit, limit]
             });
             let band = band.collect();
-            let changes = points.iter().filter_map(|(omega, difference)| {
-                let change = difference.candidate.as_f64()? - difference.baseline.as_f64()?;
-                let errors = difference.judgement.errors.filter(|errors| *errors > 0.0);
-                Some((*omega, change, HALF_WIDTH_95 * change.abs() / errors.unwrap_or(f64::NAN)))
+            let changes = CHANGES.into_iter().zip([trends::RUN, trends::OUT]).zip([false, true]);
+            let changes = changes.map(|((name, look), is_out)| {
+                let own = points.iter().filter(|(_, difference)| difference.is_out() == is_out);
+                let changes = own.filter_map(|(omega, difference)| {
+                    let change = difference.candidate.as_f64()? - difference.baseline.as_f64()?;
+                    let errors = difference.judgement.errors.filter(|errors| *errors > 0.0);
+                    let error = HALF_WIDTH_95 * change.abs() / errors.unwrap_or(f64::NAN);
+                    Some(((*omega, factor * change, factor * error), difference.row.clone()))
+                });
+                let (points, trials): (Vec<_>, Vec<_>) = changes.unzip();
+                Layer { trials, ..Layer::with_errors(name, points, look) }
             });
-            let layers = vec![
-                Layer { band, ..Layer::new(TOLERANCE, zero, trends::BASELINE) },
-                Layer::with_errors(CHANGE, changes, trends::RUN),
-            ];
-            let label = of.dimension.with_unit(&format!("change in {}", of.plain));
-            Panel::new(of.in_words(), "omega (rad/s)", label, layers)
+            let tolerance = Layer { band, ..Layer::new(TOLERANCE, zero, trends::BASELINE) };
+            let layers = [tolerance].into_iter().chain(changes).collect();
+            let label = of.dimension.with_shown_unit(&format!("Change in {}", of.symbol));
+            Panel::new(of.in_words(), "ω (rad/s)", label, layers)
         });
         let texts = [title, String::new()];
         let figure = Figure::new("", texts, &[self.campaign], Layout::Grid, panels.collect());

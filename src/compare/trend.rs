@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Value as Json, json};
 use trilink_base::Named as _;
-use trilink_base::numbers::{percent, significant};
+use trilink_base::numbers::{percent, significant, with_error};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_report::{colours, fill, image, notice_of_folders, trends};
 use trilink_robot::Parameter;
@@ -104,19 +104,22 @@ struct Names {
     label: String,
     /// Symbol of the mean of a metric; empty for other figures of merit.
     symbol: &'static str,
+    /// Unit; empty if there is none.
+    unit: &'static str,
 }
 
 impl Names {
     fn new(HistoryRow { model, quantity, .. }: &HistoryRow) -> Self {
-        let names = |title: &str, label: &str| Self {
+        let names = |title: &str, label: &str, unit| Self {
             title: title.to_owned(),
             label: label.to_owned(),
             symbol: "",
+            unit,
         };
         if let Some(parameter) = Parameter::of_name(quantity).filter(|_| !model.is_empty()) {
             let of_wheel = coefficient(&[parameter]);
             let title = of_wheel.split(" (").next().unwrap_or_default();
-            return names(title, &format!("{model} ({})", parameter.unit()));
+            return names(title, &format!("{model} ({})", parameter.unit()), parameter.unit());
         }
         if let Some(column) = quantity.strip_prefix(MEAN) {
             let mut metrics = Metric::ALL.into_iter().map(Metric::definition);
@@ -124,21 +127,22 @@ impl Names {
             return match metric {
                 Some(of) => Self {
                     title: of.in_words(),
-                    label: of.dimension.with_unit(&format!("mean {}", of.plain)),
+                    label: of.dimension.with_unit(&format!("mean {}", of.symbol)),
                     symbol: of.plain,
+                    unit: of.dimension.units()[0],
                 },
-                None if column == "residual_mm" => names("Marker residual", "mean (mm)"),
-                None => names(quantity, ""),
+                None if column == "residual_mm" => names("Marker residual", "mean (mm)", "mm"),
+                None => names(quantity, "", ""),
             };
         }
         if let Some(stage) = quantity.strip_suffix(SECONDS) {
-            names(&format!("Run time of {stage}"), "s")
+            names(&format!("Run time of {stage}"), "s", "s")
         } else if let Some(status) = quantity.strip_prefix(TRIALS) {
-            names(&format!("Trials {status}"), "number")
+            names(&format!("Trials {status}"), "number", "")
         } else if quantity == "j" {
-            names("Objective J", model)
+            names("Objective J", model, "")
         } else {
-            names(quantity, model)
+            names(quantity, model, "")
         }
     }
 }
@@ -317,7 +321,7 @@ fn sentences(steps: &[(&Series, &Step)], all: &[&Series], run: i64) -> Vec<Strin
         rows.map(|row| &row.campaign).collect::<BTreeSet<_>>().len()
     };
     let causes = by_coefficient(&changes.collect::<Vec<_>>(), judged);
-    let grouped = causes.into_iter().map(|CoefficientCause { sentence, parameters }| {
+    let grouped = causes.into_iter().map(|CoefficientCause { sentence, parameters, .. }| {
         let is_own =
             |series: &Series| series.parameter().is_some_and(|of| parameters.contains(&of));
         let own: Vec<_> = steps.iter().filter(|(series, _)| is_own(series)).collect();
@@ -368,7 +372,8 @@ fn group(
             series.rows.iter().filter(|row| row.run < now.run && row.basis == now.basis);
         Some(json!({
             "name": series.in_words(),
-            "last": series.shown(now.value),
+            "last": if series.is_count() { series.shown(now.value) } else { with_error(now.value, now.value_se) },
+            "unit": series.names().unit,
             "since_last": change(earlier.clone().next_back(), now),
             "since_first": change(earlier.next(), now),
             "since_baseline": series.since_baseline(runs),
@@ -376,7 +381,7 @@ fn group(
     });
     let rows: Vec<Json> = rows.collect();
     let figure = if figure.is_empty() { Json::Null } else { json!(image(&figure)?) };
-    Ok(json!({ "name": name, "figure": figure, "rows": rows }))
+    Ok(json!({ "name": name, "figure": figure, "rows": rows, "is_first": runs.count() < 2 }))
 }
 
 /// Formats the relative change since an earlier run; empty if there is no earlier run.

@@ -34,6 +34,9 @@ pub mod trends {
     pub const TREND: Look = line(colours::TREND, SOLID);
     pub const RUN: Look =
         Look::Marker { colour: colours::TREND, shape: Shape::Circle, filled: true };
+    /// A value out of tolerance.
+    pub const OUT: Look =
+        Look::Marker { colour: colours::CANDIDATE, shape: Shape::Square, filled: true };
 }
 
 /// Fill colour for the confidence band behind a line.

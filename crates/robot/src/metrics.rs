@@ -73,18 +73,27 @@ impl Dimension {
 
     /// Adds the unit in table columns, if there is one, to the label of an axis.
     pub fn with_unit(self, label: &str) -> String {
-        match self.units()[0] {
+        Self::labelled(label, self.units()[0])
+    }
+
+    /// Adds the unit for display, if there is one, to the label of an axis.
+    pub fn with_shown_unit(self, label: &str) -> String {
+        Self::labelled(label, self.units()[1])
+    }
+
+    fn labelled(label: &str, unit: &str) -> String {
+        match unit {
             "" => label.to_owned(),
-            unit => format!("{label} ({unit})"),
+            _ => format!("{label} ({unit})"),
         }
     }
 
     /// Returns the factor that converts the unit in table columns to the unit for display.
-    fn shown_per_unit(self) -> f64 {
+    pub const fn shown_per_unit(self) -> f64 {
         match self {
             Self::Length | Self::Speed => 1e3,
             Self::Ratio => 1.0,
-            Self::Angle => 1_f64.to_degrees(),
+            Self::Angle => 180.0 / std::f64::consts::PI,
         }
     }
 }
