@@ -297,7 +297,7 @@ pub(super) fn in_words(trials: &[TrialRow]) -> Text {
         }
     });
     let numbers = numbers.reduce(|all, next| all + ", " + next).unwrap_or_default();
-    Text::from(format!("{total} trials: ")) + numbers
+    Text::from(format!("{total} trial{}: ", if total == 1 { "" } else { "s" })) + numbers
 }
 
 /// Prints the failed trials, by folder and cause, and the message `other`, if there is one, and then, unless the run had

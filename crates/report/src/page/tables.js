@@ -1,6 +1,7 @@
-// Tables, and what tables and charts share. A click on a heading sorts a table; its buttons copy it as CSV or LaTeX.
-// The selected trial is highlighted in every row and chart. The fragment of the address holds the selection and the filter of
-// the trials, such as `#trial=NAME&filter=WORDS`. Pages are complete without this script.
+// Tables, and what tables and charts share. A click on a heading sorts a table; its buttons copy it as CSV or LaTeX. The
+// selected trial is highlighted in every row and chart; a click on a row, or a space on its link, selects it. The
+// fragment of the address holds the selection and the filter of the trials, such as `#trial=NAME&filter=WORDS`. Pages
+// are complete without this script.
 const fragment = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
 const remember = (key, value) => {
   if (value) fragment.set(key, value); else fragment.delete(key);
@@ -35,8 +36,13 @@ for (const row of document.querySelectorAll("tbody tr")) {
   if (!rows.has(trial)) continue;
   if (!rows.get(trial).includes(row)) file(rows, trial, row);
   row.addEventListener("click", event => { if (!event.target.closest("a, summary")) select(trial); });
-  row.addEventListener("pointerenter", () => light(trial));
-  row.addEventListener("pointerleave", () => light(selected));
+  for (const kind of ["pointerenter", "focusin"]) row.addEventListener(kind, () => light(trial));
+  for (const kind of ["pointerleave", "focusout"]) row.addEventListener(kind, () => light(selected));
+  row.addEventListener("keydown", event => {
+    if (event.key !== " " || event.target.tagName !== "A") return;
+    event.preventDefault();
+    select(trial);
+  });
 }
 
 const button = (text, label, act) => {
@@ -70,9 +76,16 @@ const csv = cells => {
   return plain.map((row, nth) => row.flatMap((text, i) => parts(text, i, nth)).map(field).join(",") + "\n").join("");
 };
 const latex = (cells, columns) => {
-  const signs = { "±": "$\\pm$", "\u2212": "$-$", "∞": "$\\infty$", "†": "$\\dagger$", "\\": "\\textbackslash{}",
-    "~": "\\textasciitilde{}", "^": "\\textasciicircum{}" };
-  const tex = text => text.replace(/[±\u2212∞†\\~^]/g, sign => signs[sign]).replace(/(?<!\\)[&%#_]/g, "\\$&");
+  const signs = { "±": "$\\pm$", "\u2212": "$-$", "∞": "$\\infty$", "†": "$\\dagger$", "·": "$\\cdot$", "×": "$\\times$",
+    "≤": "$\\le$", "≥": "$\\ge$", "°": "$^\\circ$", "–": "--", "\\": "\\textbackslash{}", "~": "\\textasciitilde{}",
+    "^": "\\textasciicircum{}", "&": "\\&", "%": "\\%", "#": "\\#", "_": "\\_", "$": "\\$", "{": "\\{", "}": "\\}" };
+  const greek = { α: "alpha", β: "beta", γ: "gamma", δ: "delta", ε: "varepsilon", θ: "theta", κ: "kappa", λ: "lambda",
+    μ: "mu", ν: "nu", ρ: "rho", σ: "sigma", τ: "tau", φ: "phi", χ: "chi", ψ: "psi", ω: "omega", Δ: "Delta", Σ: "Sigma",
+    Ω: "Omega" };
+  Object.entries(greek).forEach(([sign, name]) => { signs[sign] = `$\\${name}$`; });
+  [..."₀₁₂₃"].forEach((sign, digit) => { signs[sign] = `$_${digit}$`; });
+  [..."⁰¹²³"].forEach((sign, digit) => { signs[sign] = `$^${digit}$`; });
+  const tex = text => [...text].map(sign => signs[sign] ?? sign).join("");
   const [head, ...body] = cells.map(row => `${row.map(tex).join(" & ")} \\\\\n`);
   return `\\begin{tabular}{${columns}}\n\\toprule\n${head}\\midrule\n${body.join("")}\\bottomrule\n\\end{tabular}\n`;
 };
