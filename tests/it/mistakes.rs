@@ -520,6 +520,15 @@ const MISTAKES: &[Mistake] = &[
         ],
     ),
     mistake(
+        "labels of two links exchanged",
+        |night| {
+            configure(night, "F1 = [", "F9 = [");
+            configure(night, "R1 = [", "F1 = [");
+            configure(night, "F9 = [", "R1 = [");
+        },
+        &["the labels `", "R1` of link 1 and `", "F1` of link 2 are swapped", "`aliases`"],
+    ),
+    mistake(
         "a digit of a place",
         |night| configure(night, "M2 = [95.0", "M2 = [59.0"),
         &[

@@ -205,7 +205,8 @@ impl Markers<'_> {
     }
 
     /// Describes the mistake in the layout that explains the residuals of the links: the position tables of two links
-    /// are swapped, labels within one link are swapped, or a single marker is displaced. `None` if it is none of these.
+    /// are swapped, labels of two links or within one link are swapped, or a single marker is displaced. `None` if it is
+    /// none of these.
     fn exchanged(&self, residual_mm: [f64; 3]) -> Option<String> {
         for (a, b) in [(1, 2), (0, 1), (0, 2)] {
             let [of_a, of_b] = [a, b].map(|link| &self.layout[link]);
@@ -223,7 +224,37 @@ impl Markers<'_> {
             }
         }
         let link = (0..3).max_by(|&a, &b| residual_mm[a].total_cmp(&residual_mm[b]))?;
-        self.relabelled(link).or_else(|| self.displaced(link))
+        self.swapped_between_links(residual_mm)
+            .or_else(|| self.relabelled(link))
+            .or_else(|| self.displaced(link))
+    }
+
+    /// Describes two labels of different links that are swapped, if this explains the residuals of both links;
+    /// otherwise `None`.
+    fn swapped_between_links(&self, residual_mm: [f64; 3]) -> Option<String> {
+        for (a, b) in [(1, 2), (0, 1), (0, 2)] {
+            if !(residual_mm[a].min(residual_mm[b]) > MAX_RESIDUAL_MM) {
+                continue;
+            }
+            let of_b = 0..self.layout[b].len();
+            for (i, j) in (0..self.layout[a].len()).flat_map(|i| of_b.clone().map(move |j| (i, j)))
+            {
+                let mut swapped = [a, b].map(|link| self.layout[link].clone());
+                let columns = [self.layout[b][j].column, self.layout[a][i].column];
+                [swapped[0][i].column, swapped[1][j].column] = columns;
+                let fits = |markers: &Vec<LinkMarker>| {
+                    self.residual_mm(markers, UNCHANGED) <= MAX_RESIDUAL_MM
+                };
+                if swapped.iter().all(fits) {
+                    let [of_b, of_a] = columns.map(|column| &self.file.labels[column]);
+                    return Some(format!(
+                        "the labels `{of_a}` of link {a} and `{of_b}` of link {b} are swapped: swap them in the file, \
+                         in [markers] or, if they are swapped in this file only, by `aliases` in trials.toml"
+                    ));
+                }
+            }
+        }
+        None
     }
 
     /// Describes another order of a link's labels with which its markers match the layout; `None` if there is none.
@@ -287,6 +318,11 @@ impl Markers<'_> {
             })
             .collect();
         let [x, y] = [0, 1].map(|axis| median(found.iter().map(|at| at[axis]).collect()));
+        let off = found.iter().map(|at| (at[0] - x).hypot(at[1] - y));
+        // A marker that moves relative to the link is not on it.
+        if median(off.collect()) > MAX_RESIDUAL_MM {
+            return None;
+        }
         let label = &self.file.labels[marker.column];
         let [a, b] = marker.local_position_mm;
         Some(format!(
