@@ -94,6 +94,13 @@ pub(crate) fn describe_gait(
     }
     [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] =
         [1.0, 2.0, 3.0].map(|k| response(row.smoothing_window as usize, k * driven.phase.step_rad));
+    if row.noise_white == Some(false) {
+        // A filter attenuates what is faster than its unknown cut-off. What a cycle adds up is unaffected by it.
+        let unknown = f64::NAN;
+        row.metrics_se = GaitMetrics { sigma: [unknown; 3], alpha1_rad: unknown, ..row.metrics_se };
+        row.sigma_debiased.iter_mut().for_each(|sigma| sigma.se = unknown);
+        row.gait.iter_mut().for_each(|gait| gait.amplitude_rad_se = unknown);
+    }
 }
 
 /// Returns the standard error of the mean, over cycles, of a joint quantity.

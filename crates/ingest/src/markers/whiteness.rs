@@ -108,37 +108,13 @@ mod tests {
 
     use super::*;
     use crate::markers::layout::LinkMarker;
+    use crate::tests::coloured::low_passed;
 
     const FRAMES: usize = 1800;
 
     fn normal(seed: u64) -> impl FnMut() -> f64 {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         move || StandardNormal.sample(&mut random)
-    }
-
-    /// Filters a series forwards and backwards with a second-order Butterworth low-pass filter, as is done before an
-    /// export (bilinear transform; Winter, *Biomechanics and Motor Control of Human Movement*, section 2.2.4).
-    fn low_passed(series: &[f64], cutoff_hz: f64) -> Vec<f64> {
-        let c = 1.0 / (std::f64::consts::PI * cutoff_hz / 120.0).tan();
-        let scale = 1.0 / (1.0 + 2.0_f64.sqrt() * c + c * c);
-        let feedback = [2.0 * scale * (1.0 - c * c), scale * (1.0 - 2.0_f64.sqrt() * c + c * c)];
-        let pass = |series: Vec<f64>| {
-            let mut x = [series[0]; 2];
-            let mut y = [series[0]; 2];
-            let filtered = series.into_iter().map(move |new| {
-                let out =
-                    scale * (new + 2.0 * x[0] + x[1]) - feedback[0] * y[0] - feedback[1] * y[1];
-                x = [new, x[0]];
-                y = [out, y[0]];
-                out
-            });
-            filtered.collect::<Vec<f64>>()
-        };
-        let mut series = pass(series.to_vec());
-        series.reverse();
-        series = pass(series);
-        series.reverse();
-        series
     }
 
     /// Creates a recording of three markers on a link that moves along a circle, with noise of standard deviation
@@ -221,7 +197,7 @@ mod tests {
             [(6.0, 20.0), (10.0, 15.0), (15.0, 8.0), (20.0, 5.0), (30.0, 2.5)]
         {
             let mut filtered = recording(0.2, |series| {
-                let filtered = low_passed(&series, cutoff_hz).into_iter();
+                let filtered = low_passed(&series, cutoff_hz / 120.0).into_iter();
                 filtered.map(|x| (100.0 * x).round() / 100.0).collect()
             });
             assert!(ratio(&filtered) > minimum, "{cutoff_hz} Hz: {}", ratio(&filtered));
@@ -233,7 +209,7 @@ mod tests {
     #[test]
     fn the_ratio_is_nan_without_noise_or_with_too_few_frames() {
         assert!(ratio(&recording(0.0, |series| series)).is_nan());
-        assert!(ratio(&recording(0.0, |series| low_passed(&series, 6.0))).is_nan());
+        assert!(ratio(&recording(0.0, |series| low_passed(&series, 6.0 / 120.0))).is_nan());
         let mut few = recording(0.2, |series| series);
         few.frames.truncate(70);
         few.positions_mm.truncate(3 * 70);

@@ -97,8 +97,8 @@ fn noise_check(ratio: f64) -> Finding {
     let message = if ratio > limit {
         format!(
             "the markers' noise over a tenth of a second is {ratio:.1} times that between neighbouring frames: the \
-             coordinates were low-pass filtered or smoothed, which makes standard errors too small; export \
-             unfiltered coordinates"
+             coordinates were low-pass filtered or smoothed, so that the errors of sigma, alpha1 and the amplitudes of \
+             the joints are not known; export unfiltered coordinates"
         )
     } else if ratio.is_nan() {
         "the markers' noise is too small to test whether it is white".to_owned()

@@ -20,6 +20,7 @@ use trilink_tables::{Columns as _, Provenance, Severity};
 
 use super::*;
 
+pub(crate) mod coloured;
 mod coverage;
 mod decays;
 mod laws;
