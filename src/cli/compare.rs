@@ -215,8 +215,8 @@ fn print_comparison(compared: &ComparisonResult, page: &Path) {
             .right("baseline", |of| cell(&of.baseline))
             .right("now", |of| cell(&of.candidate))
     };
-    let with_tolerance = table().right("of tolerance", |of| match of.severity() {
-        severity if severity.is_finite() => format!("{severity:.1}x"),
+    let with_tolerance = table().right("x limit", |of| match of.severity() {
+        severity if severity.is_finite() => format!("{severity:.1}"),
         _ => "-".to_owned(),
     });
     if with_tolerance.fits() { with_tolerance } else { table() }.print();

@@ -123,6 +123,7 @@ impl<'s> Curves<'s> {
                 Layer { trials, ..Layer::with_errors(name, points, look) }
             });
             let tolerance = Layer { band, ..Layer::new(TOLERANCE, zero, trends::BASELINE) };
+            let changes = changes.filter(|layer| !layer.points.is_empty());
             let layers = [tolerance].into_iter().chain(changes).collect();
             let label = of.dimension.with_shown_unit(&format!("Change in {}", of.symbol));
             Panel::new(of.in_words(), "ω (rad/s)", label, layers)
