@@ -158,13 +158,14 @@ fn standard_errors_hold_where_noise_is_not_white_or_are_missing() {
             (0..3).for_each(|i| sum[i] += share[i]);
         }
         for (name, [within, known, all]) in sums {
-            let share = within as f64 / known as f64;
-            println!("{kind:24} {name:14} {share:.3} of {known} of {all}");
+            println!("{kind:24} {name:14} {within} of {known} of {all}");
             if *kind == "white" {
                 assert_eq!(known, all, "{name}");
             }
-            if known > 0 && share < 0.9 {
-                outside.push(format!("{kind}: {name} {share:.3}"));
+            // Three standard deviations of a binomial count below 95 %.
+            let expected = 0.95 * known as f64;
+            if (within as f64) < expected - 3.0 * (0.05 * expected).sqrt() {
+                outside.push(format!("{kind}: {name} {within} of {known}"));
             }
         }
     }
