@@ -12,10 +12,11 @@ use trilink_tables::config::Config;
 use crate::common::{SMALL, Small, assert_same, succeed};
 
 /// Changed values of those keys for which an automatically chosen value would be invalid.
-const OTHERS: [(&str, &str); 13] = [
+const OTHERS: [(&str, &str); 14] = [
     ("vicon.unit", "\"cm\""),
     ("vicon.ignore", "[\"V_*\"]"),
     ("ingest.poses", "\"links\""),
+    ("ingest.smoothing", "\"kalman\""),
     ("ingest.smoothing_window", "9"),
     ("report.width_mm", "90"),
     ("fit.sigma", "\"raw\""),

@@ -37,6 +37,9 @@ mod poses;
 /// Joint angles -> frequency and phase of the commanded gait.
 mod phase;
 
+/// Coordinates and phase -> smoothed coordinates.
+mod smoothing;
+
 /// Coordinates and phase -> wheel velocities, cycles, cycle means.
 mod cycles;
 
@@ -79,11 +82,11 @@ use trilink_mocap::Recording;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, Robot};
 use trilink_statistics::Estimate;
-use trilink_tables::config::{Config, Smoothing};
+use trilink_tables::config::{Config, Smoothing, SmoothingWindow};
 use trilink_tables::trial::{Trial, TrialKind};
 use trilink_tables::{
-    CheckRow, Clock, Coordinates, CycleRow, Frames as _, RobotParameterRow, Severity, Table,
-    TrialRow, TrialStatus, WheelFrames, WheelVelocities,
+    CheckRow, Clock, CycleRow, Frames as _, RobotParameterRow, Severity, Table, TrialRow,
+    TrialStatus, WheelFrames,
 };
 
 use checks::Finding;
@@ -97,6 +100,7 @@ pub use phase::{CommandedGait, GAIT_HARMONICS, GaitPhase, Harmonics, strongest_l
 pub use poses::frame_grid;
 use poses::{Constant, LinkPoses, Linkage, Tracked};
 use signals::JointSignal;
+use smoothing::SmoothedMotion;
 
 /// Minimum number of used cycles for trial means.
 const MIN_USED_CYCLES: usize = 2;
@@ -266,13 +270,26 @@ fn process_recording(
         None => None,
     };
     let PartialResult { row, findings } = partial;
-    let window = smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref());
-    let motion = SmoothedMotion::new(robot, &tracked, window, rate_hz);
-    row.smoothing_window = window as i64;
+    let window = match ingest.smoothing {
+        Smoothing::MovingAverage => {
+            Some(smoothing_window(trial, ingest.smoothing_window, &tracked, driven.as_ref()))
+        }
+        Smoothing::Kalman => None,
+    };
+    let motion = SmoothedMotion::new(robot, &tracked, driven.as_ref(), window, rate_hz);
+    row.smoothing_window = window.unwrap_or(0) as i64;
     let mut cycle_rows = Vec::new();
     if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
         let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
-        let data = motion.cycle_data(robot, gait, driven, &tracked, &raw_wheels, rate_hz);
+        let data = CycleData {
+            robot,
+            gait,
+            driven,
+            tracked: &tracked,
+            raw_wheels: &raw_wheels,
+            rate_hz,
+            motion: &motion,
+        };
         let (cycles, steady) = steady_cycles(&data, skip_cycles)?;
         // The checks for all kinds of trials come first.
         if let Some(frames) = checked_frames(&data, &cycles, &steady) {
@@ -296,9 +313,10 @@ fn process_recording(
         wheels: WheelFrames {
             clock: Clock::new(tracked.first_frame, tracked.frames(), rate_hz),
             velocities: motion.wheels,
+            errors: motion.errors.map(|errors| errors.wheels),
         }
         .into_table(&trial.id),
-        poses: tables::poses(&trial.id, tracked, motion.smooth, markers, rate_hz),
+        poses: tables::poses(&trial.id, tracked, motion.coordinates, markers, rate_hz),
     })
 }
 
@@ -468,33 +486,6 @@ fn measure_phase(
     command.estimate_phase(&phi_rad)
 }
 
-/// Smoothed coordinates and the wheel velocities derived from them.
-struct SmoothedMotion {
-    smooth: Coordinates,
-    wheels: WheelVelocities,
-}
-
-impl SmoothedMotion {
-    fn new(robot: &Robot, tracked: &Tracked, window: usize, rate_hz: f64) -> Self {
-        let smooth = tracked.filled.map(|series| signals::moving_average(series, window));
-        let wheels = wheel_velocities(robot, &smooth, rate_hz);
-        Self { smooth, wheels }
-    }
-
-    fn cycle_data<'m>(
-        &'m self,
-        robot: &'m Robot,
-        gait: &'m Gait,
-        driven: &'m GaitPhase,
-        tracked: &'m Tracked,
-        raw_wheels: &'m WheelVelocities,
-        rate_hz: f64,
-    ) -> CycleData<'m> {
-        let Self { smooth, wheels } = self;
-        CycleData { robot, gait, driven, tracked, raw_wheels, rate_hz, smooth, wheels }
-    }
-}
-
 /// Returns all cycles and the selection of those that are used.
 ///
 /// # Errors
@@ -542,10 +533,19 @@ fn frames_in_use(
     let ingest = &input.settings.ingest;
     let all = 0..tracked.frames();
     let driven = measure_phase(command, tracked, all.clone(), rate_hz, ingest.skip_cycles)?;
+    // The moving average, which is faster, is accurate enough to locate the cycles.
     let window = smoothing_window(trial, ingest.smoothing_window, tracked, Some(&driven));
-    let motion = SmoothedMotion::new(robot, tracked, window, rate_hz);
+    let motion = SmoothedMotion::new(robot, tracked, Some(&driven), Some(window), rate_hz);
     let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
-    let data = motion.cycle_data(robot, &command.0, &driven, tracked, &raw_wheels, rate_hz);
+    let data = CycleData {
+        robot,
+        gait: &command.0,
+        driven: &driven,
+        tracked,
+        raw_wheels: &raw_wheels,
+        rate_hz,
+        motion: &motion,
+    };
     let (cycles, steady) = steady_cycles(&data, ingest.skip_cycles)?;
     Ok(checked_frames(&data, &cycles, &steady).unwrap_or(all))
 }
@@ -554,14 +554,14 @@ fn frames_in_use(
 /// smallest expected error.
 fn smoothing_window(
     trial: &Trial,
-    configured: Smoothing,
+    configured: SmoothingWindow,
     tracked: &Tracked,
     driven: Option<&GaitPhase>,
 ) -> usize {
     match (trial.smoothing_window, configured, driven) {
-        (Some(window), _, _) | (None, Smoothing::Window(window), _) => window,
-        (None, Smoothing::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
-        (None, Smoothing::Auto, Some(GaitPhase { phase, moving, .. })) => {
+        (Some(window), _, _) | (None, SmoothingWindow::Window(window), _) => window,
+        (None, SmoothingWindow::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
+        (None, SmoothingWindow::Auto, Some(GaitPhase { phase, moving, .. })) => {
             let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| JointSignal {
                 noise_rad: signals::noise(phi_rad),
                 harmonics_rad: Harmonics::fit(phi_rad, moving.clone(), phase, GAIT_HARMONICS)

@@ -106,7 +106,8 @@ pub struct Vicon {
 #[serde(deny_unknown_fields)]
 pub struct Ingest {
     pub poses: Poses,
-    pub smoothing_window: Smoothing,
+    pub smoothing: Smoothing,
+    pub smoothing_window: SmoothingWindow,
     /// Maximum duration of a gap that is filled, s. Cycles that overlap a longer gap are not used.
     pub max_gap_s: f64,
     /// Mean residual of the rigid fit above which a trial is flagged, mm.
@@ -126,9 +127,19 @@ pub enum Poses {
     Chain,
 }
 
+/// Method of smoothing the coordinates and of differentiating them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Smoothing {
+    /// Moving average and central differences, as in the paper.
+    MovingAverage,
+    /// Kalman smoother of harmonics of the gait and an integrated Wiener process, estimated by maximum likelihood.
+    Kalman,
+}
+
 /// Width of the moving average that smooths a trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Smoothing {
+pub enum SmoothingWindow {
     /// Chosen for each trial from its frequency.
     Auto,
     /// Fixed number of samples, 5 to 30.
@@ -549,7 +560,7 @@ fn serialize_or_auto<T: Serialize, S: Serializer>(
 
 const AUTO: &str = "auto";
 
-impl Serialize for Smoothing {
+impl Serialize for SmoothingWindow {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let samples = match self {
             Self::Auto => None,
@@ -559,7 +570,7 @@ impl Serialize for Smoothing {
     }
 }
 
-impl<'de> Deserialize<'de> for Smoothing {
+impl<'de> Deserialize<'de> for SmoothingWindow {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match toml::Value::deserialize(deserializer)? {
             toml::Value::String(word) if word == AUTO => Ok(Self::Auto),

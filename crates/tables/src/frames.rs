@@ -64,6 +64,24 @@ impl<S: Frames, const N: usize> Frames for [S; N] {
     }
 }
 
+/// Columns that not every table has: `None` if one of them is absent.
+impl<S: Frames> Frames for Option<S> {
+    const PATTERN: &'static str = S::PATTERN;
+
+    fn write(self, pattern: &str, columns: &mut Vec<Column>) {
+        if let Some(value) = self {
+            value.write(pattern, columns);
+        }
+    }
+
+    fn read(table: &Table, pattern: &str) -> Result<Self, StoreError> {
+        match S::read(table, pattern) {
+            Err(error) if error.is_schema_mismatch() => Ok(None),
+            read => read.map(Some),
+        }
+    }
+}
+
 /// Text for each frame. Equal texts are stored only once, because a long recording has millions of frames but few
 /// different texts. Empty if the table comes from an older version of the program and lacks the column.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -67,7 +67,7 @@ pub use rows::optima::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumR
 pub use rows::predictions::{PredictionRow, ResidualRow};
 pub use rows::recording::{
     Clock, Coordinates, CycleRow, Fill, JointCycle, LABELS_APART, LabelFault, PoseFrames,
-    WheelFrames, WheelVelocities, cycles_path, poses_path, wheels_path,
+    WheelFrames, WheelVelocities, WheelVelocityErrors, cycles_path, poses_path, wheels_path,
 };
 pub use rows::robot_parameters::{DecayFit, RobotParameterRow, RobotQuantity};
 pub use rows::sensitivities::{KnownFrom, SENSITIVE_METRICS, SensitivityRow};

@@ -76,8 +76,8 @@ fn skid_shifts(
     let slope = fit.slope().over(frames.clone(), &driven.phase);
     let fit = fit.over(frames.clone(), &driven.phase);
     let heading = |frame: usize| {
-        let [phi1, phi2] = [0, 1].map(|joint| data.smooth.phi_rad[joint][frame]);
-        data.smooth.theta_rad[frame] + [0.0, -phi1, phi2][wheel]
+        let [phi1, phi2] = [0, 1].map(|joint| data.motion.coordinates.phi_rad[joint][frame]);
+        data.motion.coordinates.theta_rad[frame] + [0.0, -phi1, phi2][wheel]
     };
     std::array::from_fn(|part| {
         let products = shifts.iter().filter(|shift| frames.contains(&(shift.frame + 1)));
@@ -88,12 +88,12 @@ fn skid_shifts(
             // link 0.
             let side = [0.0, 1.0, -1.0][wheel];
             let joint = wheel.saturating_sub(1);
-            let to_link = side * data.smooth.phi_rad[joint][*frame];
+            let to_link = side * data.motion.coordinates.phi_rad[joint][*frame];
             let to_joint = [along, across + side * robot.h_m[joint] * middle_rad];
             let [along, across] = if wheel == 0 { to_joint } else { rotated(to_link, to_joint) };
             let across = across + side * robot.l_m[joint] * turn_rad;
             let turning_rad_s = (heading(frame + 1) - heading(frame - 1)) * half_rate_hz;
-            let own = along * turning_rad_s - turn_rad * data.wheels.roll_m_s[wheel][*frame];
+            let own = along * turning_rad_s - turn_rad * data.motion.wheels.roll_m_s[wheel][*frame];
             let i = frame - frames.start;
             // Over whole cycles, the mean product of a series with a rate is minus the mean product of the series'
             // derivative with the integrated rate.

@@ -10,6 +10,7 @@ use trilink_tables::{Columns as _, Coordinates, JointCycle, WheelVelocities};
 
 use crate::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::poses::Tracked;
+use crate::smoothing::SmoothedMotion;
 
 /// Maximum RMS deviation of a commanded joint from its mean gait, relative to its amplitude. A cycle that exceeds it
 /// contains a start, a stop or a pause.
@@ -54,10 +55,7 @@ pub(crate) struct CycleData<'a> {
     /// Wheel velocities derived from the unsmoothed trajectories.
     pub raw_wheels: &'a WheelVelocities,
     pub rate_hz: f64,
-    /// Smoothed coordinates.
-    pub smooth: &'a Coordinates,
-    /// Wheel velocities derived from the smoothed coordinates.
-    pub wheels: &'a WheelVelocities,
+    pub motion: &'a SmoothedMotion,
 }
 
 impl CycleData<'_> {
@@ -120,7 +118,7 @@ impl CycleData<'_> {
 
     /// Computes the metrics; `None` if the cycle overlaps a gap.
     fn metrics(&self, start: f64, end: f64) -> Option<GaitMetrics> {
-        let Coordinates { x_m, y_m, theta_rad, phi_rad } = self.smooth;
+        let Coordinates { x_m, y_m, theta_rad, phi_rad } = &self.motion.coordinates;
         let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
             .iter()
             .any(|series| series[frames_within(start, end)].iter().any(|x| x.is_nan()));
@@ -136,8 +134,9 @@ impl CycleData<'_> {
         let metrics = GaitMetrics {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
-            sigma: [0, 1, 2]
-                .map(|wheel| mean_square(&self.wheels.skid_m_s[wheel], start, end).sqrt() / scale),
+            sigma: [0, 1, 2].map(|wheel| {
+                mean_square(&self.motion.wheels.skid_m_s[wheel], start, end).sqrt() / scale
+            }),
             alpha1_rad: phi1.half_range(),
             dtheta_rad: change(theta_rad, start, end),
         };

@@ -23,8 +23,17 @@ pub(crate) fn wheel_velocities(
     coordinates: &Coordinates,
     rate_hz: f64,
 ) -> WheelVelocities {
-    let frames = coordinates.frames();
     let rates = coordinates.map(|series| derivative(series, rate_hz));
+    wheel_velocities_from_rates(robot, coordinates, &rates)
+}
+
+/// Computes the wheel velocities from the coordinates and their time derivatives, per second.
+pub(crate) fn wheel_velocities_from_rates(
+    robot: &Robot,
+    coordinates: &Coordinates,
+    rates: &Coordinates,
+) -> WheelVelocities {
+    let frames = coordinates.frames();
     let mut roll_m_s = [(); 3].map(|()| vec![f64::NAN; frames]);
     let mut skid_m_s = roll_m_s.clone();
     for i in 0..frames {

@@ -21,6 +21,9 @@ const END_GAIN: f64 = 100.0 / 144.0;
 /// Returns the noise variances of the smoothed position, m^2, and heading, rad^2, at one end of a cycle; `window` is
 /// the width of the moving average, samples.
 pub(super) fn end_variances(data: &CycleData, window: usize) -> [f64; 2] {
+    if let Some(errors) = &data.motion.errors {
+        return errors.pose_variances;
+    }
     let filled = &data.tracked.filled;
     let [x, y, theta] = [&filled.x_m, &filled.y_m, &filled.theta_rad].map(|series| noise(series));
     [0.5 * (x * x + y * y), theta * theta].map(|variance| variance / window as f64)

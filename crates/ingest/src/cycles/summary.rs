@@ -81,7 +81,7 @@ pub(crate) fn describe_gait(
         dtheta_rad: dtheta.se,
     };
     row.gait = joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase);
-    row.heading_rad = data.smooth.direction_rad(frames.clone());
+    row.heading_rad = data.motion.coordinates.direction_rad(frames.clone());
     for (joint, gait) in row.gait.iter_mut().enumerate() {
         let phase_rad = gait.phase_rad;
         let common = common.gait_rad[joint];
@@ -92,8 +92,10 @@ pub(crate) fn describe_gait(
         gait.phase_rad_se = standard_error(&used, joint, |cycle| wrap(cycle.phase_rad - phase_rad))
             .hypot(common[2]);
     }
-    [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] =
-        [1.0, 2.0, 3.0].map(|k| response(row.smoothing_window as usize, k * driven.phase.step_rad));
+    if row.smoothing_window > 0 {
+        let left = |k: f64| response(row.smoothing_window as usize, k * driven.phase.step_rad);
+        [row.smoothing_left1, row.smoothing_left2, row.smoothing_left3] = [1.0, 2.0, 3.0].map(left);
+    }
     if row.noise_white == Some(false) {
         // A filter attenuates what is faster than its unknown cut-off. What a cycle adds up is unaffected by it.
         let unknown = f64::NAN;

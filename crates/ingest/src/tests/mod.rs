@@ -16,7 +16,7 @@ use trilink_statistics::mean;
 use trilink_synth::{Recipe, Tilt, synthesise};
 use trilink_tables::config::Poses;
 use trilink_tables::trial::TrialFolders;
-use trilink_tables::{Columns as _, Provenance, Severity};
+use trilink_tables::{Columns as _, Coordinates, Provenance, Severity};
 
 use super::*;
 
@@ -26,6 +26,7 @@ mod decays;
 mod laws;
 mod skid;
 mod slopes;
+mod smoothing;
 mod synthetic;
 
 use synthetic::{Motion, Recording, header};
@@ -405,7 +406,7 @@ fn the_trials_own_window_takes_precedence_over_the_configured_one() {
     let (recording, mut trial) = symmetric(3.9);
     let text = recording.export();
     let mut config = Config::default();
-    config.ingest.smoothing_window = Smoothing::Window(11);
+    config.ingest.smoothing_window = SmoothingWindow::Window(11);
     let window = |trial: &Trial| {
         let processed = process_with(&text, trial, &config).unwrap();
         processed.row.smoothing_window

@@ -258,13 +258,13 @@ mod tests {
     use trilink_base::Named;
     use trilink_robot::{Per, Quantity, Robot};
 
-    use super::super::{Config, ConfigError, FigureWidth, SharedFits, Smoothing};
+    use super::super::{Config, ConfigError, FigureWidth, SharedFits, SmoothingWindow};
     use crate::config::Robots;
 
     /// Returns a configuration with all keys, including the optional ones.
     fn every_key() -> Value {
         let mut config = Config::default();
-        config.ingest.smoothing_window = Smoothing::Window(9);
+        config.ingest.smoothing_window = SmoothingWindow::Window(9);
         config.report.width_mm = FigureWidth::Mm(90.0);
         config.fit.shared = Some(SharedFits { robot: Robots(vec!["kinematic".to_owned()]) });
         config.optimise.power_w = Some(2.0);

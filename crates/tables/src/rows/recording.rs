@@ -58,6 +58,14 @@ frames! {
 }
 
 frames! {
+    /// Standard errors of the roll and skid velocities of wheels 0, 1, 2 in every frame; NaN where missing.
+    pub struct WheelVelocityErrors {
+        pub roll_m_s: [Vec<f64>; 3] as "roll{}_m_s_se",
+        pub skid_m_s: [Vec<f64>; 3] as "skid{}_m_s_se",
+    }
+}
+
+frames! {
     /// Poses as functions of time, with the quality of the marker data for links 0, 1, 2:
     /// `poses/<trial>.parquet`.
     pub struct PoseFrames {
@@ -80,6 +88,8 @@ frames! {
     pub struct WheelFrames {
         pub clock: Clock,
         pub velocities: WheelVelocities,
+        /// `None` if the smoothing gives no errors.
+        pub errors: Option<WheelVelocityErrors>,
     }
 }
 

@@ -50,7 +50,7 @@ rows! {
         /// Whether the marker noise is white, as all standard errors assume (filtering before the export
         /// violates this); missing if there are too few frames to test it.
         pub noise_white: Option<bool>,
-        /// Width of the moving average that smooths the coordinates, samples.
+        /// Width of the moving average that smooths the coordinates, samples; 0 with the Kalman smoother.
         pub smoothing_window: i64,
         /// Fraction of the first harmonic's velocity that the moving average retains; `smoothing_left2` and
         /// `smoothing_left3` are the fractions for the second and third harmonic. Smoothing affects only the raw skid
