@@ -64,7 +64,7 @@ impl<S: Frames, const N: usize> Frames for [S; N] {
     }
 }
 
-/// Columns that not every table has: `None` if one of them is absent.
+/// Columns that not every table has: `None` if one of them is absent or of another type.
 impl<S: Frames> Frames for Option<S> {
     const PATTERN: &'static str = S::PATTERN;
 

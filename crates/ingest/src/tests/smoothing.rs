@@ -224,3 +224,19 @@ fn the_kalman_smoother_leaves_out_the_same_frames_and_states_errors_in_all_other
     }
     assert!(missing >= 6 * 30, "{missing}");
 }
+
+#[test]
+fn a_coast_down_gives_the_same_roll_resistance_with_either_smoothing() {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == "kinematic-symmetric");
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = Recipe { omegas_rad_s: vec![4.0], ..Recipe::new(1) };
+    let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
+    let coast = trials.iter().find(|trial| trial.kind == TrialKind::CoastDown).unwrap();
+    let [average, kalman] = [Smoothing::MovingAverage, Smoothing::Kalman].map(|smoothing| {
+        config.ingest.smoothing = smoothing;
+        process_trial(folder.path(), coast, &config).unwrap().parameters.unwrap().roll_sum_kg_s
+    });
+    let difference = (kalman.value - average.value).abs();
+    assert!(difference < average.se, "{average:?} {kalman:?}");
+}
