@@ -104,6 +104,7 @@ mod tests {
             ("d_m", Some("m")),
             ("d_m_se", Some("m")),
             ("v_m_s", Some("m/s")),
+            ("skid0_m_s_se", Some("m/s")),
             ("omega_rad_s", Some("rad/s")),
             ("skid0_kg_s_lo", Some("kg/s")),
             ("skid0_kg_s_u_a", Some("kg/s")),
@@ -128,6 +129,7 @@ mod tests {
             ("sigma1_se", "standard error: skid ratio of the wheel (eq. 20), 1"),
             ("skid2_kg_s", "skid resistance c^S of the wheel (eq. 15), 2"),
             ("skid2_m_s", "skid velocity of the wheel, 2"),
+            ("skid2_m_s_se", "standard error: skid velocity of the wheel, 2"),
             (
                 "coulomb_viscous_joint_dry_nm",
                 "law with viscous resistance or damping and dry friction: torque of dry friction in \
