@@ -1,6 +1,7 @@
 //! Inputs of a fit from the configuration, and its free parameters.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use serde::Serialize;
 use trilink_robot::decay::DecayLaw;
@@ -16,6 +17,7 @@ use trilink_tables::{
     UnlikeRepeats, hash,
 };
 
+use super::simulate::{SetupError, campaign_of, unknown_model};
 use super::{FitData, FitKey, Measurement, Protocol};
 
 /// Deviation of a measured robot parameter from its configured value, in standard errors of the measurement, above
@@ -98,6 +100,21 @@ impl FitInput {
             fit.gait_input = read.gait_input;
         }
         Some(input)
+    }
+
+    /// Returns the input for one model of one campaign, like [`FitInput::new`].
+    ///
+    /// # Errors
+    /// Returns an error if there is no such campaign or model, or if the robot lacks a parameter that the model needs.
+    pub fn find(config: &Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
+        let robot = campaign_of(config, campaign)?.robot;
+        match Self::new(config, campaign, Model::new(model)) {
+            Some(input) => {
+                config.check_laws(Path::new("--model"), &robot, input.model.name)?;
+                Ok(input)
+            }
+            None => Err(unknown_model(config, model)),
+        }
     }
 
     pub fn key(&self) -> FitKey {

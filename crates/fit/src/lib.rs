@@ -18,7 +18,7 @@
 //! - Model selection: `adequacy` (lack of fit), `criterion`, `compare`, `law_class`; `shared`, `sharing` (one set of
 //!   coefficients for several campaigns).
 //! - Applications of a fitted model: `predict` and `bands`, [`simulate`], [`optimise`] (the best gait), [`design`] (the
-//!   next trials).
+//!   next trials), `problem` (the objective for other optimisers).
 //!
 //! Steady-state motion of a configured model (see [`fit`] for an example of a fit):
 //!
@@ -61,6 +61,7 @@ mod objective;
 pub mod optimise;
 mod precision;
 mod predict;
+mod problem;
 mod profile;
 mod resample;
 mod resampler;
@@ -97,6 +98,7 @@ pub use known::{KnownFit, PredictionBands};
 pub use measured_range::MeasuredRange;
 pub use measurement::Measurement;
 pub use objective::{Evaluator, Objective, Protocol};
+pub use problem::{FitProblem, Residuals, Term};
 pub use shared::SharedInput;
 pub use starts::{Start, search};
 

@@ -152,7 +152,11 @@ impl<'o> Approach<'o> {
 }
 
 /// Returns the values of the free parameters for the start with the given index.
-fn starting_values(objective: &Objective, parameters: &[FreeParameter], number: usize) -> Vec<f64> {
+pub(super) fn starting_values(
+    objective: &Objective,
+    parameters: &[FreeParameter],
+    number: usize,
+) -> Vec<f64> {
     const BASES: [u32; 8] = [2, 3, 5, 7, 11, 13, 17, 19];
     parameters
         .iter()

@@ -284,9 +284,12 @@ pub(crate) fn laws_of(config: &Config, campaign: &str, name: &str) -> Result<Law
             config.check_laws(Path::new("--model"), robot, model)?;
             Ok(found.laws())
         }
-        None => {
-            let needed = one_of(name, &config.model, "");
-            Err(format!("--model: found `{name}`, needed {needed}").into())
-        }
+        None => Err(unknown_model(config, name)),
     }
+}
+
+/// Returns the error for a model that is not in the configuration.
+pub(crate) fn unknown_model(config: &Config, name: &str) -> SetupError {
+    let needed = one_of(name, &config.model, "");
+    format!("--model: found `{name}`, needed {needed}").into()
 }
