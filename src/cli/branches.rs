@@ -16,7 +16,6 @@ use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_valu
 use super::table::{Table, short};
 use super::terminal::Text;
 use super::{Context, Failure, Outcome, candidates};
-use crate::interrupt;
 
 /// Name of the frequency as a parameter of a continuation.
 const OMEGA: &str = "omega_rad_s";
@@ -69,7 +68,7 @@ impl Branches {
         let vary = Vary::new(config, &self, &setup)?;
         note_caution(campaign, &setup);
         self.files.check()?;
-        let cancel = interrupt::token();
+        let cancel = context.cancel();
         let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
         cancel.check()?;
         let found = found.map_err(|error| format!("--over: at {key}={low}: {error}"))?;

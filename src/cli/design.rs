@@ -15,13 +15,12 @@ use trilink_tables::{Columns, NoInterval};
 
 use super::output::{say, warn, write_json};
 use super::parse::{NumberList, parse_numbers, parse_omegas};
-use super::results::Format;
+use super::results::{Format, return_rows};
 use super::setup::preferred;
 use super::table::{Table, rounded, short};
 use super::{Context, Failure, Outcome, candidates};
 use crate::build::check_unconfigured_tables;
 use crate::inspect::{View, json as json_of};
-use crate::interrupt;
 
 /// Default number of candidate frequencies.
 const FREQUENCIES: usize = 24;
@@ -110,7 +109,7 @@ impl Design {
                     let candidates = self.all_candidates(one, &gaits);
                     other
                         .with_information(&other_input, &fits.data, |other| {
-                            tell(one, other, &candidates, size, interrupt::token())
+                            tell(one, other, &candidates, size, context.cancel())
                         })
                         .map_err(|why| of_model(name, why) + told)
                 })
@@ -119,12 +118,14 @@ impl Design {
                 .with_information(&input, &fits.data, |information| {
                     let aim = self.aim.map_or(Aim::Coefficients(self.optimality), Aim::Prediction);
                     let candidates = self.all_candidates(information, &gaits);
-                    advise(information, &known.row, &candidates, aim, size, interrupt::token())
+                    advise(information, &known.row, &candidates, aim, size, context.cancel())
                 })
                 .map_err(|why| of_model(&model, why))??,
         };
         self.note_extrapolation(&model, &advice);
+        return_rows("expected", &advice.expected);
         if self.format.json {
+            return_rows("trials", &advice.trials);
             write_json(&self.to_json(&model, &advice)?)?;
         } else if !self.format.rows(&advice.trials) {
             self.print(&model, &advice);

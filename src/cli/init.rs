@@ -7,7 +7,6 @@ use super::output::{note, write_json, write_text};
 use super::table::Table;
 use super::{Failure, Outcome, check_not_below_project};
 use crate::init::{Findings, FoundFile, InitError, JointSwing, Request, init};
-use crate::interrupt;
 
 /// Write a first pipeline.toml and trials.toml from marker files alone.
 #[derive(clap::Args)]
@@ -32,7 +31,7 @@ impl Init {
         let stage = progress.stage("init", files.sum());
         let on_file = |file: &str| {
             stage.step(file);
-            interrupt::token().check()
+            progress.cancel.check()
         };
         let found = match init(&request, &on_file) {
             Err(InitError::Cancelled(_)) => return Err(stage.interrupted("files").into()),

@@ -2,6 +2,7 @@
 
 mod branches;
 mod calibrate;
+mod call;
 mod candidates;
 mod check;
 mod clean;
@@ -40,10 +41,12 @@ use clap_complete::CompleteEnv;
 
 use crate::build::{RunError, check_results};
 use crate::interrupt;
+pub use call::{CallError, Caller, ErrorKind, call};
+pub use output::Returned;
 use output::{note, note_error};
-pub use progress::watch;
+pub use progress::Shown;
 use progress::{Progress, Watcher};
-use trilink_base::cancel::Cancelled;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_fit::design::AdviceError;
 use trilink_tables::config::{CONFIG_FILE, Config, Paths};
 
@@ -86,6 +89,9 @@ struct Options {
     /// Log stages and their times to standard error; -vv also logs every trial and fit.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
+    /// Program that calls the command as a function; `None` on the command line.
+    #[arg(skip)]
+    caller: Option<Caller>,
 }
 
 /// Declares the commands of the program, each with the type that holds its arguments; the documentation of that type is
@@ -194,6 +200,9 @@ impl Begin for () {
 /// Setup of signal handlers, log and threads.
 impl Begin for Progress {
     fn begin(options: &Options, line: &[OsString]) -> Result<Self, Failure> {
+        if let Some(Caller { shown, line, cancel }) = options.caller.clone() {
+            return Ok(Self { shown, line, cancel });
+        }
         interrupt::listen()?;
         log::begin(options.log.as_deref(), options.verbose)?;
         if let Some(threads) = options.threads {
@@ -296,6 +305,11 @@ impl Context {
     /// Prints a message to standard error unless `--quiet` is given.
     fn say(&self, message: &str) {
         self.progress.say(message);
+    }
+
+    /// Returns the token that cancels the command.
+    fn cancel(&self) -> &CancelToken {
+        &self.progress.cancel
     }
 
     /// Runs long work and shows its progress.

@@ -23,7 +23,6 @@ use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_valu
 use super::table::{Table, short};
 use super::{Context, Exclusive, Failure, Outcome, candidates};
 use crate::build::hold;
-use crate::interrupt;
 
 /// Optimise a gait for distance, speed or work, as predicted by a model.
 #[derive(clap::Args)]
@@ -147,14 +146,14 @@ impl Optimise {
         if let Some(other) = other {
             return self.print_front(&context, &setup, &search, other);
         }
-        let cancel = interrupt::token();
+        let cancel = context.cancel();
         let found = search.run(cancel)?;
         // For comparison: the current gait at its best frequency.
         let by_omega = search.by_omega();
         let is_more = search.free.len() > by_omega.free.len();
         let present = if is_more { by_omega.present(cancel)? } else { None };
         let certainty =
-            certainty::estimate(&setup, fits.as_ref(), self.replicates, (&search, &found))?;
+            certainty::estimate(&setup, fits.as_ref(), self.replicates, (&search, &found), cancel)?;
         let mut optima: Vec<OptimumRow> = (1..)
             .zip(&found.optima)
             .map(|(number, optimum)| {

@@ -1,16 +1,49 @@
 //! Lines on standard output and standard error. If the reader has closed the pipe of standard output
 //! (`trilink simulate .. | head`), the program ends.
 
+use std::cell::RefCell;
 use std::fmt::Display;
 use std::io::{ErrorKind, IsTerminal, Write};
 
 use anstream::AutoStream;
+use console::strip_ansi_codes;
+use polars::prelude::DataFrame;
 use serde::Serialize;
 use trilink_base::text::escape_controls;
 
 use super::Failure;
 use super::terminal::{Text, Tone, stderr_width, stdout_width};
 use crate::template::fill;
+
+/// Results and messages of a command that was called as a function.
+#[derive(Debug, Default)]
+pub struct Returned {
+    /// Whether the exit status of the command would be 1: it is complete, but something needs attention.
+    pub needs_attention: bool,
+    /// Results as JSON; empty if the command has none.
+    pub json: String,
+    /// Tables of results, by name.
+    pub tables: Vec<(&'static str, DataFrame)>,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+}
+
+thread_local! {
+    /// What the command that runs on this thread returns to its caller; `None` on the command line.
+    static RETURNED: RefCell<Option<Returned>> = const { RefCell::new(None) };
+}
+
+/// Runs a command on this thread as a function: its results and messages are returned, and nothing is printed.
+pub(super) fn returning<T>(command: impl FnOnce() -> T) -> (T, Returned) {
+    RETURNED.set(Some(Returned::default()));
+    let outcome = command();
+    (outcome, RETURNED.take().unwrap_or_default())
+}
+
+/// Passes results or messages to the caller of a command; does nothing and returns `false` on the command line.
+pub(super) fn to_caller(pass: impl FnOnce(&mut Returned)) -> bool {
+    RETURNED.with_borrow_mut(|returned| returned.as_mut().map(pass).is_some())
+}
 
 /// Prints lines to standard output, wrapped at the width of the terminal.
 pub(super) fn print(text: impl Into<Text>) {
@@ -19,12 +52,18 @@ pub(super) fn print(text: impl Into<Text>) {
 
 /// Prints lines to standard output that are no longer than the terminal allows.
 pub(super) fn print_wrapped(text: &Text) {
+    if to_caller(|_| ()) {
+        return;
+    }
     write_line(AutoStream::auto(std::io::stdout()).lock(), text);
 }
 
 /// Writes results for other programs, without colours and on lines of any length; control characters are escaped only
 /// on a terminal.
 pub(super) fn write_data(text: &str) {
+    if to_caller(|returned| returned.json = text.to_owned()) {
+        return;
+    }
     let stdout = std::io::stdout();
     let text = if stdout.is_terminal() { escape_controls(text) } else { text.into() };
     write_line(stdout.lock(), text);
@@ -51,7 +90,11 @@ pub(super) fn write_json(value: &impl Serialize) -> Result<(), Failure> {
 
 /// Prints lines to standard error, wrapped at the width of the terminal; a closed pipe is ignored.
 pub(super) fn print_note(text: impl Into<Text>) {
-    let text = text.into().wrap(stderr_width());
+    let text = text.into();
+    if to_caller(|returned| returned.notes.push(strip_ansi_codes(&text.to_string()).into_owned())) {
+        return;
+    }
+    let text = text.wrap(stderr_width());
     let _ = writeln!(AutoStream::auto(std::io::stderr()).lock(), "{text}");
 }
 
@@ -62,6 +105,9 @@ pub(super) fn note_error(message: &str) {
 
 /// Prints a warning to standard error.
 pub(super) fn warn(message: &str) {
+    if to_caller(|returned| returned.warnings.push(message.to_owned())) {
+        return;
+    }
     print_note(Tone::Doubtful.paint("warning:") + " " + message);
 }
 

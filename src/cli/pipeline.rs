@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use serde_json::json;
 use trilink_base::text::known;
 use trilink_fit::Fitted;
 use trilink_ingest::Ingested;
@@ -18,14 +19,14 @@ use trilink_tables::{
     TrialStatus, is_there,
 };
 
-use super::output::{note, print, print_note, say};
+use super::output::{note, print, print_note, say, to_caller};
 use super::synth::write_trials;
 use super::table::Table;
 use super::terminal::{Text, Tone, stderr_width};
 use super::{Context, Exclusive, Failure, Folders, Outcome};
 use crate::build::{
-    DryRun, Finished, Kind, PlannedTarget, RerunOptions, Target, TrialCounts, check_unconfigured,
-    count, dry_run, run,
+    DryRun, Finished, Kind, PlannedTarget, RerunOptions, RunResults, Target, TrialCounts,
+    check_unconfigured, count, dry_run, run,
 };
 
 /// Maximum number of findings of each kind listed on the terminal; the report page lists all of them.
@@ -140,6 +141,20 @@ impl Update {
         let finished = run(&context.config, options, self.exclusive.wait, &watch)?;
         drop(watch);
         let Finished { ingested, fitted, reported, history_problem, .. } = &finished;
+        // A failed trial needs attention. A model without a periodic solution is a result, not a failure.
+        let is_whole = history_problem.is_none() && reported.damaged.is_empty();
+        let outcome = Outcome::well_if(is_whole && !ingested.needs_a_person());
+        let results = json!({
+            "was_up_to_date": finished.was_up_to_date,
+            "results": RunResults::new(&finished),
+            "stages": finished.stages,
+            "history_problem": history_problem,
+            "damaged": reported.damaged,
+            "derived": context.config.paths.derived,
+        });
+        if to_caller(|returned| returned.json = results.to_string()) {
+            return Ok(outcome);
+        }
         if finished.was_up_to_date {
             let mut verdicts = verdicts(fitted);
             let more = verdicts.len().saturating_sub(MAX_QUIET);
@@ -168,9 +183,7 @@ impl Update {
             print(in_words(&ingested.trials));
             say!("page: {}", reported.page.display());
         }
-        // A failed trial needs attention. A model without a periodic solution is a result, not a failure.
-        let is_whole = history_problem.is_none() && reported.damaged.is_empty();
-        Ok(Outcome::well_if(is_whole && !ingested.needs_a_person()))
+        Ok(outcome)
     }
 
     /// Lists what a run would recompute: one target per line or, with reasons, one line for all targets that are

@@ -17,18 +17,21 @@ use crate::interrupt;
 
 /// Form in which progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Shown {
+pub enum Shown {
     Nothing,
+    /// A line for each step.
     Lines,
+    /// Progress bars on standard error, which must be a terminal.
     Bars,
 }
 
-/// Output for progress and messages.
-#[derive(Debug, Clone, Copy)]
+/// Output for progress and messages, and the token that cancels the command.
+#[derive(Debug, Clone)]
 pub(super) struct Progress {
-    shown: Shown,
+    pub shown: Shown,
     /// Function that prints a line.
-    line: fn(&str),
+    pub line: fn(&str),
+    pub cancel: CancelToken,
 }
 
 impl Progress {
@@ -40,23 +43,23 @@ impl Progress {
             (false, true) => Shown::Bars,
             (false, false) => Shown::Lines,
         };
-        Self { shown, line: |text| print_note(text) }
+        Self { shown, line: |text| print_note(text), cancel: interrupt::token().clone() }
     }
 
     /// Whether nothing but results and errors is printed.
-    pub(super) fn is_quiet(self) -> bool {
+    pub(super) fn is_quiet(&self) -> bool {
         self.shown == Shown::Nothing
     }
 
     /// Prints a message to standard error unless `--quiet` is given.
-    pub(super) fn say(self, message: &str) {
+    pub(super) fn say(&self, message: &str) {
         if self.shown != Shown::Nothing {
             (self.line)(message);
         }
     }
 
     /// Starts showing the progress of the stage `name`, which has `total` steps.
-    pub(super) fn stage(self, name: &'static str, total: usize) -> Stage {
+    pub(super) fn stage(&self, name: &'static str, total: usize) -> Stage {
         let bar = match self.shown {
             Shown::Bars => ProgressBar::new(total as u64),
             Shown::Nothing | Shown::Lines => ProgressBar::hidden(),
@@ -67,28 +70,19 @@ impl Progress {
         bar.set_style(style.expect("the template is well-formed"));
         bar.set_prefix(name);
         let done = AtomicUsize::new(0);
-        Stage { progress: self, name, total, begin: Instant::now(), done, bar }
+        Stage { progress: self.clone(), name, total, begin: Instant::now(), done, bar }
     }
 
     /// Returns an observer that shows the stages of a run and, with `explain`, the reasons to recompute targets.
-    pub(super) fn watch(self, explain: bool) -> Watcher {
-        let cancel = interrupt::token().clone();
-        Watcher { progress: self, explain, cancel, stage: Mutex::new(None) }
+    pub(super) fn watch(&self, explain: bool) -> Watcher {
+        Watcher { progress: self.clone(), explain, stage: Mutex::new(None) }
     }
-}
-
-/// Returns an observer that shows a run as `trilink run` does: with `bars`, as progress bars on standard error, which
-/// must be a terminal; otherwise as lines that are passed to `line`. The token `cancel` cancels the run.
-pub fn watch(bars: bool, line: fn(&str), cancel: CancelToken) -> impl Watch {
-    let shown = if bars { Shown::Bars } else { Shown::Lines };
-    Watcher { progress: Progress { shown, line }, explain: false, cancel, stage: Mutex::new(None) }
 }
 
 /// Observer that shows a run, one stage after the other.
 pub(super) struct Watcher {
     progress: Progress,
     explain: bool,
-    cancel: CancelToken,
     stage: Mutex<Option<Stage>>,
 }
 
@@ -135,7 +129,7 @@ impl Watch for Watcher {
     }
 
     fn cancel_token(&self) -> CancelToken {
-        self.cancel.clone()
+        self.progress.cancel.clone()
     }
 
     fn note(&self, message: &str) {
@@ -218,7 +212,7 @@ impl Stage {
     /// Returns an error if the command was cancelled. It states the number of completed steps, which it calls `steps`,
     /// such as "trials".
     pub(super) fn check(&self, steps: &str) -> Result<(), Interrupted> {
-        interrupt::token().check().map_err(|Cancelled| self.interrupted(steps))
+        self.progress.cancel.check().map_err(|Cancelled| self.interrupted(steps))
     }
 
     /// Returns the error for a cancelled command. It states the number of completed steps, which it calls `steps`, such

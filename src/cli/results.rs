@@ -7,7 +7,7 @@ use trilink_base::files::ending;
 use trilink_report::{FigureFile, ReportError, notice_of_folders, print_of};
 use trilink_tables::{Columns, Provenance, write_if_changed};
 
-use super::output::write_data;
+use super::output::{to_caller, write_data};
 use super::{Context, Failure};
 use crate::inspect::{View, csv, json};
 
@@ -34,9 +34,11 @@ impl Format {
         true
     }
 
-    /// Prints rows with all digits; returns `false`, and prints nothing, if neither CSV nor JSON is requested.
+    /// Returns rows to the caller of the command or prints them with all digits; returns `false`, and prints nothing,
+    /// on a command line that requests neither CSV nor JSON.
     pub(super) fn rows<T: Columns>(&self, rows: &[T]) -> bool {
-        (self.csv || self.json) && self.view(&View::from_table(T::to_table(rows)))
+        return_rows("rows", rows)
+            || (self.csv || self.json) && self.view(&View::from_table(T::to_table(rows)))
     }
 }
 
@@ -90,6 +92,11 @@ impl Files {
         }
         Ok(())
     }
+}
+
+/// Passes rows to the caller of a command as a table; does nothing and returns `false` on the command line.
+pub(super) fn return_rows<T: Columns>(name: &'static str, rows: &[T]) -> bool {
+    to_caller(|returned| returned.tables.push((name, T::to_table(rows).frame)))
 }
 
 /// Checks that the extension of a table file, given with `option`, denotes a known format.

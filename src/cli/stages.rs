@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::json;
 use trilink_fit::Fitted;
 use trilink_ingest::Ingested;
+use trilink_report::Reported;
 use trilink_tables::FitRow;
 
-use super::output::{note, print, say};
+use super::output::{note, print, say, to_caller};
 use super::{Context, Exclusive, Failure, Folders, Outcome, calibrate, candidates, pipeline};
 use crate::build::{self, Shard};
 
@@ -157,6 +159,9 @@ impl Report {
         let wait = self.exclusive.wait;
         let reported =
             context.watched(|watch| build::report(&context.config, &self.trial, wait, watch))?;
+        let Reported { page, figures, missing, .. } = &reported;
+        let results = json!({ "page": page, "figures": figures, "missing": missing });
+        to_caller(|returned| returned.json = results.to_string());
         pipeline::say_missing(&context, &reported, false);
         say!("page: {}", reported.page.display());
         Ok(Outcome::well_if(reported.damaged.is_empty()))

@@ -9,7 +9,6 @@ use trilink_synth::{Format, OMEGAS_RAD_S, Recipe, Servo, Slope, SynthError, synt
 use super::output::say;
 use super::parse::{NumberList, parse_omegas, positive, within};
 use super::{Context, Failure, Outcome};
-use crate::interrupt;
 
 /// Format of the marker files.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -144,7 +143,7 @@ pub(super) fn write_trials(
     let stage = context.progress.stage("synth", recipe.trials(&context.config));
     let on_trial = |trial: &str| {
         stage.step(trial);
-        interrupt::token().check()
+        context.cancel().check()
     };
     match synthesise(&context.config, folder, recipe, &on_trial) {
         Err(SynthError::Cancelled(_)) => Err(stage.interrupted("trials").into()),

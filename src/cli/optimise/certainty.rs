@@ -1,7 +1,7 @@
 //! Uncertainty of the optima of a fitted model.
 
 use serde_json::json;
-use trilink_base::cancel::Cancelled;
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_fit::optimise::{Command, Search, SearchResult, Uncertainty};
 use trilink_fit::simulate::{KnownFits, Setup};
 use trilink_tables::{NoInterval, NoIntervalReason, Objective, OptimumRow};
@@ -9,7 +9,6 @@ use trilink_tables::{NoInterval, NoIntervalReason, Objective, OptimumRow};
 use crate::cli::Failure;
 use crate::cli::output::write_text;
 use crate::cli::table::short;
-use crate::interrupt;
 
 /// Default maximum number of bootstrap replicates for which the search is repeated.
 const MAX_REPLICATES: usize = 200;
@@ -24,6 +23,7 @@ pub(super) fn estimate(
     fits: Option<&KnownFits>,
     max_replicates: Option<usize>,
     (search, found): (&Search, &SearchResult),
+    cancel: &CancelToken,
 ) -> Result<Result<Uncertainty, NoInterval>, Cancelled> {
     let max_replicates = max_replicates.unwrap_or(MAX_REPLICATES);
     let alternatives = match fits {
@@ -33,10 +33,8 @@ pub(super) fn estimate(
     };
     Ok(match alternatives {
         Err(why) => Err(why),
-        Ok(alternatives) => {
-            Uncertainty::new(search, &found.optima, &alternatives, interrupt::token())?
-                .ok_or_else(|| NoIntervalReason::NoOptimum.into())
-        }
+        Ok(alternatives) => Uncertainty::new(search, &found.optima, &alternatives, cancel)?
+            .ok_or_else(|| NoIntervalReason::NoOptimum.into()),
     })
 }
 

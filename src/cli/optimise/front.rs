@@ -9,7 +9,6 @@ use super::{Optimise, print_table};
 use crate::cli::results::write_rows;
 use crate::cli::setup::note_extrapolation;
 use crate::cli::{Context, Failure, Outcome};
-use crate::interrupt;
 
 impl Optimise {
     /// Returns the objective and, for a Pareto front, the second objective.
@@ -47,7 +46,7 @@ impl Optimise {
         search: &Search,
         other: Objective,
     ) -> Result<Outcome, Failure> {
-        let front = search.front(other, interrupt::token())?;
+        let front = search.front(other, context.cancel())?;
         let objective = search.objective;
         if front.is_empty() {
             let one = objective.name();
@@ -76,7 +75,7 @@ impl Optimise {
         let labels = labels.each_ref().map(String::as_str);
         // For comparison: the current gait at its best frequency.
         let present = match &self.files.figure {
-            Some(_) => search.by_omega().present(interrupt::token())?,
+            Some(_) => search.by_omega().present(context.cancel())?,
             None => None,
         };
         let present = present.map(|optimum| (optimum.value_of(other), optimum.value));

@@ -9,7 +9,6 @@ use crate::cli::output::{note, say};
 use crate::cli::results::Files;
 use crate::cli::table::{Table, short};
 use crate::cli::{Context, Failure, Outcome};
-use crate::interrupt;
 use crate::template::fixed;
 
 #[derive(clap::Args)]
@@ -53,13 +52,8 @@ impl Simulate {
         let mut input = format!("{draws:?}");
         for setup in setups {
             let model = setup.model;
-            let found = setup.sensitivities(
-                omegas_rad_s,
-                self.from_rest,
-                fits,
-                draws,
-                interrupt::token(),
-            )?;
+            let found =
+                setup.sensitivities(omegas_rad_s, self.from_rest, fits, draws, context.cancel())?;
             if let Some(why) = found.unknown {
                 note!("{campaign} {model}: the fitted coefficients are taken as exact: {why}");
             }
