@@ -8,20 +8,16 @@ use polars_arrow::array::StructArray;
 use polars_arrow::datatypes::{ArrowDataType, Field};
 use polars_arrow::ffi::{ArrowArrayStream, export_iterator};
 use pyo3::prelude::*;
-use pyo3::types::{PyCFunction, PyCapsule};
+use pyo3::types::PyCapsule;
 
-/// Returns a Python function that returns a capsule with a new Arrow stream of the table each time it is called. All
-/// streams share the table's memory, which is freed with the last stream.
-pub fn streams(py: Python<'_>, frame: DataFrame) -> PyResult<Bound<'_, PyCFunction>> {
-    PyCFunction::new_closure(py, Some(c"stream"), None, move |arguments, _| {
-        let capsule =
-            PyCapsule::new_with_value(arguments.py(), stream(&frame), c"arrow_array_stream")?;
-        PyResult::Ok(capsule.unbind())
-    })
+/// Returns a capsule with an Arrow stream of the table. All streams share the table's memory, which is freed with the
+/// last stream.
+pub fn stream<'py>(py: Python<'py>, frame: &DataFrame) -> PyResult<Bound<'py, PyCapsule>> {
+    PyCapsule::new_with_value(py, export(frame), c"arrow_array_stream")
 }
 
 /// Returns an Arrow stream with one record batch for each chunk of the table's columns.
-fn stream(frame: &DataFrame) -> ArrowArrayStream {
+fn export(frame: &DataFrame) -> ArrowArrayStream {
     let columns = || frame.columns().iter().map(Column::as_materialized_series);
     let fields = columns().map(|column| column.field().to_arrow(level(column)));
     let fields = ArrowDataType::Struct(fields.collect());

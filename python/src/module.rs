@@ -1,5 +1,7 @@
 //! Entry point of the Python module, written by hand instead of with pyo3's macros.
 
+use std::ffi::OsString;
+use std::path::PathBuf;
 use std::ptr::{addr_of_mut, null, null_mut};
 
 use pyo3::ffi;
@@ -42,16 +44,18 @@ pub unsafe extern "C" fn PyInit__trilink() -> *mut ffi::PyObject {
     })
 }
 
-/// Adds the exception classes and functions to the module.
+/// Adds the functions to the module.
 fn fill(module: Bound<'_, PyModule>) -> PyResult<Bound<'_, PyModule>> {
     let py = module.py();
     trilink_tables::hush_damaged_tables();
-    crate::error::add_to(&module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("main", PyCFunction::new_closure(py, Some(c"main"), None, main)?)?;
-    module.add("run", PyCFunction::new_closure(py, Some(c"run"), None, run)?)?;
+    module.add("call", PyCFunction::new_closure(py, Some(c"call"), None, call)?)?;
     module.add("read", PyCFunction::new_closure(py, Some(c"read"), None, read)?)?;
     module.add("simulate", PyCFunction::new_closure(py, Some(c"simulate"), None, simulate)?)?;
+    module.add("objective", PyCFunction::new_closure(py, Some(c"objective"), None, objective)?)?;
+    module.add("table", PyCFunction::new_closure(py, Some(c"table"), None, table)?)?;
+    module.add("markers", PyCFunction::new_closure(py, Some(c"markers"), None, markers)?)?;
     Ok(module)
 }
 
@@ -62,19 +66,32 @@ fn main(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<u8> {
     Ok(crate::main(arguments.py(), line))
 }
 
-fn run(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<String> {
-    let (request,): (String,) = arguments.extract()?;
-    crate::run(arguments.py(), &request)
+fn call(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
+    let (line, progress): (Vec<OsString>, String) = arguments.extract()?;
+    Ok(crate::call::call(arguments.py(), line, &progress)?.unbind())
 }
 
 fn read(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
-    let (request,): (String,) = arguments.extract()?;
-    let (path, columns, rows, stream) = crate::read(arguments.py(), &request)?;
-    Ok((path, columns, rows, stream.unbind()).into_pyobject(arguments.py())?.unbind())
+    let (table, folder, config, columns, condition) = arguments.extract()?;
+    Ok(crate::read(arguments.py(), (table, folder, config), columns, condition)?.unbind())
 }
 
 fn simulate(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
     let (request,): (String,) = arguments.extract()?;
-    let answer = crate::simulate::simulate(arguments.py(), &request)?;
-    Ok(answer.into_pyobject(arguments.py())?.unbind())
+    Ok(crate::simulate::simulate(arguments.py(), &request)?.unbind())
+}
+
+fn objective(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
+    let (config, campaign, model): (Option<PathBuf>, String, String) = arguments.extract()?;
+    Ok(crate::objective::objective(arguments.py(), config, &campaign, &model)?.unbind())
+}
+
+fn markers(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyTuple>> {
+    let (path, unit): (PathBuf, String) = arguments.extract()?;
+    Ok(crate::mocap::read(arguments.py(), path, &unit)?.unbind())
+}
+
+fn table(arguments: &Bound<'_, PyTuple>, _: Keywords<'_, '_>) -> PyResult<Py<PyCFunction>> {
+    let (columns,) = arguments.extract()?;
+    Ok(crate::table::from_columns(arguments.py(), columns)?.unbind())
 }

@@ -5,18 +5,19 @@ use std::path::PathBuf;
 
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use pyo3::types::PyByteArray;
+use pyo3::types::PyTuple;
 use rayon::prelude::*;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_fit::simulate::{Answer, Setup};
+use trilink_fit::simulate::{Answer, FitSummary, KnownFits, Setup, campaign_of};
 use trilink_tables::config::Campaign;
 use trilink_tables::{Columns, TrajectoryRow};
 
 use crate::error::Failure;
 use crate::interrupt::interruptible;
+use crate::table::accessor;
 
 /// Name under which a robot, gait or campaign that is given as a table is added to the configuration.
 const GIVEN: &str = "given";
@@ -30,7 +31,10 @@ struct Request {
     robot: Option<Value>,
     /// Name of a configured gait, or the contents of a table `[gait.*]`; `None` for the campaign's gait.
     gait: Option<Value>,
-    model: String,
+    /// Name of the model; `None` for the preferred model of the comparison, with `fitted`.
+    model: Option<String>,
+    fitted: bool,
+    bands: bool,
     omegas_rad_s: Vec<f64>,
     /// Values that replace configured parameters, each as `key=value`.
     settings: Vec<String>,
@@ -38,16 +42,12 @@ struct Request {
     samples: Option<usize>,
 }
 
-/// Trajectory of a motion: column names and values (64-bit floats in native byte order, one column after another);
-/// `None` if the motion does not exist.
-type Trajectory<'py> = Option<(Vec<String>, Bound<'py, PyByteArray>)>;
-
-/// Solves for the motion at every requested frequency. Returns the results as JSON and, if `samples` is given, one
-/// trajectory per frequency; otherwise, the list of trajectories is empty.
-pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<(String, Vec<Trajectory<'py>>)> {
+/// Solves for the motion at every requested frequency. Returns the results as JSON, a table for the trajectory of each
+/// motion (`None` if it does not exist; an empty list if `samples` is not given), and warnings about the fit.
+pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<Bound<'py, PyTuple>> {
     let request: Request = serde_json::from_str(request).map_err(Failure::from)?;
     let Request { omegas_rad_s, from_rest, samples, .. } = &request;
-    let setup = setup(&request)?;
+    let (setup, fits) = setup(&request)?;
     let solve = |&omega_rad_s: &f64| {
         let answer = setup.answer(omega_rad_s, *from_rest);
         let rows = samples.map(|samples| setup.trajectory(&answer, *from_rest, samples).ok());
@@ -75,28 +75,44 @@ pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<(String, Vec<Tr
             solved.map_err(|Cancelled| PyKeyboardInterrupt::new_err(()))?
         }
     };
-    let (answers, rows): (Vec<Answer>, Vec<_>) = solved.into_iter().unzip();
-    let rows = if samples.is_some() { rows } else { Vec::new() };
-    let trajectories =
-        rows.iter().map(|rows| rows.as_ref().map(|rows| columns(py, rows)).transpose());
+    let (mut answers, rows): (Vec<Answer>, Vec<_>) = solved.into_iter().unzip();
+    if let Some(fits) = fits.as_ref().filter(|_| request.bands) {
+        py.detach(|| {
+            setup.add_bands(&mut answers.iter_mut().collect::<Vec<_>>(), *from_rest, fits);
+        });
+    }
+    let caution = setup.fit().map(FitSummary::caution).unwrap_or_default();
     let answers = serde_json::to_string(&answers).map_err(Failure::from)?;
-    Ok((answers, trajectories.collect::<PyResult<_>>()?))
+    let rows = if samples.is_some() { rows } else { Vec::new() };
+    let trajectories = rows.iter().map(|rows| {
+        let table = rows.as_ref().map(|rows| TrajectoryRow::to_table(rows).frame);
+        table.map(|frame| accessor(py, frame)).transpose()
+    });
+    (answers, trajectories.collect::<PyResult<Vec<_>>>()?, caution).into_pyobject(py)
 }
 
-/// Returns the setup (robot, gait and model) of a requested simulation.
-fn setup(request: &Request) -> Result<Setup, Failure> {
+/// Returns the setup (robot, gait and model) of a requested simulation, and the fits if it has fitted coefficients.
+fn setup(request: &Request) -> Result<(Setup, Option<KnownFits>), Failure> {
     let Request { config, campaign, robot, gait, model, settings, .. } = request;
+    for omega_rad_s in &request.omegas_rad_s {
+        if !(*omega_rad_s > 0.0 && omega_rad_s.is_finite()) {
+            let needed = "needed a frequency above 0";
+            return Err(argument(&format!("omega_rad_s: found {omega_rad_s}, {needed}")));
+        }
+    }
+    if request.bands && !request.fitted {
+        return Err(argument("bands: found no fit, needed fitted=True"));
+    }
     let mut config = crate::config::load(config.as_deref())?;
     let mut name = campaign.clone().unwrap_or_default();
     if robot.is_some() || gait.is_some() {
         let known = config.campaign.get(&name).or(config.campaign.values().next());
-        let known =
-            known.cloned().ok_or_else(|| Failure::from_argument("no campaign is configured"))?;
+        let known = known.cloned().ok_or_else(|| argument("no campaign is configured"))?;
         let robot = match (robot, campaign) {
             (Some(robot), _) => named_or_given("robot", robot, &mut config.robot)?,
             (None, Some(_)) => known.robot,
             (None, None) => {
-                return Err(Failure::from_argument(
+                return Err(argument(
                     "found a gait without a robot; pass a robot as well, or a campaign",
                 ));
             }
@@ -105,7 +121,7 @@ fn setup(request: &Request) -> Result<Setup, Failure> {
             (Some(gait), _) => named_or_given("gait", gait, &mut config.gait)?,
             (None, Some(_)) => known.gait,
             (None, None) => {
-                return Err(Failure::from_argument(
+                return Err(argument(
                     "found a robot without a gait; pass a gait as well, or a campaign",
                 ));
             }
@@ -114,11 +130,30 @@ fn setup(request: &Request) -> Result<Setup, Failure> {
         name = GIVEN.to_owned();
         config.campaign = BTreeMap::from([(name.clone(), campaign)]);
     } else if campaign.is_none() {
-        return Err(Failure::from_argument(
-            "found no campaign; pass a campaign, or a robot and a gait",
-        ));
+        return Err(argument("found no campaign; pass a campaign, or a robot and a gait"));
     }
-    Ok(Setup::new(config, &name, model, settings)?)
+    if !request.fitted {
+        let none = "model: found none, needed the name of a model or fitted=True";
+        let model = model.as_deref().ok_or_else(|| argument(none))?;
+        return Ok((Setup::new(config, &name, model, settings)?, None));
+    }
+    if name == GIVEN {
+        return Err(argument("fitted: found another robot or gait, needed the campaign's own"));
+    }
+    let fits = KnownFits::read(&config, request.bands)?;
+    let model = match model {
+        Some(model) => model.clone(),
+        None => {
+            campaign_of(&config, &name)?;
+            fits.preferred(&name)?.to_string()
+        }
+    };
+    Ok((Setup::fitted(config, &name, &model, settings, &fits)?, Some(fits)))
+}
+
+/// Returns the error for an invalid argument.
+fn argument(message: &str) -> Failure {
+    Failure::from_argument(message.to_owned())
 }
 
 /// Returns the name of an entry of `known`, the configured robots or gaits. If `given` is a table of values instead of
@@ -128,7 +163,7 @@ fn named_or_given<T: DeserializeOwned>(
     given: &Value,
     known: &mut BTreeMap<String, T>,
 ) -> Result<String, Failure> {
-    let wrong = |message: String| Failure::from_argument(&format!("{what}: {message}"));
+    let wrong = |message: String| argument(&format!("{what}: {message}"));
     if let Value::String(name) = given {
         let names = || known.keys().cloned().collect::<Vec<_>>().join("`, `");
         return if known.contains_key(name) {
@@ -140,23 +175,4 @@ fn named_or_given<T: DeserializeOwned>(
     let keys = T::deserialize(given).map_err(|error| wrong(error.to_string()))?;
     known.insert(GIVEN.to_owned(), keys);
     Ok(GIVEN.to_owned())
-}
-
-/// Returns the names of the numeric columns, and their values as 64-bit floats, one column after another; missing
-/// values are NaN.
-fn columns<'py>(
-    py: Python<'py>,
-    rows: &[TrajectoryRow],
-) -> PyResult<(Vec<String>, Bound<'py, PyByteArray>)> {
-    // All columns are numeric except those with the model's name and the remark on extrapolation.
-    let frame = TrajectoryRow::to_table(rows).frame.drop_many(["model", "extrapolated"]);
-    let names = frame.get_column_names_owned().iter().map(ToString::to_string).collect();
-    let numbers = frame.columns().iter().map(|column| column.f64());
-    let numbers = numbers.collect::<Result<Vec<_>, _>>().map_err(Failure::from)?;
-    let bytes: Vec<u8> = numbers
-        .into_iter()
-        .flat_map(|column| column.iter())
-        .flat_map(|number| number.unwrap_or(f64::NAN).to_ne_bytes())
-        .collect();
-    Ok((names, PyByteArray::new(py, &bytes)))
 }

@@ -6,17 +6,19 @@ from pathlib import Path
 import pytest
 import trilink
 
+# The program wraps its messages at the width that readline, which pytest imports, exports.
+os.unsetenv("COLUMNS")
+
 CONFIG = """
 [fit]
-starts = 1
-bootstrap = 20
-gait_input = "commanded"
+starts = 2
+bootstrap = 40
 
-[campaign.small]
+[campaign.kinematic-skewed]
 robot = "kinematic"
-gait = "symmetric"
-models = ["no-skid", "skid-roll"]
-weights = { d = 10.0, v = 1.0, sigma = 0.2, alpha = 0.0 }
+gait = "skewed"
+models = ["skid", "skid-roll"]
+weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
 """
 
 
@@ -32,10 +34,10 @@ def program():
 
 @pytest.fixture(scope="session")
 def empty(tmp_path_factory, program):
-    """Creates a project with one campaign of synthetic trials at three frequencies, which has not been run."""
+    """Creates a project with one campaign of synthetic trials at five frequencies, which has not been run."""
     folder = tmp_path_factory.mktemp("empty")
     (folder / "pipeline.toml").write_text(CONFIG)
-    synth = [program, "synth", "raw/demo", "--omega", "2,3,3.9", "--quiet"]
+    synth = [program, "synth", "raw/demo", "--omega", "1,2,3,3.9,5", "--quiet"]
     subprocess.run(synth, cwd=folder, check=True)
     return folder
 

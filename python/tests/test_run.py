@@ -13,16 +13,15 @@ import trilink
 
 
 def test_run_returns_a_summary_of_the_results(project):
-    folder, summary = project
-    assert summary["was_up_to_date"] is False and summary["needs_a_person"] is False
-    results = summary["results"]
-    counts = {"ok": 4, "flagged": 0, "failed": 0, "ignored": 0}
-    assert results["trials"] == {"total": 4, **counts}
-    assert [fit["model"] for fit in results["fits"]] == ["no-skid", "skid-roll"]
-    assert os.path.isfile(results["page"]) and summary["derived"] == str(folder / "derived")
-    assert {stage["stage"] for stage in summary["stages"]} == {"ingest", "fit", "report"}
+    folder, done = project
+    assert not done.was_up_to_date and not done.needs_attention
+    results = done.results
+    assert (results.trials.total, results.trials.ok, results.trials.failed) == (6, 6, 0)
+    assert [fit.model for fit in results.fits] == ["skid", "skid-roll"]
+    assert results.page.is_file() and done.derived == folder / "derived"
+    assert {stage.stage for stage in done.stages} == {"ingest", "fit", "report"}
     again = trilink.run(folder / "pipeline.toml")
-    assert again["was_up_to_date"] and again["results"]["fits"] == results["fits"]
+    assert again.was_up_to_date and again.results.fits == results.fits
 
 
 def test_progress_is_shown_only_if_requested(project, capsys, monkeypatch):
@@ -32,18 +31,16 @@ def test_progress_is_shown_only_if_requested(project, capsys, monkeypatch):
     assert capsys.readouterr().err == ""
     trilink.run(config, force=True, progress=True)
     lines = capsys.readouterr().err.splitlines()
-    assert sum(line.startswith("ingest ") for line in lines) == 4
+    assert sum(line.startswith("ingest ") for line in lines) == 6
     assert sum(line.startswith("fit ") for line in lines) == 2
     assert any(line.startswith("report ") for line in lines)
     monkeypatch.setattr(sys, "stderr", None)  # As in a program without a console.
-    assert trilink.run(config, progress=True)["was_up_to_date"]
+    assert trilink.run(config, progress=True).was_up_to_date
 
 
 def test_the_installed_command_is_the_program(project, program):
     def run(*arguments):
-        return subprocess.run(
-            [program, *arguments], cwd=project[0], capture_output=True, text=True
-        )
+        return subprocess.run([program, *arguments], cwd=project[0], capture_output=True, text=True)
 
     assert run("--version").stdout == f"trilink {trilink.__version__}\n"
     assert run("run", "--quiet").returncode == 0
@@ -52,7 +49,7 @@ def test_the_installed_command_is_the_program(project, program):
     assert failed.returncode == 2
     assert failed.stderr.startswith("error: `none` is neither a table nor a file")
     missing = run("simulate", "kinematic-symmetric", "--model=skid", "--omega=3")
-    assert missing.returncode == 2 and "needed one of `small`" in missing.stderr
+    assert missing.returncode == 2 and "needed one of `kinematic-skewed`" in missing.stderr
     as_module = subprocess.run([sys.executable, "-m", "trilink", "--version"], capture_output=True)
     assert as_module.stdout.decode() == run("--version").stdout
 
@@ -76,7 +73,7 @@ def long(empty, tmp_path):
     folder = tmp_path / "long"
     shutil.copytree(empty, folder)
     config = folder / "pipeline.toml"
-    config.write_text(config.read_text().replace("bootstrap = 20", "bootstrap = 20000"))
+    config.write_text(config.read_text().replace("bootstrap = 40", "bootstrap = 20000"))
     return config
 
 
@@ -87,7 +84,7 @@ try:
 except KeyboardInterrupt as stopped:
     print(stopped)
     # Later calls in the same process still work.
-    print(trilink.simulate("small", model="skid-roll", omega_rad_s=[2, 3], config=sys.argv[1])[1]["status"])
+    print(trilink.simulate("kinematic-skewed", model="skid-roll", omega_rad_s=[2, 3], config=sys.argv[1])[1].status)
 """
 
 
@@ -152,7 +149,7 @@ def test_a_run_that_is_already_active_raises_busy_error(long):
         assert time.monotonic() < deadline and started.poll() is None
         time.sleep(0.05)
     try:
-        message = "with --wait, the command waits until the lock is released"
+        message = "with `wait`, the command waits until the lock is released"
         with pytest.raises(trilink.BusyError, match=message):
             trilink.run(long, force=True)
     finally:

@@ -1,12 +1,15 @@
 """Tests that `trilink.simulate` agrees with `trilink simulate --json` and takes barely longer than the solver."""
 
+import dataclasses
 import json
 import os
+import re
 import subprocess
 import sys
 
 import numpy
 import polars
+import polars.testing
 import pytest
 import trilink
 
@@ -18,6 +21,17 @@ def by_program(program, *arguments, folder):
     said = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert said.stderr == ""
     return json.loads(said.stdout)
+
+
+def check_same(motions, known):
+    """Checks that motions agree with the objects that the program prints as JSON."""
+    assert len(motions) == len(known)
+    for motion, printed in zip(motions, known):
+        fields = dataclasses.asdict(motion)
+        assert set(printed) <= set(fields)
+        for name, value in printed.items():
+            found = fields[name]
+            assert (list(found) if isinstance(found, tuple) else found) == value, name
 
 
 def test_results_agree_with_the_program(program, tmp_path, monkeypatch):
@@ -33,7 +47,7 @@ def test_results_agree_with_the_program(program, tmp_path, monkeypatch):
     found = trilink.simulate(
         "kinematic-symmetric", model="skid-roll", omega_rad_s=[2, 3.9], skid_kg_s=SKID
     )
-    assert found == known
+    check_same(found, known)
     for frequency in (3.9, numpy.float64(3.9)):
         one = trilink.simulate(
             "kinematic-symmetric",
@@ -41,8 +55,8 @@ def test_results_agree_with_the_program(program, tmp_path, monkeypatch):
             omega_rad_s=frequency,
             skid_kg_s=numpy.array(SKID),
         )
-        assert one == known[1]
-    assert abs(one["d_m"] - 0.478359748170948) < 1e-10
+        check_same([one], known[1:])
+    assert abs(one.d_m - 0.478359748170948) < 1e-10
 
 
 def test_a_robot_and_a_gait_can_replace_a_campaign(tmp_path, monkeypatch):
@@ -53,14 +67,14 @@ def test_a_robot_and_a_gait_can_replace_a_campaign(tmp_path, monkeypatch):
     assert trilink.simulate("kinematic-skewed", gait="symmetric", **model) == of_campaign
     robot = {
         key: value
-        for key, value in of_campaign["parameters"].items()
+        for key, value in of_campaign.parameters.items()
         if key in ("h_m", "l_m", "b_m", "mass_kg", "inertia_kg_m2", "roll_kg_s", "skid_kg_s")
     }
     joint = {"amplitude_deg": 30, "offset_deg": 5}
     gait = {"joint1": joint, "joint2": {**joint, "phase_deg": 90}}
     given = trilink.simulate(robot=robot, gait=gait, skid1_kg_s=40, **model)
-    assert given["status"] == "stable" and given["d_m"] != of_campaign["d_m"]
-    assert given["parameters"]["skid_kg_s"][1] == 40
+    assert given.status == "stable" and given.d_m != of_campaign.d_m
+    assert given.parameters["skid_kg_s"][1] == 40
 
 
 def test_trajectories_agree_with_the_table_of_the_program(program, tmp_path, monkeypatch):
@@ -68,22 +82,18 @@ def test_trajectories_agree_with_the_table_of_the_program(program, tmp_path, mon
     command = [program, "simulate", "kinematic-symmetric", "--model=skid-roll", "--omega=3.9"]
     command += ["--trajectory=cycle.parquet", "--samples=120", "--quiet"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    # The arrays contain only the numeric columns.
-    known = polars.read_parquet("cycle.parquet").drop("model", "extrapolated")
+    known = polars.read_parquet("cycle.parquet")
     answer = trilink.simulate(
         "kinematic-symmetric", model="skid-roll", omega_rad_s=3.9, samples=120
     )
-    found = answer["trajectory"]
-    assert list(found) == known.columns
-    for name, values in found.items():
-        assert values.dtype == numpy.float64 and values.shape == (121,)
-        numpy.testing.assert_array_equal(values, known[name].to_numpy(), err_msg=name)
-    assert found["x_m"][-1] ** 2 + found["y_m"][-1] ** 2 == pytest.approx(answer["d_m"] ** 2)
-    found["x_m"][0] = 1.0  # The arrays are writable copies.
+    found = answer.trajectory
+    polars.testing.assert_frame_equal(found.to_polars(), known)
+    assert found["x_m"].dtype == numpy.float64 and found["x_m"].shape == (121,)
+    assert found["x_m"][-1] ** 2 + found["y_m"][-1] ** 2 == pytest.approx(answer.d_m**2)
     several = trilink.simulate(
         "kinematic-symmetric", model="skid-roll", omega_rad_s=(2.0, 3.0), samples=8, from_rest=True
     )
-    assert all(len(of["trajectory"]["time_s"]) > 9 for of in several)
+    assert all(len(of.trajectory) > 9 for of in several)
 
 
 def test_the_result_says_why_a_motion_does_not_exist(tmp_path, monkeypatch):
@@ -92,8 +102,8 @@ def test_the_result_says_why_a_motion_does_not_exist(tmp_path, monkeypatch):
     answer = trilink.simulate(
         robot="kinematic", gait=gait, model="no-skid", omega_rad_s=3.0, samples=8
     )
-    assert answer["d_m"] is None and answer["trajectory"] is None
-    assert answer["status"] == "singular" and "det W_b = 0" in answer["reason"]
+    assert numpy.isnan(answer.d_m) and answer.trajectory is None
+    assert answer.status == "singular" and "det W_b = 0" in answer.reason
 
 
 def test_error_messages_agree_with_the_program(program, tmp_path, monkeypatch):
@@ -110,8 +120,9 @@ def test_error_messages_agree_with_the_program(program, tmp_path, monkeypatch):
         said = subprocess.run(command, capture_output=True, text=True)
         with pytest.raises(trilink.ConfigError) as caught:
             trilink.simulate(campaign, model=model, omega_rad_s=3.0, **settings)
-        # The program first says that there is no pipeline.toml.
-        assert said.returncode == 2 and said.stderr.endswith(f"\nerror: {caught.value}\n")
+        # The program first says that there is no pipeline.toml, and names options.
+        named = re.sub("--set:? |--", "", said.stderr)
+        assert said.returncode == 2 and named.endswith(f"\nerror: {caught.value}\n")
     model = {"model": "skid", "omega_rad_s": 3.0}
     for arguments, words in [
         ({}, "pass a campaign, or a robot and a gait"),
@@ -119,11 +130,44 @@ def test_error_messages_agree_with_the_program(program, tmp_path, monkeypatch):
         ({"gait": {"joint3": {}}, "robot": "kinematic"}, "unknown field `joint3`"),
         ({"gait": "symmetrical", "robot": "kinematic"}, "needed one of `"),
         ({"campaign": "kinematic-skewed", "samples": 3}, "samples: found 3"),
+        (
+            {"campaign": "kinematic-skewed", "omega_rad_s": -1},
+            "omega_rad_s: found -1, needed a fre",
+        ),
+        ({"campaign": "kinematic-skewed", "omega_rad_s": [2, 0]}, "omega_rad_s: found 0, needed a"),
+        ({"campaign": "kinematic-skewed", "model": None}, "model: found none, needed"),
+        (
+            {"campaign": "kinematic-skewed", "bands": True},
+            "bands: found no fit, needed fitted=True",
+        ),
+        (
+            {"campaign": "kinematic-skewed", "fitted": True, "gait": "skewed"},
+            "fitted: found another",
+        ),
         ({"campaign": "kinematic-skewed", "config": "none.toml"}, "none.toml: cannot be read"),
     ]:
         with pytest.raises(trilink.ConfigError, match=words.replace("(", "\\(")):
             trilink.simulate(**{**model, **arguments})
-    assert issubclass(trilink.ConfigError, trilink.Error)
+    assert issubclass(trilink.ConfigError, trilink.Error) and issubclass(
+        trilink.ConfigError, ValueError
+    )
+
+
+def test_fitted_motions_agree_with_the_program(project, program, monkeypatch):
+    folder = project[0]
+    monkeypatch.chdir(folder)
+    line = ("kinematic-skewed", "--fitted", "--bands", "--omega=2,3.9")
+    command = [program, "simulate", *line, "--json", "--quiet"]
+    said = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    motions = trilink.simulate("kinematic-skewed", fitted=True, bands=True, omega_rad_s=[2, 3.9])
+    known = json.loads(said.stdout)
+    for motion in known:  # Confidence limits have lists in JSON and tuples in Python.
+        for limit in ("lower", "upper"):
+            motion[limit]["sigma"] = tuple(motion[limit]["sigma"])
+    check_same(motions, known)
+    assert motions[0].fit.adequate and motions[0].lower.d_m < motions[0].d_m < motions[0].upper.d_m
+    with pytest.warns(trilink.Caution, match="the model does not fit"):
+        trilink.simulate("kinematic-skewed", model="skid", fitted=True, omega_rad_s=2)
 
 
 TIMES = """

@@ -1,9 +1,11 @@
 """Tests that polars, pandas, DuckDB and pyarrow receive tables with the same values and without copying."""
 
 import gc
+import re
 import subprocess
 
 import duckdb
+import numpy
 import pandas
 import polars
 import polars.testing
@@ -37,12 +39,64 @@ def test_every_table_agrees_with_its_file_in_every_library(project):
 
 def test_columns_and_rows_of_a_table_can_be_selected(project):
     derived = project[0] / "derived"
-    part = trilink.read("trials", folder=derived, columns=["trial", "d_m"], where="omega_rad_s > 2.5")
+    part = trilink.read(
+        "trials", folder=derived, columns=["trial", "d_m"], where="omega_rad_s > 2.5"
+    )
     assert part.columns == ["trial", "d_m"]
-    assert len(part) == 2 == len(polars.DataFrame(part))
+    assert len(part) == 3 == len(polars.DataFrame(part))
     assert part.units["d_m"] == "m"
     assert "per cycle" in part.meanings["d_m"]
     assert len(trilink.read("trials", config=project[0] / "pipeline.toml", where="d_m > 100")) == 0
+
+
+def test_columns_are_numpy_arrays_of_their_types(project):
+    derived = project[0] / "derived"
+    trials = trilink.read("trials", folder=derived)
+    known = polars.DataFrame(trials)
+    for name in trials:
+        values = trials[name]
+        expected = known[name].to_list()
+        if values.dtype == object:
+            assert values.tolist() == expected, name
+        else:
+            same = [
+                a == b or (b is None and a != a) or (a != a and b != b)
+                for a, b in zip(values, expected)
+            ]
+            assert all(same), name
+    kinds = {trials[name].dtype.kind for name in trials}
+    assert {"f", "i", "O"} <= kinds
+    assert numpy.nansum(trials["d_m"]) == pytest.approx(known["d_m"].sum())
+    column = trials["d_m"]
+    column[:] = 0.0  # A column is a writable copy.
+    assert numpy.nansum(trials["d_m"]) > 0
+
+
+def test_parts_of_a_table_are_tables(project):
+    trials = trilink.read("trials", folder=project[0] / "derived")
+    known = polars.DataFrame(trials)
+    polars.testing.assert_frame_equal(trials[2:4].to_polars(), known[2:4])
+    polars.testing.assert_frame_equal(trials[-2:].to_polars(), known[-2:])
+    polars.testing.assert_frame_equal(trials[["d_m", "trial"]].to_polars(), known[["d_m", "trial"]])
+    assert len(trials[4:2]) == 0 and len(trials.head(100)) == len(known)
+    assert set(dict(trials)) == set(known.columns) and "d_m" in trials and "d_mm" not in trials
+    for key in ("d_mm", ["d_m", "d_mm"]):
+        with pytest.raises(KeyError, match="found column 'd_mm', needed one of "):
+            trials[key]
+    with pytest.raises(ValueError, match="step 2"):
+        trials[::2]
+
+
+def test_a_notebook_shows_the_first_rows_with_units_and_escapes_names(project):
+    trials = trilink.read("trials", folder=project[0] / "derived", columns=["trial", "d_m"])
+    html = trials._repr_html_()
+    assert (
+        html.count("<tr>") == 2 + len(trials)
+        and "<th>m</th>" in html
+        and "6 rows, 2 columns" in html
+    )
+    one = trilink.Table(trilink._trilink.table([("<b>", ["<script>"])]))
+    assert "<script>" not in one._repr_html_() and "&lt;b&gt;" in one._repr_html_()
 
 
 @pytest.fixture(scope="module")
@@ -109,4 +163,5 @@ def test_error_messages_agree_with_the_program(project, program, tmp_path):
             trilink.read(table, config=project[0] / "pipeline.toml", **arguments)
         # Python runs in another folder, so its messages contain absolute paths.
         found = str(caught.value).replace(f"{project[0]}/", "")
-        assert said.returncode == 2 and said.stderr == f"error: {found}\n"
+        named = re.sub("--([a-z]+)", r"\1", said.stderr)
+        assert said.returncode == 2 and named == f"error: {found}\n"

@@ -1,22 +1,22 @@
-"""Compiled part of the package `trilink`; its functions take requests and return results as JSON."""
+"""Compiled part of the package `trilink`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
+
+_Access = Callable[..., Any]
 
 __version__: str
 
-class Error(Exception):
-    """Base class for all errors raised by trilink."""
-
-class ConfigError(Error):
-    """Invalid `pipeline.toml`, `trials.toml` or argument; the message names the key."""
-
-class TableError(Error):
-    """A table or other file that cannot be read or written, or an invalid column or condition."""
-
-class BusyError(Error):
-    """Another run is writing the same results."""
-
 def main(line: list[str]) -> int: ...
-def run(request: str) -> str: ...
-def read(request: str) -> tuple[str, str, int, Callable[[], object]]: ...
-def simulate(request: str) -> tuple[str, list[tuple[list[str], bytearray] | None]]: ...
+def call(
+    line: list[str], progress: str
+) -> tuple[bool, str, list[tuple[str, _Access]], list[str], list[str]]: ...
+def read(
+    table: str, folder: str | None, config: str | None, columns: list[str], condition: str | None
+) -> tuple[str, _Access]: ...
+def simulate(request: str) -> tuple[str, list[_Access | None], str]: ...
+def objective(
+    config: str | None, campaign: str, model: str
+) -> tuple[str, Callable[[list[float], bool], tuple[float, bytearray, bytearray]]]: ...
+def table(columns: Sequence[tuple[str, Sequence[float | None] | Sequence[str]]]) -> _Access: ...
+def markers(path: str, unit: str) -> tuple[_Access, list[str]]: ...
