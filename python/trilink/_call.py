@@ -11,9 +11,9 @@ import sys
 import types
 import typing
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from . import _trilink
 from ._errors import Caution
@@ -107,44 +107,42 @@ def plain(value: T) -> T:
 
 def from_json(kind: type[T], text: str, **others: object) -> T:
     """Converts JSON to a dataclass, of which `others` are further fields."""
-    return typing.cast(T, _dataclass(kind, json.loads(text), others))
+    return kind(**_fields(typing.cast(type, kind))(json.loads(text)), **others)
 
 
 def list_from_json(kind: type[T], text: str) -> list[T]:
     """Converts a JSON array to a list of dataclasses."""
-    return [typing.cast(T, _dataclass(kind, item)) for item in json.loads(text)]
-
-
-def _dataclass(kind: object, value: dict[str, object], others: Mapping[str, object] = {}) -> object:
-    """Converts a JSON object to a dataclass. The metadata `json` of a field is its key, if that is another name."""
-    fields = {}
-    for name, (key, hint) in _fields(typing.cast(type, kind)).items():
-        if key in value:
-            fields[name] = _convert(hint, value[key])
-    return typing.cast(type, kind)(**fields, **others)
+    fields = _fields(typing.cast(type, kind))
+    return [kind(**fields(item)) for item in json.loads(text)]
 
 
 @functools.cache
-def _fields(kind: type) -> dict[str, tuple[str, object]]:
-    """Returns the key in JSON and the type of each field of a dataclass."""
+def _fields(kind: type) -> Callable[[dict[str, object]], dict[str, object]]:
+    """Returns a function that converts a JSON object to the fields of a dataclass. The metadata `json` of a field is
+    its key, if that is another name."""
     hints = typing.get_type_hints(kind)
-    fields = dataclasses.fields(kind)
-    return {
-        field.name: (field.metadata.get("json", field.name), hints[field.name]) for field in fields
+    fields = [
+        (field.name, field.metadata.get("json", field.name), _converter(hints[field.name]))
+        for field in dataclasses.fields(kind)
+    ]
+    return lambda value: {
+        name: convert(value[key]) for name, key, convert in fields if key in value
     }
 
 
-def _convert(kind: object, value: object) -> object:
-    """Converts a JSON value to a type; a missing number (null) is NaN where the type has no None."""
+def _converter(kind: object) -> Callable[[Any], object]:
+    """Returns a function that converts a JSON value to a type; a missing number (null) is NaN where the type has no
+    None."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    if dataclasses.is_dataclass(kind) and isinstance(value, dict):
-        return _dataclass(kind, value)
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        fields = _fields(kind)
+        return lambda value: kind(**fields(value))
     if origin in (typing.Union, types.UnionType):
-        return None if value is None else _convert(arguments[0], value)
-    if kind is float and value is None:
-        return float("nan")
-    if kind is Path:
-        return Path(str(value))
-    if origin in (list, tuple) and isinstance(value, list):
-        return origin(_convert(arguments[0], item) for item in value)
-    return value
+        inner = _converter(arguments[0])
+        return lambda value: None if value is None else inner(value)
+    if origin in (list, tuple):
+        inner = _converter(arguments[0])
+        return lambda value: origin(map(inner, value))
+    if kind is float:
+        return lambda value: float("nan") if value is None else value
+    return Path if kind is Path else lambda value: value

@@ -95,8 +95,11 @@ class Figure:
                         if f"{y}_lo" in data:
                             low, high = data[f"{y}_lo"][rows], data[f"{y}_hi"][rows]
                             axes.fill_between(at, low, high, alpha=0.25, color=line.get_color())
-            axes.set(xlabel=x, ylabel=", ".join(measures))
+            title = data["title"][inside][0] if "title" in data else ""
+            axes.set(xlabel=x, ylabel=", ".join(measures), title=title)
             axes.legend(fontsize="small")
+        if "origin" in data:
+            drawn.supxlabel("Synthetic trials, not recorded", fontsize="small")
         return drawn
 
     def _repr_svg_(self) -> str:

@@ -85,7 +85,7 @@ class Objective:
 
         _, residuals, jacobian = self._evaluate(self._values(x), True)
         signs = numpy.sign(numpy.frombuffer(residuals))
-        return signs @ numpy.frombuffer(jacobian).reshape(-1, len(self.names))
+        return signs @ numpy.frombuffer(jacobian).reshape(len(self.trials), len(self.names))
 
     def residuals(self, x: ArrayLike) -> Floats:
         """Returns the residuals: J is the sum of their magnitudes.
@@ -110,7 +110,7 @@ class Objective:
         import numpy
 
         return numpy.frombuffer(self._evaluate(self._values(x), True)[2]).reshape(
-            -1, len(self.names)
+            len(self.trials), len(self.names)
         )
 
     def log_prob(self, x: ArrayLike) -> float:
