@@ -1,5 +1,7 @@
 """Tests that optimisers of other libraries find, with `trilink.Objective`, the fit of the program."""
 
+import pickle
+
 import numpy
 import pytest
 import scipy.optimize
@@ -61,6 +63,11 @@ def test_values_do_not_depend_on_earlier_calls(objective):
     first = objective.residuals(objective.x0)
     objective([500.0, 5.0, 300.0])
     numpy.testing.assert_array_equal(objective.residuals(objective.x0), first)
+    # As in another process.
+    again = pickle.loads(pickle.dumps(objective))
+    numpy.testing.assert_array_equal(again.residuals(again.x0), first)
+    with_nothing_free = trilink.Objective(CAMPAIGN, "no-skid", config=objective._arguments[2])
+    assert with_nothing_free([]) > 0 and with_nothing_free.gradient([]).shape == (0,)
 
 
 def test_scipy_finds_the_fit(objective, fitted):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from . import _trilink
@@ -43,6 +44,7 @@ class Objective:
     def __init__(self, campaign: str, model: str, *, config: Pathlike | None = None) -> None:
         import numpy
 
+        self._arguments = (campaign, model, path_text(config))
         described, self._evaluate = _trilink.objective(path_text(config), campaign, model)
         known = json.loads(described)
         self.names: list[str] = known["names"]
@@ -145,5 +147,13 @@ class Objective:
         found: list[float] = values.tolist()
         return found
 
+    def __reduce__(self) -> tuple[Callable[..., Objective], tuple[str, str, str | None]]:
+        """Sets the objective up again in another process."""
+        return _objective, self._arguments
+
     def __repr__(self) -> str:
         return f"<trilink.Objective of {', '.join(self.names)}: {len(self.trials)} residuals>"
+
+
+def _objective(campaign: str, model: str, config: str | None) -> Objective:
+    return Objective(campaign, model, config=config)

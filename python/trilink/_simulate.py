@@ -107,7 +107,7 @@ def simulate(
         "model": model,
         "fitted": fitted,
         "bands": bands,
-        "omegas_rad_s": [omegas] if isinstance(omegas, (int, float)) else list(omegas),
+        "omegas_rad_s": [omegas] if isinstance(omegas, (int, float)) else list(map(float, omegas)),
         "settings": [f"{key}={numbers(value)}" for key, value in parameters.items()],
         "from_rest": from_rest,
         "samples": samples,
