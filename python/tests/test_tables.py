@@ -1,5 +1,6 @@
 """Tests that polars, pandas, DuckDB and pyarrow receive tables with the same values and without copying."""
 
+import datetime
 import gc
 import re
 import subprocess
@@ -67,9 +68,28 @@ def test_columns_are_numpy_arrays_of_their_types(project):
     kinds = {trials[name].dtype.kind for name in trials}
     assert {"f", "i", "O"} <= kinds
     assert numpy.nansum(trials["d_m"]) == pytest.approx(known["d_m"].sum())
+    assert trilink.read("trials", folder=derived, where="d_m > 100")["d_m"].shape == (0,)
     column = trials["d_m"]
     column[:] = 0.0  # A column is a writable copy.
     assert numpy.nansum(trials["d_m"]) > 0
+
+
+def test_columns_of_other_programs_have_their_types(tmp_path):
+    times = [datetime.datetime(2026, 1, 2, 3, 4, 5, 678000), None]
+    columns = {
+        "lists": [[1.5, 2.5], [3.5, 4.5]],
+        "times": times,
+        "flags": [True, None],
+        "counts": [1, None],
+        "sure": [True, False],
+        "whole": [1, 2],
+    }
+    polars.DataFrame(columns).write_parquet(tmp_path / "own.parquet")
+    own = trilink.read(tmp_path / "own.parquet")
+    assert own["lists"].tolist() == columns["lists"] and own["flags"].tolist() == [True, None]
+    assert own["times"][0] == numpy.datetime64(times[0]) and numpy.isnat(own["times"][1])
+    assert own["counts"][0] == 1.0 and numpy.isnan(own["counts"][1])
+    assert own["sure"].dtype == bool and own["whole"].dtype == numpy.int64
 
 
 def test_parts_of_a_table_are_tables(project):

@@ -69,7 +69,7 @@ class Table:
         >>> sorted(dict(trilink.read("trials", columns=["trial", "d_m"])))
         ['d_m', 'trial']
         """
-        return self.columns
+        return list(self.columns)
 
     @overload
     def __getitem__(self, key: str) -> Array: ...
@@ -93,7 +93,9 @@ class Table:
         if kind != "O":
             return numpy.frombuffer(values, dtype=kind)
         objects = numpy.empty(len(values), dtype=object)
-        objects[:] = values
+        # Assigned at once, lists of the same length would become rows.
+        for index, value in enumerate(values):
+            objects[index] = value
         return objects
 
     def _check(self, name: object) -> None:
