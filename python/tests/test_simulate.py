@@ -148,6 +148,8 @@ def test_error_messages_agree_with_the_program(program, tmp_path, monkeypatch):
     ]:
         with pytest.raises(trilink.ConfigError, match=words.replace("(", "\\(")):
             trilink.simulate(**{**model, **arguments})
+    with pytest.raises(trilink.TableError, match="fits.parquet: does not exist; `trilink run` or"):
+        trilink.simulate("kinematic-skewed", fitted=True, omega_rad_s=2)
     assert issubclass(trilink.ConfigError, trilink.Error) and issubclass(
         trilink.ConfigError, ValueError
     )

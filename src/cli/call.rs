@@ -53,10 +53,14 @@ impl ErrorKind {
             Some(RunError::Interrupted { .. } | RunError::Stopped(_)) => return Self::Cancelled,
             _ => {}
         }
-        if error.is::<InspectError>() || error.is::<StoreError>() {
+        let setup: Option<&SetupError> = error.downcast_ref();
+        if error.is::<InspectError>()
+            || error.is::<StoreError>()
+            || matches!(setup, Some(SetupError::Table(_)))
+        {
             Self::Table
         } else if error.is::<ConfigError>()
-            || error.is::<SetupError>()
+            || setup.is_some()
             // Messages about an option begin with its name.
             || error.to_string().starts_with("--")
         {

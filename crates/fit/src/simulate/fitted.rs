@@ -96,28 +96,28 @@ impl KnownFits {
         let reader = Reader::default();
         let path = derived.join("fits.parquet");
         let fits = reader.rows(&path).map_err(|error| {
-            if error.is_not_there() {
+            SetupError::Table(if error.is_not_there() {
                 format!(
                     "{}: does not exist; `trilink run` or `trilink fit` creates it",
                     path.display()
                 )
             } else {
                 error.to_string()
-            }
+            })
         })?;
         let mut alternatives = Vec::new();
         let mut bootstrap = Vec::new();
         let mut data = FitData::default();
         let mut without_trials = String::new();
-        let message = |error: StoreError| error.to_string();
+        let unreadable = |error: StoreError| SetupError::Table(error.to_string());
         if bands {
             alternatives =
-                reader.rows(&derived.join("alternative_fits.parquet")).map_err(message)?;
-            bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(message)?;
-            data = FitData::read(derived, &reader).map_err(message)?;
+                reader.rows(&derived.join("alternative_fits.parquet")).map_err(unreadable)?;
+            bootstrap = reader.rows(&derived.join("bootstrap.parquet")).map_err(unreadable)?;
+            data = FitData::read(derived, &reader).map_err(unreadable)?;
         } else {
             let trials = derived.join("trials.parquet");
-            match reader.rows_if_there(&trials).map_err(message)? {
+            match reader.rows_if_there(&trials).map_err(unreadable)? {
                 Some(rows) => data.trials = rows,
                 None => without_trials = format!("{} does not exist", trials.display()),
             }

@@ -35,6 +35,9 @@ pub use settings::{campaign_of, number_names, with_number};
 pub enum SetupError {
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A table of the fits is missing or cannot be read.
+    #[error("{0}")]
+    Table(String),
     /// Any other reason, such as an unknown name of a campaign, model or parameter, as a message.
     #[error("{0}")]
     Name(String),
