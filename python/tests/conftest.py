@@ -22,10 +22,6 @@ weights = { d = 10.0, v = 1.0, sigma = 1.0, alpha = 0.0 }
 """
 
 
-# Readline, which pytest imports, sets this variable; the program would wrap its messages by it.
-os.environ.pop("COLUMNS", None)
-
-
 @pytest.fixture(scope="session")
 def program():
     """Returns the path of the command `trilink` that the wheel installs."""

@@ -313,7 +313,11 @@ fn process_recording(
         wheels: WheelFrames {
             clock: Clock::new(tracked.first_frame, tracked.frames(), rate_hz),
             velocities: motion.wheels,
-            errors: motion.errors.map(|errors| errors.wheels),
+            // The errors assume white noise.
+            errors: motion
+                .errors
+                .filter(|_| row.noise_white != Some(false))
+                .map(|errors| errors.wheels),
         }
         .into_table(&trial.id),
         poses: tables::poses(&trial.id, tracked, motion.coordinates, markers, rate_hz),
