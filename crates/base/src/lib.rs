@@ -1,5 +1,6 @@
 //! Utilities shared by all crates of trilink. This crate depends on no other crate of the workspace.
 //!
+//! - [`body`]: rigid bodies as points.
 //! - [`files`]: reading of regular files of limited size; [`csv`]: reading and writing of fields and records.
 //! - [`pattern`]: wildcards `*` and `?` in names of files, campaigns and markers.
 //! - [`Named`] and [`named!`]: enumerations whose values have names in files, in tables and on the
@@ -14,6 +15,7 @@
 //! assert_eq!(numbers::with_error(104.3128, 0.2177), "104.31 ± 0.22");
 //! ```
 
+pub mod body;
 pub mod cancel;
 pub mod csv;
 pub mod files;

@@ -1,7 +1,11 @@
 //! Wildcard patterns: one wildcard stands for any number of characters, another for exactly one.
 
-/// Returns whether a label, with or without its subject (`Subject:label`), matches a pattern with `*` and `?`.
+use crate::body;
+
+/// Returns whether a label, with or without its subject (`Subject:label`), matches a pattern with `*` and `?`; the label
+/// of a point of a rigid body stands for the name of the body.
 pub fn matches_label(pattern: &str, label: &str) -> bool {
+    let label = body::name(label);
     let name = label.rsplit_once(':').map_or(label, |(_, name)| name);
     matches(pattern, label, ['*', '?']) || matches(pattern, name, ['*', '?'])
 }

@@ -10,11 +10,14 @@
 
 use super::cells::{Dialect, Lines, label_text, shown};
 use super::foreign::{self, NEEDED_SECTION};
+use super::rotation::Rotation;
 use super::systems::System;
-use super::{FileProblem, motive, qualisys, trc, units};
+use super::{FileProblem, motive, qualisys, table, trc, units};
 use crate::LengthUnit;
+use trilink_base::body;
 
-const SECTION: &[u8] = b"Trajectories";
+/// Titles of the sections with markers and, in a file without markers, with rigid bodies.
+pub(super) const SECTIONS: [&str; 2] = ["Trajectories", "Objects"];
 /// Maximum number of lines, including blank ones, from the title to the row of axes.
 const HEADER_LINES: usize = 8;
 
@@ -28,6 +31,8 @@ pub(super) struct Header<'t> {
     pub labels: Vec<String>,
     /// Content of each column in the table.
     pub columns: Vec<Column>,
+    /// Rigid bodies: index of the first of the labels of each, and the rotation that its columns state.
+    pub bodies: Vec<(u32, Rotation)>,
     /// Line number of the last line of the header.
     pub line: usize,
     /// Lines of the text below the header.
@@ -41,11 +46,13 @@ pub(super) struct Header<'t> {
 /// Content of a column in the marker table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Column {
-    /// Only as the first column.
     Frame,
     Time,
-    /// Coordinate of a marker, given by the marker's index and the axis (0, 1, 2).
+    /// Coordinate of a marker or of the origin of a rigid body, given by the index of its (first) label and the axis (0,
+    /// 1, 2).
     Axis(u32, u8),
+    /// Component (0 to 8) of the rotation of a rigid body, given by the index of the body's first label.
+    Rotation(u32, u8),
     /// Subframe, magnitude or padding; not read.
     Other,
 }
@@ -59,14 +66,17 @@ pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProb
         System::Motive => return motive::header(text, unit),
         System::Trc => return trc::header(text, unit),
         System::Qualisys => return qualisys::header(text),
+        System::Table => return table::header(text),
     }
     let dialect = Dialect::detect(text);
     if dialect.is_blank(text) {
         return Err(FileProblem::new("an empty file", NEEDED_SECTION));
     }
-    let mut lines = Lines::new(text);
-    if let Some(line) = title_line(dialect, &mut lines) {
-        return read(dialect, lines, line, unit);
+    for section in SECTIONS {
+        let mut lines = Lines::new(text);
+        if let Some(line) = title_line(dialect, section, &mut lines) {
+            return read(dialect, lines, line, unit);
+        }
     }
     if starts_without_title(dialect, text) {
         return read(dialect, Lines::new(text), 0, unit);
@@ -74,14 +84,17 @@ pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProb
     Err(foreign::describe(dialect, text))
 }
 
-/// Returns the line number of the next title of a marker section; `None` if there is none.
+/// Returns the line number of the next title of a section; `None` if there is none.
 pub(super) fn title_line<'t>(
     dialect: Dialect,
+    section: &str,
     mut lines: impl Iterator<Item = (usize, &'t [u8])>,
 ) -> Option<usize> {
     lines
         .find(|(_, line)| {
-            dialect.lone_cell(line).is_some_and(|title| title.eq_ignore_ascii_case(SECTION))
+            dialect
+                .lone_cell(line)
+                .is_some_and(|title| title.eq_ignore_ascii_case(section.as_bytes()))
         })
         .map(|(line, _)| line)
 }
@@ -138,9 +151,10 @@ fn read(
         }
         [.., (line, row)] => return Err(FileProblem::in_line(line, quoted(row), NEEDED_AXES)),
     };
-    let (labels, columns) = markers(dialect, labels_row, axes);
+    let (labels, columns, bodies) = markers(dialect, labels_row, axes);
     if labels.is_empty() {
-        let needed = "at least one marker label with X, Y, Z below the label";
+        let needed = "at least one marker label with X, Y, Z below the label, or the label of an object with RX, RY, \
+                      RZ, TX, TY, TZ";
         return Err(FileProblem::in_line(line, quoted(axes), needed));
     }
     let mut header = Header {
@@ -150,6 +164,7 @@ fn read(
         unit,
         labels,
         columns,
+        bodies,
         line,
         body: lines.clone(),
         frames: None,
@@ -157,6 +172,7 @@ fn read(
     };
     if let Some((line, row)) = lines.next().filter(|(_, row)| is_unit_row(dialect, row)) {
         header.unit = read_units(&header, line, row)?.unwrap_or(unit);
+        read_angle_unit(&mut header, line, row)?;
         header.line = line;
         header.body = lines;
     }
@@ -182,27 +198,80 @@ fn read_units(header: &Header, line: usize, row: &[u8]) -> Result<Option<LengthU
     Ok(stated)
 }
 
+/// Reads the unit of the rotations from the row of units; without one, it is rad.
+fn read_angle_unit(header: &mut Header, line: usize, row: &[u8]) -> Result<(), FileProblem> {
+    for (column, cell) in header.columns.iter().zip(header.dialect.cells(row)) {
+        let Column::Rotation(first, _) = column else { continue };
+        let degrees = match cell.to_ascii_lowercase().as_slice() {
+            b"" | b"rad" => continue,
+            b"deg" => true,
+            // The components of a quaternion have no unit; Tracker states that of the translation.
+            _ => false,
+        };
+        for (_, rotation) in header.bodies.iter_mut().filter(|(body, _)| body == first) {
+            match rotation {
+                Rotation::Vector { unit_rad } if degrees => *unit_rad = 1_f64.to_radians(),
+                Rotation::Vector { .. } => {
+                    let found = format!("unit {} of a rotation", quoted(cell));
+                    return Err(FileProblem::in_line(line, found, "`rad` or `deg`"));
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
 fn quoted(cell: &[u8]) -> String {
     format!("`{}`", shown(cell))
 }
 
-/// Finds the columns of complete markers: X, Y, Z side by side under a label.
-fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> (Vec<String>, Vec<Column>) {
+/// Labels, columns and rigid bodies of a table.
+type Contents = (Vec<String>, Vec<Column>, Vec<(u32, Rotation)>);
+
+/// Finds the columns of complete markers, X, Y, Z side by side under a label, and of the rigid bodies of Tracker: RX,
+/// RY, RZ, which are the components of a rotation vector or, with RW, of a quaternion, then TX, TY, TZ.
+fn markers(dialect: Dialect, labels_row: &[u8], axes: &[u8]) -> Contents {
+    const BODY: [&[u8]; 7] = [b"RX", b"RY", b"RZ", b"RW", b"TX", b"TY", b"TZ"];
     let mut names = Vec::with_capacity(dialect.count(axes));
     names.extend(dialect.cells(axes));
     let mut columns = vec![Column::Other; names.len()];
     columns[0] = Column::Frame;
     let mut labels = Vec::new();
+    let mut bodies = Vec::new();
     for (start, label) in dialect.cells(labels_row).enumerate().skip(1) {
-        let triplet = names.get(start..start + 3).unwrap_or_default();
-        if !label.is_empty() && triplet == [b"X", b"Y", b"Z"] {
+        if label.is_empty() {
+            continue;
+        }
+        let index = labels.len() as u32;
+        let next = |count| names.get(start..start + count).unwrap_or_default();
+        if next(3) == [b"X", b"Y", b"Z"] {
             for axis in 0..3 {
-                columns[start + usize::from(axis)] = Column::Axis(labels.len() as u32, axis);
+                columns[start + usize::from(axis)] = Column::Axis(index, axis);
             }
             labels.push(label_text(label));
+        } else if next(7) == BODY {
+            // The components of a quaternion are stored as w, x, y, z.
+            for (i, component) in [1, 2, 3, 0].into_iter().enumerate() {
+                columns[start + i] = Column::Rotation(index, component);
+            }
+            (0..3).for_each(|axis| columns[start + 4 + axis] = Column::Axis(index, axis as u8));
+            bodies.push((index, Rotation::Quaternion));
+            labels.extend(
+                (0..body::POINTS).map(|point| body::point_label(&label_text(label), point)),
+            );
+        } else if next(6) == [BODY[0], BODY[1], BODY[2], BODY[4], BODY[5], BODY[6]] {
+            for i in 0..3 {
+                columns[start + usize::from(i)] = Column::Rotation(index, i);
+                columns[start + 3 + usize::from(i)] = Column::Axis(index, i);
+            }
+            bodies.push((index, Rotation::Vector { unit_rad: 1.0 }));
+            labels.extend(
+                (0..body::POINTS).map(|point| body::point_label(&label_text(label), point)),
+            );
         }
     }
-    (labels, columns)
+    (labels, columns, bodies)
 }
 
 /// Returns whether a row consists of units, which are words; a data row without a frame number consists of numbers.

@@ -2,15 +2,16 @@
 //!
 //! The format is recognised by the content, except that a damaged C3D file is also recognised by its name. Vicon's CSV
 //! export consists of several tables of different widths in one file; the `Trajectories` section is found by its title.
-//! OptiTrack Motive (CSV), Qualisys (TSV) and TRC files have one table each. The header names the marker columns; the
-//! rows are parsed byte by byte into one flat vector. Nothing is interpolated: empty cells are missing values. If a
-//! format leaves open whether y or z points up, the axis along which the markers move less does.
+//! OptiTrack Motive (CSV), Qualisys (TSV) and TRC files, and tables of other programs (CSV or Parquet), have one table
+//! each. The header names the columns of the markers or, in exports of rigid bodies, of the poses; the rows are parsed
+//! byte by byte into one flat vector. Nothing is interpolated: empty cells are missing values. If a format leaves open
+//! whether y or z points up, the axis along which the markers move less does.
 //!
 //! [`read_markers`] returns a [`Recording`], in mm. The modules are, in the order in which a file passes through them:
 //!
 //! - `bytes` reads and decompresses files; the next step depends on the format:
-//!   - text: `systems`, `cells`, `sections`, `header` (`motive`, `trc`, `qualisys`), `units`, `rows`, `decimals`,
-//!     `vertical`; `foreign` identifies other files;
+//!   - text: `systems`, `cells`, `sections`, `header` (`motive`, `trc`, `qualisys`, `table`), `units`, `rows`,
+//!     `rotation`, `decimals`, `vertical`; `foreign` identifies other files;
 //!   - C3D: `c3d` (<https://www.c3d.org>), with the integers and floats of all three processor types;
 //! - `markers`: the resulting recording; `error`: what was found, what was needed, and in which line;
 //! - `write` writes the same formats.
@@ -39,9 +40,11 @@ mod header;
 mod markers;
 mod motive;
 mod qualisys;
+mod rotation;
 mod rows;
 mod sections;
 mod systems;
+mod table;
 mod trc;
 mod units;
 mod vertical;
@@ -57,7 +60,7 @@ pub use trilink_base::LengthUnit;
 pub use write::{Format, c3d_bytes, csv_bytes, trc_bytes};
 
 /// File-name extensions of marker files, with which they are found in a folder; `.gz` may follow.
-pub const ENDINGS: [&str; 4] = [".csv", ".c3d", ".trc", ".tsv"];
+pub const ENDINGS: [&str; 5] = [".csv", ".c3d", ".trc", ".tsv", ".parquet"];
 
 /// Lists the names of the marker files in a folder, sorted.
 ///
@@ -114,7 +117,13 @@ fn by_format<T>(
 ) -> Result<T, ReadError> {
     let parse = || {
         let content = bytes::unpack(file)?;
-        if c3d::is_c3d(path, &content) { of_c3d(&content) } else { of_text(&bytes::text(&content)) }
+        if content.starts_with(table::PARQUET_MAGIC) {
+            of_text(&table::text_of_parquet(&content)?)
+        } else if c3d::is_c3d(path, &content) {
+            of_c3d(&content)
+        } else {
+            of_text(&bytes::text(&content))
+        }
     };
     parse().map_err(|problem: FileProblem| problem.in_file(path))
 }

@@ -1,5 +1,6 @@
 //! Marker positions over time.
 
+use trilink_base::body;
 use trilink_base::pattern::matches_label;
 
 /// Maximum plausible coordinate, mm: no camera system covers a kilometre.
@@ -8,7 +9,8 @@ pub(super) const MAX_MM: f64 = 1e6;
 /// Position of an occluded marker: three NaN.
 pub(super) const MISSING: [f64; 3] = [f64::NAN; 3];
 
-/// Recorded markers in one file, mm in the camera frame, in the order of the file.
+/// Recorded markers in one file, mm in the camera frame, in the order of the file. A rigid body, of which the file has
+/// the poses, is four markers: the points of [`body`], which are labelled `NAME@1` to `NAME@4`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     /// Frame rate stated by the file, Hz; `None` if the file states none, as a trimmed file may.
@@ -101,11 +103,39 @@ impl Recording {
         }
     }
 
-    /// Permutes the axes cyclically so that the upward axis, whose index is `axis` (0 or 1), becomes the third.
+    /// Permutes the axes cyclically so that the upward axis, whose index is `axis` (0 or 1), becomes the third; those of
+    /// the frames of rigid bodies are permuted likewise, so that a frame aligned with the camera frame stays aligned.
     pub fn turn_up(&mut self, axis: usize) {
         for position in &mut self.positions_mm {
             position.rotate_left(axis + 1);
         }
+        let markers = self.labels.len().max(1);
+        for first in self.bodies() {
+            for row in self.positions_mm.chunks_exact_mut(markers) {
+                // Each of these points belongs to an axis of the body's frame.
+                row[first + 1..first + body::POINTS].rotate_left(axis + 1);
+            }
+        }
+    }
+
+    /// Returns the index of the first of the four points of each rigid body.
+    pub fn bodies(&self) -> Vec<usize> {
+        let is_body = |labels: &[String]| {
+            let Some((name, 0)) = body::of_point(&labels[0]) else { return false };
+            let points = labels.iter().map(|label| body::of_point(label));
+            points.enumerate().all(|(point, found)| found == Some((name, point)))
+        };
+        let all = self.labels.windows(body::POINTS).enumerate();
+        all.filter(|(_, labels)| is_body(labels)).map(|(first, _)| first).collect()
+    }
+
+    /// Returns the pose of a rigid body in a row, given the index of its first point: the position of its origin, mm, and
+    /// the axes of its frame; NaN where the body was not tracked.
+    ///
+    /// # Panics
+    /// Panics if there is no such row or body.
+    pub fn pose(&self, row: usize, first: usize) -> ([f64; 3], body::Axes) {
+        body::pose(&std::array::from_fn(|point| self.position_mm(row, first + point)))
     }
 
     /// Returns the position of a marker in a row, mm; three NaN where the marker is occluded.

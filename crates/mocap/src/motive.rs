@@ -1,4 +1,4 @@
-//! Reads the header of a CSV export of OptiTrack Motive.
+//! Reads the header of a CSV export of OptiTrack Motive, with markers or rigid bodies.
 //!
 //! ```text
 //! Format Version,1.23,...,Export Frame Rate,120.000000,...,Length Units,Meters
@@ -10,11 +10,15 @@
 //! Frame,Time (Seconds),X,...,X,Y,Z
 //! ```
 //!
-//! Only markers are read: the columns of rigid bodies, and the positions at which a rigid body expects its markers, are
-//! results of a fit.
+//! If a file has labelled markers, only these are read: the columns of rigid bodies, and the positions at which a rigid
+//! body expects its markers, are results of a fit to them. Otherwise the rigid bodies are read. Rotations are
+//! quaternions, or angles of intrinsic rotations in the order that `Rotation Type` states, such as `XYZ`.
+
+use trilink_base::body;
 
 use super::cells::{Dialect, Lines, label_text, shown};
 use super::header::{Column, Header};
+use super::rotation::Rotation;
 use super::systems::System;
 use super::{FileProblem, units};
 use crate::LengthUnit;
@@ -85,12 +89,13 @@ pub(super) fn header(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FilePr
     if axes.get(1).is_some_and(|cell| cell.to_ascii_lowercase().starts_with(b"time")) {
         columns[1] = Column::Time;
     }
-    let is_position = |at: usize| {
-        let is = |cells: &[&[u8]], needed: &str| {
+    let is = |at: usize, kind: &str, what: &str| {
+        let has = |cells: &[&[u8]], needed: &str| {
             cells.get(at).is_some_and(|cell| cell.eq_ignore_ascii_case(needed.as_bytes()))
         };
-        is(&types, "Marker") && is(&kinds, "Position")
+        has(&types, kind) && has(&kinds, what)
     };
+    let is_position = |at: usize| is(at, "Marker", "Position");
     let mut labels = Vec::new();
     let mut unlabelled = 0;
     let mut at = 2;
@@ -118,6 +123,59 @@ pub(super) fn header(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FilePr
         }
         at += 3;
     }
+    let mut bodies = Vec::new();
+    let mut at = 2;
+    while labels.len() == body::POINTS * bodies.len() && at < axes.len() {
+        let count_of_body = |what: &str, from: usize| {
+            let is_next = |i: &usize| is(*i, "Rigid Body", what) && names.get(*i) == names.get(at);
+            (from..axes.len()).take_while(is_next).count()
+        };
+        let turns = count_of_body("Rotation", at);
+        let end = at + turns;
+        if turns == 0 || count_of_body("Position", end) < 3 {
+            at += 1;
+            continue;
+        }
+        let name = names.get(at).copied().unwrap_or_default();
+        let axis_of = |i: usize| b"XYZW".iter().position(|axis| axes[i] == [*axis]);
+        let order = value("Rotation Type").and_then(euler_order);
+        let first = labels.len() as u32;
+        let rotation = match (turns, order) {
+            (4, _) => Some(Rotation::Quaternion),
+            (3, Some(order)) => Some(Rotation::Euler { order, unit_rad: 1_f64.to_radians() }),
+            _ => None,
+        };
+        let components: Option<Vec<usize>> = (at..end).map(axis_of).collect();
+        let position: Option<Vec<usize>> = (end..end + 3).map(axis_of).collect();
+        let (Some(rotation), Some(components), Some(position)) = (rotation, components, position)
+        else {
+            let found = format!(
+                "rotation of `{}` in {turns} columns, with the Rotation Type `{}`",
+                shown(name),
+                shown(value("Rotation Type").unwrap_or_default())
+            );
+            let needed = "X, Y, Z, W of a quaternion or three angles with their order, such as XYZ; export the file \
+                          again with the Rotation Type `Quaternion`";
+            return Err(FileProblem::in_line(line, found, needed));
+        };
+        for (i, axis) in components.into_iter().enumerate() {
+            let component = match rotation {
+                Rotation::Euler { order, .. } => {
+                    order.iter().position(|other| usize::from(*other) == axis).unwrap_or(0)
+                }
+                // The components of a quaternion are stored as w, x, y, z.
+                _ => (axis + 1) % 4,
+            };
+            columns[at + i] = Column::Rotation(first, component as u8);
+        }
+        for (i, axis) in position.into_iter().enumerate() {
+            columns[end + i] = Column::Axis(first, axis.min(2) as u8);
+        }
+        let name = label_text(name);
+        labels.extend((0..body::POINTS).map(|point| body::point_label(&name, point)));
+        bodies.push((first, rotation));
+        at = end + 3;
+    }
     if labels.is_empty() {
         return Err(no_markers(&types, unlabelled));
     }
@@ -128,12 +186,22 @@ pub(super) fn header(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FilePr
         unit,
         labels,
         columns,
+        bodies,
         line,
         body: lines,
         frames: number("Total Exported Frames")
             .map(|frames| (frames as usize, "Total Exported Frames")),
         doubts,
     })
+}
+
+/// Parses the order of three angles, such as `XYZ`.
+fn euler_order(text: &[u8]) -> Option<[u8; 3]> {
+    let axes =
+        text.iter().map(|axis| b"XYZ".iter().position(|known| known.eq_ignore_ascii_case(axis)));
+    let order: Vec<u8> = axes.map(|axis| Some(axis? as u8)).collect::<Option<_>>()?;
+    let order: [u8; 3] = order.try_into().ok()?;
+    (0..3).all(|axis| order.contains(&axis)).then_some(order)
 }
 
 fn no_markers(types: &[&[u8]], unlabelled: usize) -> FileProblem {
@@ -156,6 +224,7 @@ fn no_markers(types: &[&[u8]], unlabelled: usize) -> FileProblem {
     let found = format!("{name} without markers (types of columns: {others})");
     FileProblem::new(
         found,
-        "columns of the type `Marker`; enable `Markers` in the export settings of Motive",
+        "columns of the type `Marker` or `Rigid Body`; enable `Markers` or `Rigid Bodies` in the export settings of \
+         Motive",
     )
 }

@@ -1,10 +1,13 @@
 //! Parses the rows of the marker table.
 
+use trilink_base::body;
+
 use super::cells::{Dialect, plain_decimal, shown, trimmed};
-use super::header::{self, Column, Header};
+use super::header::{self, Column, Header, SECTIONS};
 use super::markers::{MAX_MM, MISSING};
+use super::rotation::Rotation;
 use super::systems::System;
-use super::{FileProblem, Recording, decimals, vertical};
+use super::{FileProblem, Recording, decimals, table, vertical};
 use crate::LengthUnit;
 
 /// Maximum plausible frame number; with larger ones, differences could overflow.
@@ -20,12 +23,19 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
     // grow.
     let is_blank = |(_, cells): &(usize, &[u8])| dialect.is_blank(cells);
     let rows = header.body.clone().skip_while(is_blank).take_while(|row| !is_blank(row)).count();
-    let rows = rows.min(text.len() / (3 * markers.max(1)));
+    let is_read = |column: &&Column| matches!(column, Column::Axis(..) | Column::Rotation(..));
+    let cells_read = header.columns.iter().filter(is_read).count();
+    let rows = rows.min(text.len() / cells_read.max(1));
     let mut frames: Vec<i64> = Vec::with_capacity(rows);
     let mut positions_mm: Vec<[f64; 3]> = Vec::with_capacity(rows * markers);
     let mut rows_without_frame = 0;
     let mut rows_too_long = 0;
-    let has_frame_numbers = header.columns.first() == Some(&Column::Frame);
+    // The column of frame numbers is the first, except in tables of other programs.
+    let frame_column = header.columns.iter().position(|column| *column == Column::Frame);
+    let has_frame_numbers = frame_column.is_some();
+    let time_column = header.columns.iter().position(|column| *column == Column::Time);
+    let time_column = time_column.filter(|_| header.system == System::Table);
+    let mut times_s = Vec::new();
     // First and last row of the table.
     let mut ends: Option<(&[u8], &[u8])> = None;
     let mut after_blank = false;
@@ -39,18 +49,19 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         }
         if header.system == System::Vicon && is_next_title(dialect, cells, after_blank) {
             let rest = [(line, cells)].into_iter().chain(lines);
-            if let Some(line) = header::title_line(dialect, rest) {
-                return Err(FileProblem::in_line(
-                    line,
-                    "a second `Trajectories` section",
-                    "only one",
-                ));
+            let section = SECTIONS[usize::from(!header.bodies.is_empty())];
+            if let Some(line) = header::title_line(dialect, section, rest) {
+                let found = format!("a second `{section}` section");
+                return Err(FileProblem::in_line(line, found, "only one"));
             }
             break;
         }
         after_blank = false;
         let row = Row { line, cells, header: &header };
-        let frame = if has_frame_numbers { row.frame()? } else { Some(frames.len() as i64 + 1) };
+        let frame = match frame_column {
+            Some(column) => row.frame(column)?,
+            None => Some(frames.len() as i64 + 1),
+        };
         let Some(frame) = frame else {
             rows_without_frame += 1;
             continue;
@@ -60,6 +71,10 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
             return Err(FileProblem::in_line(line, found, "a larger frame number"));
         }
         frames.push(frame);
+        if let Some(column) = time_column {
+            let cell = dialect.cells(cells).nth(column).unwrap_or_default();
+            times_s.push(dialect.number(cell).unwrap_or(f64::NAN));
+        }
         if row.is_cut(text) {
             let found =
                 format!("the end of the file after {} cells of a row", dialect.count(cells));
@@ -70,13 +85,16 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         let start = positions_mm.len();
         // A full row has at least one byte per cell, so a larger number of cells means that rows are cut short.
         // Otherwise a crafted file could request far more memory than its own size.
-        if (start + markers) * 3 > text.len() {
+        if frames.len() * cells_read > text.len() {
             let found = format!("rows much too short for the {markers} markers of the header");
             return Err(FileProblem::in_line(line, found, "one cell for each axis of each marker"));
         }
         ends = Some((ends.map_or(cells, |(first, _)| first), cells));
         positions_mm.resize(start + markers, MISSING);
         let rest = row.positions(&mut positions_mm[start..])?;
+        for &(first, rotation) in &header.bodies {
+            row.pose(rotation, first as usize, &mut positions_mm[start + first as usize..])?;
+        }
         rows_too_long += usize::from(!dialect.is_blank(rest));
     }
     if let Some((first, last)) = ends {
@@ -85,7 +103,7 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         }
         check_times(&header, [first, last], &frames)?;
     }
-    let Header { system, rate_hz, labels, line, mut doubts, .. } = header;
+    let Header { system, mut rate_hz, labels, line, mut doubts, .. } = header;
     if frames.is_empty() {
         return Err(if rows_without_frame == 0 {
             FileProblem::new(format!("no row of numbers below line {line}"), "at least one frame")
@@ -94,6 +112,13 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
                 format!("{rows_without_frame} rows below line {line}, all without a frame number");
             FileProblem::new(found, "at least one row with a frame number")
         });
+    }
+    if time_column.is_some() {
+        if has_frame_numbers {
+            rate_hz = table::rate_hz(&frames, &times_s);
+        } else {
+            (frames, rate_hz) = table::frames_of_times(&times_s)?;
+        }
     }
     let count = frames.len();
     if let Some((stated, place)) = header.frames.filter(|(stated, _)| *stated != count) {
@@ -181,9 +206,12 @@ impl Row<'_> {
     }
 
     /// Parses the frame number in the row; `None` if the cell is empty.
-    fn frame(&self) -> Result<Option<i64>, FileProblem> {
+    fn frame(&self, column: usize) -> Result<Option<i64>, FileProblem> {
         let dialect = self.header.dialect;
-        let cell = dialect.first_cell(self.cells);
+        let cell = match column {
+            0 => dialect.first_cell(self.cells),
+            _ => dialect.cells(self.cells).nth(column).unwrap_or_default(),
+        };
         if cell.is_empty() {
             return Ok(None);
         }
@@ -191,7 +219,7 @@ impl Row<'_> {
             .number(cell)
             .filter(|frame| frame.fract() == 0.0 && frame.abs() <= MAX_FRAME)
             .map(|frame| Some(frame as i64))
-            .ok_or_else(|| self.not_a_number(0, cell, "a whole frame number".to_owned()))
+            .ok_or_else(|| self.not_a_number(column, cell, "a whole frame number".to_owned()))
     }
 
     /// Stores the positions in the row and returns the cells beyond the table's columns. Empty cells and cells that are
@@ -199,12 +227,19 @@ impl Row<'_> {
     fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], FileProblem> {
         let mut rest = self.cells;
         for (i, column) in self.header.columns.iter().enumerate() {
-            if let &Column::Axis(marker, axis) = column {
-                let (value, length) = self.cell(i, rest)?;
-                positions_mm[marker as usize][usize::from(axis)] = value;
-                rest = &rest[length..];
-            } else {
-                rest = &rest[self.header.dialect.cell_end(rest)..];
+            match *column {
+                Column::Axis(marker, axis) => {
+                    let (value, length) = self.cell(i, rest, self.header.unit.mm())?;
+                    positions_mm[marker as usize][usize::from(axis)] = value;
+                    rest = &rest[length..];
+                }
+                Column::Rotation(body, component) => {
+                    let (value, length) = self.cell(i, rest, 1.0)?;
+                    let component = usize::from(component);
+                    positions_mm[body as usize + 1 + component / 3][component % 3] = value;
+                    rest = &rest[length..];
+                }
+                _ => rest = &rest[self.header.dialect.cell_end(rest)..],
             }
             match rest.split_first() {
                 Some((_, after)) => rest = after,
@@ -213,26 +248,65 @@ impl Row<'_> {
         }
         // Qualisys writes zeros for an occluded marker.
         let zeros_are_missing = self.header.system == System::Qualisys;
-        for position in positions_mm {
+        let mut bodies = self.header.bodies.iter().map(|(first, _)| *first as usize).peekable();
+        let mut index = 0;
+        while index < positions_mm.len() {
+            let position = &mut positions_mm[index];
             let is_missing = position.iter().any(|x| x.is_nan());
             if is_missing || zeros_are_missing && *position == [0.0; 3] {
                 *position = MISSING;
             }
+            // The components of a rotation follow.
+            index += if bodies.next_if_eq(&index).is_some() { body::POINTS } else { 1 };
         }
         Ok(rest)
     }
 
-    /// Parses the number at the start of `rest`, mm (NaN for an empty cell). Also returns the length of the cell.
+    /// Replaces the pose of a rigid body, its position and the components of its rotation, by the positions of the
+    /// body's points; three NaN each if a part of the pose is missing. `first` is the index of the body's first label.
+    fn pose(
+        &self,
+        rotation: Rotation,
+        first: usize,
+        positions_mm: &mut [[f64; 3]],
+    ) -> Result<(), FileProblem> {
+        let Some((points, _)) = positions_mm.split_first_chunk_mut::<{ body::POINTS }>() else {
+            return Ok(());
+        };
+        let [origin_mm, rows @ ..] = *points;
+        let mut components = [0.0; 9];
+        components.copy_from_slice(rows.as_flattened());
+        let needed = &components[..rotation.components()];
+        // Systems write zeros for a body that they did not find; no measured position is exactly zero.
+        let is_missing = origin_mm[0].is_nan() || origin_mm == [0.0; 3];
+        if is_missing || needed.iter().any(|x| x.is_nan()) {
+            *points = [MISSING; body::POINTS];
+            return Ok(());
+        }
+        let Some(axes) = rotation.axes(&components) else {
+            let found = format!(
+                "{} of `{}` that are not those of a rotation: {needed:?}",
+                if rotation == Rotation::Quaternion { "components" } else { "matrix elements" },
+                body::name(&self.header.labels[first])
+            );
+            let needed = "a unit quaternion or an orthonormal matrix of a right-handed frame";
+            return Err(FileProblem::in_line(self.line, found, needed));
+        };
+        *points = body::points(origin_mm, &axes);
+        Ok(())
+    }
+
+    /// Parses the number at the start of `rest` and multiplies it by `unit` (NaN for an empty cell). Also returns the
+    /// length of the cell.
     #[inline]
-    fn cell(&self, column: usize, rest: &[u8]) -> Result<(f64, usize), FileProblem> {
+    fn cell(&self, column: usize, rest: &[u8], unit: f64) -> Result<(f64, usize), FileProblem> {
         let dialect = self.header.dialect;
         let ends = |at: usize| rest.get(at).is_none_or(|&byte| byte == dialect.separator);
         if ends(0) {
             return Ok((f64::NAN, 0));
         }
-        let mm = self.header.unit.mm();
         let is_plausible = |value: &f64| value.abs() <= MAX_MM;
-        let plain = plain_decimal(rest).map(|(value, at)| (value * mm, at));
+        let plain = plain_decimal(rest).map(|(value, at)| (value * unit, at));
         if let Some(number) = plain.filter(|(value, at)| is_plausible(value) && ends(*at)) {
             return Ok(number);
         }
@@ -241,10 +315,13 @@ impl Row<'_> {
         let value = if cell.is_empty() || self.is_missing(cell) {
             Some(f64::NAN)
         } else {
-            dialect.number(cell).map(|value| value * mm).filter(is_plausible)
+            dialect.number(cell).map(|value| value * unit).filter(is_plausible)
         };
         let value = value.ok_or_else(|| {
-            let needed = format!("a number (in {}) or an empty cell", self.header.unit);
+            let needed = match self.header.columns[column] {
+                Column::Rotation(..) => "a number or an empty cell".to_owned(),
+                _ => format!("a number (in {}) or an empty cell", self.header.unit),
+            };
             self.not_a_number(column, cell, needed)
         })?;
         Ok((value, end))
@@ -263,7 +340,11 @@ impl Row<'_> {
         let Header { columns, labels, .. } = self.header;
         let name = match columns[column] {
             Column::Axis(marker, axis) => {
-                format!("{} {}", labels[marker as usize], ["X", "Y", "Z"][usize::from(axis)])
+                let axis = ["X", "Y", "Z"][usize::from(axis)];
+                format!("{} {axis}", body::name(&labels[marker as usize]))
+            }
+            Column::Rotation(first, _) => {
+                format!("rotation of {}", body::name(&labels[first as usize]))
             }
             _ => "Frame".to_owned(),
         };

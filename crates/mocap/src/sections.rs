@@ -30,9 +30,10 @@ pub(super) fn list_all(text: &[u8], unit: LengthUnit) -> Result<Vec<Section>, Fi
     if system == System::Vicon {
         return Ok(list(Dialect::detect(text), text));
     }
-    let Header { dialect, rate_hz, line, body, .. } = header::find(text, unit)?;
+    let Header { dialect, rate_hz, line, body, bodies, .. } = header::find(text, unit)?;
     let rows = body.filter(|(_, row)| !dialect.is_blank(row)).count();
-    Ok(vec![Section { name: format!("Markers ({})", system.name()), line, rate_hz, rows }])
+    let what = if bodies.is_empty() { "Markers" } else { "Rigid bodies" };
+    Ok(vec![Section { name: format!("{what} ({})", system.name()), line, rate_hz, rows }])
 }
 
 /// Lists all sections of a text file by Vicon. A title is the only cell in its row, and is followed by a rate or by

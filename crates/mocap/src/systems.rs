@@ -1,6 +1,7 @@
 //! Camera systems whose text exports are read, recognised by how a file begins.
 
 use super::cells::begins_with;
+use super::table;
 
 /// Program that exported a text file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,6 +12,8 @@ pub(super) enum System {
     /// Cortex, OpenSim and others.
     Trc,
     Qualisys,
+    /// Any program: a table whose columns are named as `table` describes.
+    Table,
 }
 
 impl System {
@@ -22,7 +25,11 @@ impl System {
             (b"file_version", System::Qualisys),
         ];
         let known = BEGINNINGS.iter().find(|(start, _)| begins_with(text, start));
-        known.map_or(Self::Vicon, |(_, system)| *system)
+        match known {
+            Some((_, system)) => *system,
+            None if table::is_table(text) => Self::Table,
+            None => Self::Vicon,
+        }
     }
 
     /// Returns the name of the format for messages.
@@ -32,13 +39,14 @@ impl System {
             Self::Motive => "OptiTrack Motive CSV",
             Self::Trc => "TRC",
             Self::Qualisys => "Qualisys TSV",
+            Self::Table => "table",
         }
     }
 
     /// Returns the index of the axis that points up by default; `None` if it is always z.
     pub(super) fn usual_up_axis(self) -> Option<usize> {
         match self {
-            Self::Vicon => None,
+            Self::Vicon | Self::Table => None,
             Self::Motive => Some(1),
             Self::Trc | Self::Qualisys => Some(2),
         }

@@ -169,11 +169,6 @@ fn every_error_names_file_line_found_and_needed() {
             ": found only the sections `Devices`, `Model Outputs`, needed a `Trajectories` section",
         ),
         (
-            "tracker-objects.csv",
-            ": found only the section `Objects` (poses of rigid bodies, from Tracker), \
-             needed a `Trajectories` section",
-        ),
-        (
             "tracker-graph.csv",
             ": found a table of quoted cells (a graph plot, from Tracker), \
              needed a `Trajectories` section",
@@ -191,12 +186,14 @@ fn every_error_names_file_line_found_and_needed() {
         (
             "no-labels.csv",
             ", line 3: found `Frame,Sub Frame,X,Y,Z,X,Y,Z`, \
-             needed at least one marker label with X, Y, Z below the label",
+             needed at least one marker label with X, Y, Z below the label, or the label of an object with RX, RY, RZ, \
+             TX, TY, TZ",
         ),
         (
             "no-markers.csv",
             ", line 4: found `Frame,Sub Frame,RX,RY,RZ`, \
-             needed at least one marker label with X, Y, Z below the label",
+             needed at least one marker label with X, Y, Z below the label, or the label of an object with RX, RY, RZ, \
+             TX, TY, TZ",
         ),
         ("bad-rate.csv", ", line 2: found `fast`, needed the frame rate, a number above 0 (in Hz)"),
         ("no-rows.csv", ": found no row of numbers below line 5, needed at least one frame"),
@@ -426,6 +423,38 @@ fn reading_is_as_fast_as_parsing_every_cell() {
     };
     let (read, parse) = (best(&read), best(&parse));
     assert!(read <= parse, "reading {read:?}, every cell {parse:?}");
+}
+
+#[test]
+#[ignore = "a timing; alone: cargo test -p trilink-mocap --lib other_text -- --ignored --nocapture"]
+fn other_text_formats_are_read_in_at_most_1_5_times_the_time_of_csv() {
+    let labels = (0..28).map(|i| trilink_base::body::point_label(&format!("B{}", i / 4), i % 4));
+    let positions = (0..4000 * 7).flat_map(|i| {
+        let t = 0.001 * f64::from(i);
+        let axes = trilink_base::body::turned([(2, 3.0 * t), (1, 0.01), (0, 0.02 * t.sin())]);
+        trilink_base::body::points([900.0 * t.cos(), -700.0 * t.sin(), 62.0], &axes)
+    });
+    let file =
+        Recording::new(Some(120.0), (1..4001).collect(), labels.collect(), positions.collect());
+    let per_value = |format: Format| {
+        let bytes = format.encode("a", &file);
+        let path = PathBuf::from(format!("a.{}", format.extension()));
+        let timed = |_| {
+            let begin = Instant::now();
+            std::hint::black_box(parse_markers(&path, &bytes, MM).unwrap());
+            begin.elapsed()
+        };
+        let values = if format.has_bodies() { 7 * 7 } else { 28 * 3 };
+        let best: std::time::Duration = (0..20).map(timed).min().unwrap();
+        best.as_secs_f64() / (4000.0 * f64::from(values))
+    };
+    let csv = per_value(Format::Csv);
+    for format in Format::ALL {
+        let ratio = per_value(format) / csv;
+        println!("{format}: {ratio:.2} times CSV per value ({:.1} ns)", 1e9 * csv * ratio);
+        let is_text = !matches!(format, Format::C3d | Format::PosesParquet);
+        assert!(!is_text || ratio < 1.5, "{format}: {ratio:.2}");
+    }
 }
 
 /// Returns the bytes of every fixture.

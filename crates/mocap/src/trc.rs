@@ -104,6 +104,7 @@ pub(super) fn header(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FilePr
         unit,
         labels,
         columns,
+        bodies: Vec::new(),
         line: line + 1,
         body: lines,
         frames: number("NumFrames").map(|frames| (frames as usize, "NumFrames")),

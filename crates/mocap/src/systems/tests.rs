@@ -271,13 +271,23 @@ fn motive_s_rigid_bodies_are_skipped_whatever_the_order_of_their_rotation() {
 #[test]
 fn a_motive_file_that_cannot_be_read_is_named_with_the_setting_to_change() {
     let text = STYLE.motive(&QUATERNION, false);
-    let bodies = text.replace(",Marker", ",Bone Marker");
+    let others = text.replace(",Marker", ",Bone Marker").replace(",Rigid Body,", ",Bone,");
+    let others = others.replace(",Rigid Body,", ",Bone,");
     assert_eq!(
-        message(&bodies),
-        "a.csv: found OptiTrack Motive CSV without markers (types of columns: `Rigid Body`, `Rigid Body Marker`, \
-         `Bone Marker`), needed columns of the type `Marker`; enable `Markers` in the export settings of Motive"
+        message(&others),
+        "a.csv: found OptiTrack Motive CSV without markers (types of columns: `Bone`, `Rigid Body Marker`, `Bone \
+         Marker`), needed columns of the type `Marker` or `Rigid Body`; enable `Markers` or `Rigid Bodies` in the \
+         export settings of Motive"
     );
-    let unlabelled = text.replace("Snake:M", "Unlabeled:");
+    let bodies = STYLE.motive(&["X", "Y", "Z"], false).replace(",Marker", ",Bone Marker");
+    assert_eq!(
+        message(&bodies.replace("Rotation Type,XYZ", "Rotation Type,Other")),
+        "a.csv, line 7: found rotation of `Snake` in 3 columns, with the Rotation Type `Other`, needed X, Y, Z, W of a \
+         quaternion or three angles with their order, such as XYZ; export the file again with the Rotation Type \
+         `Quaternion`"
+    );
+    let unlabelled = text.replace("Snake:M", "Unlabeled:").replace(",Rigid Body,", ",Bone,");
+    let unlabelled = unlabelled.replace(",Rigid Body,", ",Bone,");
     assert_eq!(
         message(&unlabelled),
         "a.csv: found OptiTrack Motive CSV with 3 unlabelled markers and no other, needed labelled markers; label \
@@ -376,11 +386,12 @@ fn columns_of_frames_and_times_of_a_qualisys_file_are_optional() {
     assert_eq!(Some(file.position_mm(9, 0)), position(0, 9));
     let triggered = QUALISYS.qualisys(&[], false).replace("FREQUENCY\t120", "FREQUENCY\tEXT");
     assert_eq!(read(triggered.as_bytes()).unwrap().rate_hz, None);
-    let needed = "needed 3D data with MARKER_NAMES; export the labelled trajectories as 3D data, with the header";
+    let needed = "needed 3D data with MARKER_NAMES or 6D data with BODY_NAMES; export the labelled trajectories as 3D \
+                  data or the rigid bodies as 6D data, with the header";
     let text = QUALISYS.qualisys(&[], true);
     for (from, to, found) in [
         ("INCLUDED\t3D", "INCLUDED\t2D", "Qualisys TSV with 2D data"),
-        ("DATA_INCLUDED\t3D", "NO_OF_BODIES\t3", "Qualisys TSV with 6D data of rigid bodies"),
+        ("DATA_INCLUDED\t3D", "NO_OF_BODIES\t3", "Qualisys TSV without bodies"),
         ("MARKER_NAMES", "OTHER", "Qualisys TSV without markers"),
     ] {
         assert_eq!(message(&text.replace(from, to)), format!("a.csv: found {found}, {needed}"));
@@ -420,4 +431,160 @@ fn index_columns_and_decimal_commas_between_commas_are_named() {
     assert!(message(&commas).contains("decimal commas"), "{}", message(&commas));
     let motive = Style { decimal: ',', ..STYLE }.motive(&QUATERNION, false);
     assert!(message(&motive).contains("decimal commas"), "{}", message(&motive));
+}
+
+/// Rows of a table with a body at rest that is turned by a quarter about the vertical axis and then by 0.1 rad about
+/// its own axis 0.
+fn assert_quarter_turned(text: &str, name: &str) {
+    let file = read(text.as_bytes()).unwrap();
+    assert_eq!(file.bodies(), [0], "{text}");
+    assert_eq!(file.labels[0], format!("{name}@1"));
+    let (origin_mm, axes) = file.pose(0, 0);
+    let (sin, cos) = 0.1_f64.sin_cos();
+    let expected = [[0.0, 1.0, 0.0], [-cos, 0.0, sin], [sin, 0.0, cos]];
+    for (found, expected) in axes.as_flattened().iter().zip(expected.as_flattened()) {
+        assert!((found - expected).abs() < 2e-5, "{axes:?}\n{text}");
+    }
+    for (found, expected) in origin_mm.iter().zip([1.0, 2.0, 3.0]) {
+        assert!((found - expected).abs() < 1e-9, "{origin_mm:?}\n{text}");
+    }
+}
+
+#[test]
+fn rotations_of_rigid_bodies_are_read_in_every_representation() {
+    // Motive with y up: the vertical axis y is the body's z, its x is z, its y is x.
+    let head = "Format Version,1.23,Rotation Type,ROTATION,Length Units,Millimeters,Export Frame Rate,120\n\n";
+    let motive = |rotation: &str, axes: &str, numbers: &str| {
+        let count = axes.split(',').count();
+        let cells = |cell: &str| format!(",,{}\n", vec![cell; count + 3].join(","));
+        let kinds = [vec!["Rotation"; count], vec!["Position"; 3]].concat().join(",");
+        let rows = format!("Frame,Time (Seconds),{axes},X,Y,Z\n1,0,{numbers},2,3,1\n");
+        // A long way along x and z shows that y points up.
+        let ways = format!("2,0.008333,{numbers},900,3,900\n");
+        let names = [cells("Rigid Body"), cells("body"), cells("7")].concat();
+        format!("{}{names},,{kinds}\n{rows}{ways}", head.replace("ROTATION", rotation))
+    };
+    let (s, c) = (0.05_f64.sin(), 0.05_f64.cos());
+    let h = 0.5_f64.sqrt();
+    // Product of the quaternions of a quarter of a turn about y and of 0.1 rad about the new z.
+    let [w, x, y, z] = [h * c, h * s, h * c, h * s];
+    let quaternion = format!("{x:.6},{y:.6},{z:.6},{w:.6}");
+    assert_quarter_turned(&motive("Quaternion", "X,Y,Z,W", &quaternion), "body");
+    let degrees = 0.1_f64.to_degrees();
+    assert_quarter_turned(&motive("YXZ", "X,Y,Z", &format!("0,90,{degrees:.6}")), "body");
+    assert_quarter_turned(&motive("YZX", "X,Y,Z", &format!("0,90,{degrees:.6}")), "body");
+    // The same rotation with z first is one of 0.1 rad about the camera system's axis that becomes x.
+    assert_quarter_turned(&motive("XYZ", "X,Y,Z", &format!("{degrees:.6},90,0")), "body");
+
+    let [w, x, y, z] = [h * c, h * s, h * s, h * c];
+    let angle = 2.0 * w.acos();
+    let [rx, ry, rz] = [x, y, z].map(|component| angle * component / (0.5 * angle).sin());
+    let tracker = |unit: &str, scale: f64| {
+        let [rx, ry, rz] = [rx, ry, rz].map(|x| scale * x);
+        format!(
+            "Objects\n120\n,,body:body,,,,,\nFrame,Sub Frame,RX,RY,RZ,TX,TY,TZ\n,,{unit},{unit},{unit},mm,mm,mm\n\
+             1,0,{rx:.6},{ry:.6},{rz:.6},1,2,3\n"
+        )
+    };
+    assert_quarter_turned(&tracker("rad", 1.0), "body:body");
+    assert_quarter_turned(&tracker("deg", 1_f64.to_degrees()), "body:body");
+    assert_quarter_turned(
+        &format!(
+            "Objects\n120\n,,body:body,,,,,,\nFrame,Sub Frame,RX,RY,RZ,RW,TX,TY,TZ\n,,,,,,mm,mm,mm\n\
+             1,0,{x:.6},{y:.6},{z:.6},{w:.6},1,2,3\n"
+        ),
+        "body:body",
+    );
+    let unknown = tracker("turns", 1.0);
+    assert!(message(&unknown).contains("found unit `turns` of a rotation, needed `rad` or `deg`"));
+
+    let (sin, cos) = 0.1_f64.sin_cos();
+    let qualisys = |matrix: [f64; 9]| {
+        let matrix = matrix.map(|x| format!("{x:.5}")).join("\t");
+        format!(
+            "NO_OF_FRAMES\t1\nNO_OF_BODIES\t1\nFREQUENCY\t120\nDATA_INCLUDED\t6D\nBODY_NAMES\tbody\n\
+             1\t0.0\t1\t2\t3\t5.7\t0\t90\t0.4\t{matrix}\n"
+        )
+    };
+    let matrix = [0.0, 1.0, 0.0, -cos, 0.0, sin, sin, 0.0, cos];
+    assert_quarter_turned(&qualisys(matrix), "body");
+    let text = qualisys([0.5; 9]);
+    assert!(message(&text).contains("line 6: found matrix elements of `body` that are not those"));
+    let lost = qualisys(matrix).replace("\t1\t2\t3\t", "\t0\t0\t0\t");
+    let zeros = "1,0,0,0,0,0,0,0\n";
+    let tracker = tracker("rad", 1.0);
+    let head: String = tracker.split_inclusive('\n').take(5).collect();
+    for text in [lost, head + zeros] {
+        assert!(read(text.as_bytes()).unwrap().pose(0, 0).0[0].is_nan());
+    }
+}
+
+#[test]
+fn tables_of_other_programs_are_read_by_the_names_of_their_columns() {
+    let text = "note,time_s,tag_yaw_deg,tag_pitch_deg,tag_roll_deg,tag_x_m,tag_y_m,tag_z_m,frame,tag_error_px\n\
+                a,0.5,90,0,5.729578,0.001,0.002,0.003,7,0.2\n\
+                b,0.5083333,90,0,5.729578,0.001,0.002,0.003,8,0.2\n\
+                c,0.525,,,,,,,10,\n";
+    assert_quarter_turned(text, "tag");
+    let file = read(text.as_bytes()).unwrap();
+    assert_eq!((file.rate_hz, &file.frames[..]), (Some(120.0), &[7, 8, 10][..]));
+    assert!(file.pose(2, 0).0[0].is_nan());
+    assert_quarter_turned(&text.replace(',', ";").replace('.', ","), "tag");
+    let listed = sections(Path::new("a.csv"), text.as_bytes()).unwrap();
+    assert_eq!((&listed[0].name[..], listed[0].rows), ("Rigid bodies (table)", 3));
+
+    // Without frame numbers, the times show that a frame is missing.
+    let markers = "time_s,M1_x_cm,M1_y_cm,M1_z_cm\n0.00,1,2,3\n0.04,1,2,3\n0.121,1,2,3\n0.16,1,2,3\n0.20,1,2,3\n";
+    let file = read(markers.as_bytes()).unwrap();
+    assert_eq!((file.rate_hz, &file.frames[..]), (Some(25.0), &[1, 2, 4, 5, 6][..]));
+    assert_eq!(
+        (&file.labels[..], file.position_mm(0, 0)),
+        (&["M1".to_owned()][..], [10.0, 20.0, 30.0])
+    );
+
+    for (text, found) in [
+        (
+            markers.replace("0.121", "0.14"),
+            "found 0.1 s from the time before in row 3 below the header",
+        ),
+        (
+            markers.replace("0.121", "0.03"),
+            "found time 0.03 s after 0.04 s in row 3 below the header",
+        ),
+        (markers.replace("0.121", ""), "found time NaN s after 0.04 s in row 3"),
+        (markers.replace("M1_z_cm", "M2_z_cm"), ", line 1: found a table without positions"),
+        (
+            text.replace("tag_roll_deg", "tag_roll"),
+            ", line 1: found only a part of the rotation of `tag`",
+        ),
+        (
+            text.replace("note", "tag_x_m"),
+            ", line 1: found more than one column for the same as `tag_x_m`",
+        ),
+        (
+            text.replace("tag_error_px", "M1_x_mm,M1_y_mm,M1_z_mm"),
+            ", line 1: found positions of `M1` in mm beside others in m, needed one unit",
+        ),
+        (text.replacen("0.001", "x", 1), ", line 2, column 6 (tag X): found `x`"),
+        (text.replacen("90", "x", 1), ", line 2, column 3 (rotation of tag): found `x`"),
+    ] {
+        assert!(message(&text).contains(found), "{}", message(&text));
+    }
+}
+
+#[test]
+fn a_damaged_parquet_file_is_an_error() {
+    let labels = (0..4).map(|i| trilink_base::body::point_label("tag", i)).collect();
+    let axes = trilink_base::body::turned([(2, 0.3), (1, 0.0), (0, 0.0)]);
+    let points = trilink_base::body::points([1.0, 2.0, 3.0], &axes);
+    let positions = (0..50).flat_map(|_| points).collect();
+    let file = Recording::new(Some(120.0), (1..51).collect(), labels, positions);
+    let bytes = crate::Format::PosesParquet.encode("a", &file);
+    let path = Path::new("a.parquet");
+    let whole = parse_markers(path, &bytes, LengthUnit::Mm).unwrap();
+    assert_eq!((whole.frames, whole.labels), (file.frames, file.labels));
+    for cut in (4..bytes.len()).step_by(97) {
+        let error = parse_markers(path, &bytes[..cut], LengthUnit::Mm).unwrap_err().to_string();
+        assert!(error.starts_with("a.parquet: found a damaged Parquet file"), "{error}");
+    }
 }
