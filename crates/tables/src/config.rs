@@ -7,6 +7,7 @@ mod check;
 mod compare;
 mod error;
 mod key;
+mod link_layout;
 mod model;
 mod paths;
 mod robot;
@@ -357,12 +358,16 @@ impl Weights {
 
 /// Marker layout of each link: positions of the markers by label, mm, in a link frame with its origin on the
 /// floor below the wheel axle, x along the wheel's rolling direction t_i, y along n_i (across it) and z
-/// upwards.
+/// upwards. A rigid body, whose entry in the configuration states its pose, is four markers: the points of
+/// [`trilink_base::body`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Markers {
+    #[serde(with = "link_layout")]
     pub link0: BTreeMap<String, [f64; 3]>,
+    #[serde(with = "link_layout")]
     pub link1: BTreeMap<String, [f64; 3]>,
+    #[serde(with = "link_layout")]
     pub link2: BTreeMap<String, [f64; 3]>,
 }
 

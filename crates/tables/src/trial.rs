@@ -48,7 +48,7 @@ named! {
 pub struct Trial {
     /// Name of the trial, `[A-Za-z0-9._-]{1,64}`, which must be unique within the folder.
     pub id: String,
-    /// Marker file in the folder: `.csv`, `.c3d`, `.trc` or `.tsv`, or any of these with `.gz`.
+    /// Marker file in the folder: `.csv`, `.c3d`, `.trc`, `.tsv` or `.parquet`, or any of these with `.gz`.
     pub file: String,
     pub kind: TrialKind,
     /// Name of the campaign, an entry `[campaign.NAME]` of the configuration; only for trials of kind `gait`.
