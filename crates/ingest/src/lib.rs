@@ -93,6 +93,7 @@ use checks::Finding;
 use cycles::steady::{self, CycleSelection};
 use cycles::{Cycle, CycleData, summary, wheel_velocities};
 use identification::{against_configured, coast, release};
+use markers::bodies;
 use markers::layout::{self, Layout};
 pub use markers::layout::{LinkMarker, marker_name};
 pub use markers::rigid::fit as fit_rigid;
@@ -338,8 +339,9 @@ struct TrialRecording<'i> {
 impl<'i> TrialRecording<'i> {
     fn new(file: Recording, settings: &'i IngestSettings, robot: &Robot) -> Result<Self, Problem> {
         let rate_hz = settings.frame_rate(&file)?;
-        let (file, layout, missing) = layout::locate_or_occlude(&settings.markers, file)?;
+        let (mut file, mut layout, missing) = layout::locate_or_occlude(&settings.markers, file)?;
         diagnosis::check_layout(&file, &layout)?;
+        bodies::balance(&mut file, &mut layout);
         Ok(Self { file, settings, layout, missing, linkage: Linkage::from_robot(robot), rate_hz })
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use trilink_base::body;
 use trilink_tables::config::Markers;
 use trilink_tables::{
     Clock, Coordinates, FrameTexts, Frames as _, LABELS_APART, PoseFrames, Table,
@@ -31,12 +32,14 @@ pub(super) fn poses(
         .into_table(trial)
 }
 
-/// Returns, for each set of a link's markers in `markers`, the text that names them. Each bit of a set stands for the
+/// Returns, for each set of a link's markers in `markers`, the text that names them and the rigid bodies. Each bit of a set stands for the
 /// marker with that index in the layout.
 fn labels(layout: &BTreeMap<String, [f64; 3]>, markers: impl Iterator<Item = u64>) -> FrameTexts {
     FrameTexts::new(markers, |bits| {
         let labels = (0..).zip(layout.keys());
         let named = labels.filter(|(index, _)| bits & bit(*index) != 0);
-        named.map(|(_, label)| label.as_str()).collect::<Vec<_>>().join(LABELS_APART)
+        let mut named: Vec<&str> = named.map(|(_, label)| body::name(label)).collect();
+        named.dedup();
+        named.join(LABELS_APART)
     })
 }

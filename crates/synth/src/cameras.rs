@@ -103,11 +103,14 @@ pub(super) struct Scene<'a> {
     pub tilt: Tilt,
     /// Direction of the motion's x axis in the laboratory, rad; `None` for a random direction.
     pub heading_rad: Option<f64>,
+    /// Whether the markers of a link are seen all or not at all: all in the frames in which two or more would be seen
+    /// otherwise. A rigid body needs three markers, and laboratories that export bodies attach more than three to each.
+    pub as_bodies: bool,
 }
 
 /// Simulates the recording of a motion, which is given as `(x, y, theta, phi1, phi2)` for every frame, m and rad.
 pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8Rng) -> Film {
-    let Scene { robot, layout, rate_hz, misplaced, tilt, heading_rad } = *scene;
+    let Scene { robot, layout, rate_hz, misplaced, tilt, heading_rad, as_bodies } = *scene;
     let mut markers: Vec<(usize, &String, [f64; 3])> = Vec::new();
     for (link, layout) in layout.links().into_iter().enumerate() {
         for (label, position) in layout {
@@ -119,7 +122,16 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     let heading = heading_rad.unwrap_or(drawn_rad);
     let origin_mm = [random.random_range(-900.0..900.0), random.random_range(-900.0..900.0)];
     let first_frame = random.random_range(FIRST_FRAME);
-    let seen = dropouts(coordinates.len(), rate_hz, &markers, &mut random);
+    let mut seen = dropouts(coordinates.len(), rate_hz, &markers, &mut random);
+    if as_bodies {
+        for link in 0..3 {
+            let own: Vec<usize> = (0..markers.len()).filter(|&i| markers[i].0 == link).collect();
+            for frame in 0..coordinates.len() {
+                let is_tracked = own.iter().filter(|&&i| seen[i][frame]).count() >= 2;
+                own.iter().for_each(|&i| seen[i][frame] = is_tracked);
+            }
+        }
+    }
     let noise = Normal::new(0.0, NOISE_MM).expect("a positive deviation");
 
     let mut positions_mm = Vec::with_capacity(coordinates.len() * markers.len());

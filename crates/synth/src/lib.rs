@@ -9,7 +9,7 @@
 //!
 //! - `plan`: the trials with their robots and laws, drawn from the seed.
 //! - `planted`, `servo` and `decay`: the motion in each trial, with and without a gait.
-//! - `cameras`: the recording of the motion.
+//! - `cameras`: the recording of the motion; `bodies`: the poses that a camera system fits to it.
 //! - `truth`: the true values, [`Truth`].
 //!
 //! ```
@@ -26,6 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bodies;
 mod cameras;
 mod decay;
 mod plan;
@@ -42,12 +43,13 @@ use trilink_base::cancel::Cancelled;
 use trilink_base::files;
 use trilink_mechanics::MotionError;
 pub use trilink_mocap::Format;
-use trilink_mocap::csv_bytes;
+use trilink_mocap::{Recording, csv_bytes};
 use trilink_robot::Model;
-use trilink_tables::config::{Config, ConfigError};
+use trilink_tables::config::{Config, ConfigError, Markers};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 use trilink_tables::{StoreError, remove_unfinished, write_bytes};
 
+pub use bodies::body_layout;
 use cameras::Scene;
 pub use cameras::{LabelError, Tilt};
 pub use decay::{DecayTruth, Slope};
@@ -99,6 +101,10 @@ pub enum SynthError {
         "--repeat-omega: found {omega_rad_s} rad/s, needed one of the frequencies of the trials: {}", listed(.known)
     )]
     Repeat { omega_rad_s: f64, known: Vec<f64> },
+    #[error(
+        "--format: found {markers} markers on link {link} of {robot}, needed three for a rigid body"
+    )]
+    Body { robot: String, link: usize, markers: usize },
     #[error(transparent)]
     Coefficients(#[from] ConfigError),
     #[error("trial `{trial}`: {source}")]
@@ -326,6 +332,7 @@ fn write_trial(
         misplaced: recipe.misplaced,
         tilt: recipe.tilt,
         heading_rad: None,
+        as_bodies: recipe.format.has_bodies(),
     };
     let path = folder.join(&trial.file);
     let drive = match source {
@@ -333,7 +340,7 @@ fn write_trial(
         Source::Decay(decay) => {
             let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
             let film = cameras::film(&scene, &decay.coordinates, seed.clone());
-            write_bytes(&path, &recipe.format.encode(&trial.id, &film.markers))?;
+            write_bytes(&path, &encoded(recipe.format, &trial.id, &film.markers, scene.layout))?;
             return Ok(None);
         }
     };
@@ -342,7 +349,7 @@ fn write_trial(
     let (coordinates, metrics) =
         planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz).map_err(failed)?;
     let film = cameras::film(&scene, &coordinates, seed.clone());
-    write_bytes(&path, &recipe.format.encode(&trial.id, &film.markers))?;
+    write_bytes(&path, &encoded(recipe.format, &trial.id, &film.markers, scene.layout))?;
     Ok(Some(TrialTruth {
         omega_rad_s: problem.omega_rad_s,
         metrics,
@@ -351,6 +358,15 @@ fn write_trial(
         friction: drive.friction,
         misplaced: film.label_errors,
     }))
+}
+
+/// Encodes the recorded markers of a trial, or the poses of the links that a camera system fits to them.
+fn encoded(format: Format, trial: &str, markers: &Recording, layout: &Markers) -> Vec<u8> {
+    if format.has_bodies() {
+        format.encode(trial, &bodies::tracked(markers, layout))
+    } else {
+        format.encode(trial, markers)
+    }
 }
 
 /// Returns the CSV file of a synthetic recording of a motion, given as `(x, y, theta, phi1, phi2)` for every frame, m
@@ -368,6 +384,7 @@ pub fn export(
         misplaced: 0.0,
         tilt: Tilt::default(),
         heading_rad: None,
+        as_bodies: false,
     };
     csv_bytes(&cameras::film(&scene, coordinates, plan::random(seed, 0)).markers)
 }

@@ -8,11 +8,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
 use trilink_mechanics::{Laws, Problem};
 use trilink_robot::{Model, Robot};
-use trilink_tables::config::{Config, one_of};
+use trilink_tables::config::{Campaign, Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
 use super::decay::{self, Decay};
-use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, blank_trial, planted};
+use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, blank_trial, bodies, planted};
 
 /// First random-number stream for joint releases and coast-downs.
 const DECAY_STREAMS: u64 = 1 << 32;
@@ -82,6 +82,14 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
             None => {
                 let needed = one_of(model.name(), &config.model, "");
                 return Err(SynthError::Law(format!("found model `{model}`, needed {needed}")));
+            }
+        }
+    }
+    if recipe.format.has_bodies() {
+        for Campaign { robot, .. } in config.campaign.values() {
+            let sizes = config.markers_of(robot).links().map(BTreeMap::len);
+            if let Some(link) = (0..3).find(|&link| sizes[link] < bodies::MIN_MARKERS) {
+                return Err(SynthError::Body { robot: robot.clone(), link, markers: sizes[link] });
             }
         }
     }

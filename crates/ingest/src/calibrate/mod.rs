@@ -24,6 +24,7 @@ mod tests;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use trilink_base::body;
 use trilink_mocap::Recording;
 use trilink_robot::{Gait, Quantity, Robot};
 use trilink_statistics::{Estimate, quantiles_low, wrap};
@@ -138,6 +139,28 @@ pub fn calibrate(
         .and_then(Calibration::require_straight_links)
         .map_err(|problem| problem.in_file(&path))?;
     Ok(Calibration { trial: trial.id.clone(), ..calibration })
+}
+
+/// Returns the measured layout of a link as it is written in the configuration: label and x, y, z of each marker, mm, or
+/// the name and the pose of each rigid body (x, y, z, mm; roll, pitch, yaw, degrees).
+pub fn layout_entries(link: &[MarkerPosition]) -> Vec<(String, Vec<f64>)> {
+    let value = |marker: &MarkerPosition| marker.position_mm.map(|estimate| estimate.value);
+    let mut entries: Vec<(String, Vec<f64>)> = Vec::new();
+    for marker in link {
+        let Some((name, _)) = body::of_point(&marker.label) else {
+            entries.push((marker.label.clone(), value(marker).to_vec()));
+            continue;
+        };
+        let point = |i: usize| link.iter().find(|one| one.label == body::point_label(name, i));
+        let points: Option<Vec<_>> = (0..body::POINTS).map(|i| point(i).map(value)).collect();
+        let points: Option<[[f64; 3]; body::POINTS]> = points.and_then(|all| all.try_into().ok());
+        if let Some(points) = points.filter(|_| entries.iter().all(|(known, _)| known != name)) {
+            let (origin_mm, axes) = body::pose(&points);
+            let angles_deg = body::roll_pitch_yaw(&axes).map(f64::to_degrees);
+            entries.push((name.to_owned(), [origin_mm, angles_deg].concat()));
+        }
+    }
+    entries
 }
 
 /// Division of a trial into segments of equal length, each of which consists of whole cycles if the trial has a gait

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use trilink_base::body;
 use trilink_mocap::Recording;
 use trilink_tables::config::{Markers, toml_key};
 
@@ -68,10 +69,15 @@ pub(crate) fn locate_or_occlude(
 /// Replaces labels of the file by those of the layout for which they stand, unless the file has these, too.
 pub(crate) fn apply_aliases(aliases: &BTreeMap<String, String>, file: &mut Recording) {
     for (found, meant) in aliases {
-        if column_of(0, meant, &file.labels).is_err()
-            && let Ok(column) = column_of(0, found, &file.labels)
-        {
-            file.labels[column].clone_from(meant);
+        // A rigid body has a label for each of its points.
+        let point = |i| (body::point_label(found, i), body::point_label(meant, i));
+        let own = std::iter::once((found.clone(), meant.clone()));
+        for (found, meant) in own.chain((0..body::POINTS).map(point)) {
+            if column_of(0, &meant, &file.labels).is_err()
+                && let Ok(column) = column_of(0, &found, &file.labels)
+            {
+                file.labels[column] = meant;
+            }
         }
     }
 }
@@ -85,7 +91,15 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
     for (link, configured) in markers.links().into_iter().enumerate() {
         for (label, position_mm) in configured {
             let found = column_of(link, label, &file.labels);
-            let Ok(column) = found.map_err(|problem| problems.push(problem)) else { continue };
+            let column = match found {
+                Ok(column) => column,
+                // One problem stands for all points of a rigid body.
+                Err(_) if body::of_point(label).is_some_and(|(_, point)| point > 0) => continue,
+                Err(problem) => {
+                    problems.push(problem);
+                    continue;
+                }
+            };
             if let Some(first) = owners.insert(column, label) {
                 let found = file.labels[column].clone();
                 let first = first.to_owned();
@@ -97,7 +111,7 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
     }
     let unknown: Vec<&str> = (0..file.labels.len())
         .filter(|column| !owners.contains_key(column))
-        .map(|column| file.labels[column].as_str())
+        .map(|column| body::name(&file.labels[column]))
         .collect();
     for problem in &mut problems {
         if let Problem::MissingMarker { label, hint, .. } = problem
@@ -113,11 +127,14 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
     }
     let missing =
         problems.iter().filter(|problem| matches!(problem, Problem::MissingMarker { .. })).count();
-    let all = markers.links().into_iter().map(BTreeMap::len).sum();
+    let labels = markers.links().into_iter().flat_map(BTreeMap::keys);
+    let is_further_point = |label: &str| body::of_point(label).is_some_and(|(_, point)| point > 0);
+    let all = labels.filter(|label| !is_further_point(label)).count();
     if missing >= MIN_FOREIGN_MISSING && 2 * missing > all {
-        let labels =
-            file.labels.iter().take(MAX_SHOWN_LABELS).map(String::as_str).collect::<Vec<_>>();
-        let more = if file.labels.len() > MAX_SHOWN_LABELS { ", .." } else { "" };
+        let mut labels: Vec<&str> = file.labels.iter().map(|label| body::name(label)).collect();
+        labels.dedup();
+        let more = if labels.len() > MAX_SHOWN_LABELS { ", .." } else { "" };
+        labels.truncate(MAX_SHOWN_LABELS);
         let labels = format!("`{}`{more}", labels.join("`, `"));
         problems = vec![Problem::ForeignFile { missing, all, labels }];
     }
@@ -129,18 +146,20 @@ fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Probl
     if found.is_empty() {
         found = (0..labels.len()).filter(|&i| marker_name(&labels[i]) == label).collect();
     }
-    let label = label.to_owned();
+    if let [column] = found[..] {
+        return Ok(column);
+    }
+    let label = body::name(label).to_owned();
     match found[..] {
-        [column] => Ok(column),
         [] => {
             let hint = proposals(&label, labels);
             Err(Problem::MissingMarker { label, link, hint })
         }
         [first, ..] if found.iter().all(|&i| labels[i] == labels[first]) => {
-            Err(Problem::RepeatedLabel { label: labels[first].clone(), link })
+            Err(Problem::RepeatedLabel { label: body::name(&labels[first]).to_owned(), link })
         }
         _ => {
-            let found = found.iter().map(|&i| labels[i].clone()).collect();
+            let found = found.iter().map(|&i| body::name(&labels[i]).to_owned()).collect();
             Err(Problem::AmbiguousMarker { label, link, found })
         }
     }
@@ -152,9 +171,10 @@ pub fn marker_name(label: &str) -> &str {
 }
 
 fn proposals(label: &str, labels: &[String]) -> String {
-    let all: Vec<&str> = labels.iter().map(String::as_str).collect();
+    let mut all: Vec<&str> = labels.iter().map(|label| body::name(label)).collect();
+    all.dedup();
     let nearest = most_similar(label, &all).join("`, `");
-    format!("the most similar of the file's {} labels are `{nearest}`", labels.len())
+    format!("the most similar of the file's {} labels are `{nearest}`", all.len())
 }
 
 /// Returns the labels that are most similar to `label`, beginning with the most similar.

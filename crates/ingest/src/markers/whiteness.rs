@@ -57,6 +57,17 @@ pub(crate) fn slow_noise_ratio(
     median(ratios).sqrt()
 }
 
+/// Returns the same ratio as [`slow_noise_ratio`] from other series that change only by noise, with one value per frame,
+/// mm: the gaps between the joints of links that are rigid bodies, whose points have constant distances.
+pub(crate) fn slow_gap_ratio(gaps_mm: impl Iterator<Item = Vec<f64>>, rate_hz: f64) -> f64 {
+    let averaged = ((AVERAGED_S * rate_hz).round() as usize).max(2);
+    let ratios = gaps_mm.filter_map(|mut gaps_mm| {
+        reject_outliers(&mut gaps_mm);
+        variance_ratio(&gaps_mm, averaged)
+    });
+    median(ratios.collect()).sqrt()
+}
+
 fn reject_outliers(distances_mm: &mut [f64]) {
     let middle = median_high(seen(distances_mm).collect());
     let deviations = seen(distances_mm).map(|distance| (distance - middle).abs());

@@ -162,6 +162,30 @@ impl Linkage {
         [front.in_middle, front.in_outer, rear.in_middle, rear.in_outer]
     }
 
+    /// Returns the distance between the positions of each joint according to its two links, along and across the middle
+    /// link, given the links' own poses and the frame number of each row: one value per frame of the grid (first frame
+    /// and number of frames), mm; NaN where a link has no pose.
+    pub(crate) fn gaps<'f>(
+        &'f self,
+        fits: &'f [Vec<LinkFit>; 3],
+        numbers: &'f [i64],
+        [first_frame, frames]: [i64; 2],
+    ) -> impl Iterator<Item = Vec<f64>> + 'f {
+        let sides = [0, 1].into_iter().flat_map(|side| [(side, 0), (side, 1)]);
+        sides.map(move |(side, axis)| {
+            let joint = self.joints[side];
+            let mut gaps_mm = vec![f64::NAN; frames as usize];
+            let links = fits[0].iter().zip(&fits[1 + side]);
+            for ((middle, outer), number) in links.zip(numbers) {
+                let (Some(middle), Some(outer)) = (middle.pose(), outer.pose()) else { continue };
+                let [a, b] = [middle.at(joint.in_middle), outer.at(joint.in_outer)];
+                let gap = rotated(-middle.theta_rad, [b[0] - a[0], b[1] - a[1]]);
+                gaps_mm[(number - first_frame) as usize] = gap[axis];
+            }
+            gaps_mm
+        })
+    }
+
     /// Returns the largest distance between the positions of the same joint in two linkages, mm.
     pub(crate) fn distance_mm(&self, other: &Self) -> f64 {
         let pairs = self.ends().into_iter().zip(other.ends());

@@ -16,7 +16,7 @@ use crate::error::Problem;
 use crate::markers::labels::{LinkFit, Outlier, bit, correct_labels};
 use crate::markers::layout::Layout;
 use crate::markers::rigid::LinkPose;
-use crate::markers::whiteness::slow_noise_ratio;
+use crate::markers::whiteness::{slow_gap_ratio, slow_noise_ratio};
 use crate::signals;
 
 /// Maximum number of frames missing from a file, about a quarter of an hour at 120 Hz; a larger number is attributed to
@@ -149,6 +149,14 @@ pub(crate) fn solve(
         }
     }
     let frame_of = |row: usize| (file.frames[row] - first_frame) as usize;
+    let grid = [first_frame, frames as i64];
+    let mut slow_noise_ratio = slow_noise_ratio(file, layout, rate_hz, grid);
+    if slow_noise_ratio.is_nan()
+        && !file.bodies().is_empty()
+        && let Some((joints, _)) = refined
+    {
+        slow_noise_ratio = slow_gap_ratio(joints.gaps(&fits, &file.frames, grid), rate_hz);
+    }
     let mut joint_shifts = Vec::new();
     if let (Poses::Chain, Some((joints, without))) = (poses, refined) {
         let stride = (rows / SHIFT_SAMPLES).max(1);
@@ -175,7 +183,7 @@ pub(crate) fn solve(
         first_frame,
         frames,
         repeated_frames: repeated_rows(file).into_iter().map(frame_of).collect(),
-        slow_noise_ratio: slow_noise_ratio(file, layout, rate_hz, [first_frame, frames as i64]),
+        slow_noise_ratio,
         fits,
         constant: Constant { tilt, joints: refined.map(|(found, _)| found), own_poses: sample },
         joint_shifts,

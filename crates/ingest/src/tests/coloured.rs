@@ -4,8 +4,9 @@
 use std::f64::consts::{PI, SQRT_2, TAU};
 
 use trilink_mocap::Recording;
+use trilink_synth::Format;
 
-use super::coverage::shares;
+use super::coverage::{Distortion, shares};
 use super::*;
 
 /// Filters a series forwards and backwards with a second-order Butterworth low-pass filter, as is done before an export
@@ -138,8 +139,7 @@ fn standard_errors_hold_where_noise_is_not_white_or_are_missing() {
             with_series(&recording, |series| low_passed(&series, cutoff))
         }
     };
-    type Distortion = Box<dyn Fn(u64, Recording) -> Recording + Sync>;
-    let kinds: [(&str, Distortion); 8] = [
+    let kinds: [(&str, Box<Distortion>); 8] = [
         ("white", Box::new(|_, recording| recording)),
         ("low-pass 6 Hz", Box::new(filtered(6.0))),
         ("low-pass 10 Hz", Box::new(filtered(10.0))),
@@ -152,7 +152,7 @@ fn standard_errors_hold_where_noise_is_not_white_or_are_missing() {
     let mut outside = Vec::new();
     for (kind, distort) in &kinds {
         let mut sums = BTreeMap::new();
-        for ((_, name), share) in shares(0..12, &[2.0, 3.9, 5.2], distort) {
+        for ((_, name), share) in shares(0..12, &[2.0, 3.9, 5.2], Format::Csv, Some(&**distort)) {
             let name = name.split(" of ").next().unwrap().to_owned();
             let sum = sums.entry(name).or_insert([0; 3]);
             (0..3).for_each(|i| sum[i] += share[i]);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
+use trilink_synth::{Format, body_layout};
 
 use super::*;
 
@@ -10,28 +11,39 @@ use super::*;
 /// of all values, by campaign and quantity.
 pub(super) type Shares = BTreeMap<(String, String), [usize; 3]>;
 
-/// Compares the trial means of recordings with the truth, after `distort` has changed each recording.
+/// Change of a recording by a distortion, which can draw random numbers from a seed.
+pub(super) type Distortion = dyn Fn(u64, trilink_mocap::Recording) -> trilink_mocap::Recording + Sync;
+
+/// Compares the trial means of recordings in a format with the truth, after `distort`, if given, has changed each
+/// recording.
 pub(super) fn shares(
     seeds: Range<u64>,
     omegas_rad_s: &[f64],
-    distort: &(dyn Fn(u64, trilink_mocap::Recording) -> trilink_mocap::Recording + Sync),
+    format: Format,
+    distort: Option<&Distortion>,
 ) -> Shares {
-    let mut config = Config::default();
-    config.vicon.rate_from_file = true;
+    let config = Config::default();
+    let mut read = config.clone();
+    read.vicon.rate_from_file = true;
+    if format.has_bodies() {
+        read.markers = body_layout(&config.markers);
+    }
     let of_seed = |seed: u64| {
         let folder = tempfile::tempdir().unwrap();
         let omegas_rad_s = omegas_rad_s.to_vec();
-        let recipe = Recipe { omegas_rad_s, noise_seed: Some(seed), ..Recipe::new(1) };
+        let recipe = Recipe { omegas_rad_s, noise_seed: Some(seed), format, ..Recipe::new(1) };
         let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
         let truth = fs::read_to_string(folder.path().join("truth.json")).unwrap();
         let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
         let mut found = Vec::new();
         for (trial, nth) in trials.iter().filter(|trial| trial.kind == TrialKind::Gait).zip(0..) {
-            let path = folder.path().join(&trial.file);
-            let recording = trilink_mocap::read_markers(&path, config.vicon.unit).unwrap();
-            let distorted = distort(1000 * seed + nth, recording);
-            fs::write(&path, trilink_mocap::csv_bytes(&distorted)).unwrap();
-            let row = process_trial(folder.path(), trial, &config).unwrap().row;
+            if let Some(distort) = distort {
+                let path = folder.path().join(&trial.file);
+                let recording = trilink_mocap::read_markers(&path, config.vicon.unit).unwrap();
+                let distorted = distort(1000 * seed + nth, recording);
+                fs::write(&path, trilink_mocap::csv_bytes(&distorted)).unwrap();
+            }
+            let row = process_trial(folder.path(), trial, &read).unwrap().row;
             let truth = &truth["trials"][&trial.id];
             let (metrics, se) = (row.metrics, row.metrics_se);
             let [s0, s1, s2] = row.sigma_debiased;
@@ -76,7 +88,7 @@ pub(super) fn shares(
 #[test]
 #[ignore = "180 folders: some minutes"]
 fn values_of_90_to_99_percent_of_recordings_are_within_1_96_errors_of_the_truth() {
-    let shares = shares(0..180, &[0.5, 2.0, 3.9, 6.0], &|_, recording| recording);
+    let shares = shares(0..180, &[0.5, 2.0, 3.9, 6.0], Format::Csv, None);
     let mut outside = Vec::new();
     for ((campaign, name), [within, _, count]) in shares {
         let share = within as f64 / count as f64;
@@ -91,17 +103,24 @@ fn values_of_90_to_99_percent_of_recordings_are_within_1_96_errors_of_the_truth(
 
 #[test]
 fn most_values_of_a_few_recordings_are_within_1_96_errors_of_the_truth() {
-    let shares = shares(0..6, &[3.9], &|_, recording| recording);
-    let (within, count) = shares
-        .values()
-        .fold((0, 0), |(within, count), share| (within + share[0], count + share[2]));
-    println!("{shares:?}");
-    let of_gaits = shares.iter().filter(|((_, name), _)| name.contains("joint"));
-    let (within_of_gaits, all) =
-        of_gaits.fold((0, 0), |(within, all), (_, share)| (within + share[0], all + share[2]));
-    assert!(all == 6 * 5 * 2 && within_of_gaits * 100 >= all * 88, "{within_of_gaits} of {all}");
-    assert!(
-        count == 6 * 3 * 7 + all && within * 100 >= count * 90,
-        "{within} of {count}: {shares:?}"
-    );
+    // Each link as the markers that the cameras see, and as the pose that the camera system computes from them.
+    for (seeds, format) in [(6, Format::Csv), (20, Format::MotiveBodies)] {
+        let shares = shares(0..seeds, &[3.9], format, None);
+        let (within, count) = shares
+            .values()
+            .fold((0, 0), |(within, count), share| (within + share[0], count + share[2]));
+        println!("{format}: {shares:?}");
+        let of_gaits = shares.iter().filter(|((_, name), _)| name.contains("joint"));
+        let (within_of_gaits, all) =
+            of_gaits.fold((0, 0), |(within, all), (_, share)| (within + share[0], all + share[2]));
+        let seeds = seeds as usize;
+        assert!(
+            all == seeds * 5 * 2 && within_of_gaits * 100 >= all * 88,
+            "{format}: {within_of_gaits} of {all}"
+        );
+        assert!(
+            count == seeds * 3 * 7 + all && within * 100 >= count * 90,
+            "{format}: {within} of {count}: {shares:?}"
+        );
+    }
 }

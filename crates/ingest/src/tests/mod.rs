@@ -20,6 +20,7 @@ use trilink_tables::{Columns as _, Coordinates, Provenance, Severity};
 
 use super::*;
 
+mod bodies;
 pub(crate) mod coloured;
 mod coverage;
 mod decays;

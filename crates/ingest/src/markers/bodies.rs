@@ -1,0 +1,196 @@
+//! Weighs the position of a rigid body against its rotation by their noise.
+//!
+//! A pose from the camera system is processed as the positions of four points of the body ([`trilink_base::body`]), so
+//! that everything that holds for markers holds for poses. The points represent the pose exactly, whatever their
+//! distance from the origin of the body's frame; the distance only determines the weight of the rotation relative to the
+//! position where the links are fitted together. The fit is efficient if the noise of the points is the same in all
+//! directions and independent, as that of markers is. Its size, and thus all standard errors, follows from the
+//! differences between frames of the fitted poses, as for markers.
+//!
+//! The noise of a pose is seen in the fourth differences of successive frames, in which the motion of the robot
+//! vanishes. A regression of the position's noise on the rotation's gives the point of the body about which the noise
+//! turns it: the centroid of the markers that the camera system sees. About this point, position and rotation are
+//! independent, and the ratio of their standard deviations is the radius of gyration of equivalent markers.
+
+use trilink_base::body::{self, POINTS};
+use trilink_mocap::Recording;
+use trilink_robot::rotated;
+use trilink_statistics::{median, wrap};
+
+use super::labels::LinkFit;
+use super::layout::{Layout, LinkMarker};
+
+/// Weights of a fourth difference; the sum of their squares is the same factor in all variances and cancels.
+const FOURTH: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
+/// Square of a difference, as a multiple of the median of the squares, above which it is an outlier: beyond four
+/// standard deviations of normally distributed noise.
+const OUTLYING_MEDIANS: f64 = 40.0;
+/// Minimum number of differences from which the noise is estimated.
+const MIN_DIFFERENCES: usize = 50;
+/// Range of the factor by which the points may be moved away from the centre of the noise.
+const FACTORS: (f64, f64) = (0.1, 20.0);
+/// Maximum distance of the centre of the noise from the origin of the body's frame, mm.
+const MAX_OFFSET_MM: f64 = 500.0;
+
+/// Moves the points of every rigid body, in the recording and in the layout alike, so that the noise of the poses
+/// corresponds to independent noise of the points, the same in all directions. Bodies whose noise cannot be estimated
+/// keep their points.
+pub(crate) fn balance(file: &mut Recording, layout: &mut Layout) {
+    for link in layout {
+        for first in 0..link.len().saturating_sub(POINTS - 1) {
+            let Some((points, _)) = link[first..].split_first_chunk_mut::<POINTS>() else { break };
+            let names = points.each_ref().map(|point| body::of_point(&file.labels[point.column]));
+            let is_body = names.iter().enumerate().all(|(i, name)| {
+                name.is_some_and(|(body, point)| point == i && Some(body) == names[0].map(|n| n.0))
+            });
+            if is_body && let Some(noise) = Noise::estimate(file, points) {
+                noise.balance(file, points);
+            }
+        }
+    }
+}
+
+/// Noise of a rigid body's pose.
+struct Noise {
+    /// Position, in the frame of the link, of the origin of the body's frame relative to the point about which the
+    /// noise turns the body, mm.
+    offset_mm: [f64; 2],
+    /// Factor by which the points are moved away from that point.
+    factor: f64,
+}
+
+impl Noise {
+    /// Estimates the noise from successive frames; `None` if there are too few or if there is no noise.
+    fn estimate(file: &Recording, points: &[LinkMarker; POINTS]) -> Option<Self> {
+        let poses: Vec<Option<[f64; 3]>> = (0..file.frames.len())
+            .map(|row| {
+                let pose = LinkFit::from_row(file.row_mm(row), points).pose()?;
+                let [x, y] = pose.at(pose.moments.centre_mm);
+                Some([x, y, pose.theta_rad])
+            })
+            .collect();
+        let differences =
+            file.frames.windows(5).zip(poses.windows(5)).filter_map(|(frames, poses)| {
+                let [.., middle, _, _] = *poses else { return None };
+                let [_, _, theta_rad] = middle?;
+                let mut difference = [0.0; 3];
+                for (pose, weight) in poses.iter().zip(FOURTH) {
+                    let [x, y, turned_rad] = (*pose)?;
+                    let turn_rad = wrap(turned_rad - theta_rad);
+                    for (sum, value) in difference.iter_mut().zip([x, y, turn_rad]) {
+                        *sum += weight * value;
+                    }
+                }
+                let [x, y] = rotated(-theta_rad, [difference[0], difference[1]]);
+                (frames[4] - frames[0] == 4).then_some([x, y, difference[2]])
+            });
+        let mut differences: Vec<[f64; 3]> = differences.collect();
+        if differences.len() < MIN_DIFFERENCES {
+            return None;
+        }
+        let squares = |[x, y, turn]: &[f64; 3]| [x * x + y * y, turn * turn];
+        let limits = [0, 1].map(|i| {
+            OUTLYING_MEDIANS * median(differences.iter().map(|d| squares(d)[i]).collect())
+        });
+        differences.retain(|d| (0..2).all(|i| squares(d)[i] <= limits[i]));
+        let sum = |value: &dyn Fn(&[f64; 3]) -> f64| differences.iter().map(value).sum::<f64>();
+        let turns = sum(&|d| d[2] * d[2]);
+        let [along, across] = [0, 1].map(|axis| sum(&|d| d[axis] * d[2]) / turns);
+        let places =
+            sum(&|d| d[0] * d[0] + d[1] * d[1]) - turns * (along * along + across * across);
+        // A rotation moves a point at (x, y) by (-y, x) times the angle.
+        let offset_mm = [across, -along];
+        // The sum of the squared distances of the points from an axis through their centre is 8 OFFSET_MM^2, that of
+        // four points at the radius of gyration 4 places / (2 turns).
+        let factor = (places / (4.0 * turns)).sqrt() / body::OFFSET_MM;
+        let is_noise = factor.is_finite() && offset_mm[0].hypot(offset_mm[1]) <= MAX_OFFSET_MM;
+        is_noise.then(|| Self { offset_mm, factor: factor.clamp(FACTORS.0, FACTORS.1) })
+    }
+
+    fn balance(&self, file: &mut Recording, points: &mut [LinkMarker; POINTS]) {
+        let [x, y] = self.offset_mm;
+        let placed = points.each_ref().map(|point| {
+            let [x, y] = point.local_position_mm;
+            [x, y, point.height_mm]
+        });
+        let (_, axes) = body::pose(&placed);
+        // The offset in the frame of the body.
+        let own = axes.map(|axis| axis[0] * x + axis[1] * y);
+        for (point, [x, y, z]) in points.iter_mut().zip(self.moved(&placed, own)) {
+            point.local_position_mm = [x, y];
+            point.height_mm = z;
+        }
+        let columns = points.each_ref().map(|point| point.column);
+        let markers = file.labels.len();
+        for row in file.positions_mm.chunks_exact_mut(markers) {
+            let moved = self.moved(&columns.map(|column| row[column]), own);
+            for (column, position_mm) in columns.into_iter().zip(moved) {
+                row[column] = position_mm;
+            }
+        }
+    }
+
+    /// Moves the points of a body, whose offset in the body's frame is `own`.
+    fn moved(&self, points: &[[f64; 3]; POINTS], own: [f64; 3]) -> [[f64; 3]; POINTS] {
+        let (origin_mm, axes) = body::pose(points);
+        points.map(|point| {
+            [0, 1, 2].map(|i| {
+                let offset = own[0] * axes[0][i] + own[1] * axes[1][i] + own[2] * axes[2][i];
+                origin_mm[i] - offset + self.factor * (point[i] - origin_mm[i])
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    #[test]
+    fn points_are_moved_to_where_the_noise_of_the_pose_is_that_of_markers() {
+        const ROWS: usize = 4000;
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
+        // Noise of 0.1 mm about a point at (20, -10) from the origin, and of 2 mrad; the equivalent markers are at 50 mm.
+        let (place_mm, turn_rad, centre) = (0.1, 2e-3, [20.0, -10.0]);
+        let pose = |row: usize, noise: [f64; 3]| {
+            let yaw = 0.4 * (0.05 * row as f64).sin() + turn_rad * noise[2];
+            let back = rotated(yaw, centre);
+            let [x, y] = [300.0 * (0.02 * row as f64).cos(), row as f64];
+            let fixed = rotated(yaw - turn_rad * noise[2], centre);
+            let at = [
+                x + fixed[0] - back[0] + place_mm * noise[0],
+                y + fixed[1] - back[1] + place_mm * noise[1],
+            ];
+            body::points([at[0], at[1], 60.0], &body::turned([(2, yaw), (1, 0.0), (0, 0.0)]))
+        };
+        let positions_mm =
+            (0..ROWS).flat_map(|row| pose(row, [noise(), noise(), noise()])).collect();
+        let labels = (0..POINTS).map(|i| body::point_label("body", i)).collect();
+        let mut file =
+            Recording::new(Some(120.0), (0..ROWS as i64).collect(), labels, positions_mm);
+        let placed = body::points([5.0, 6.0, 60.0], &body::turned([(2, 0.0), (1, 0.0), (0, 0.0)]));
+        let markers = placed.iter().enumerate().map(|(column, [x, y, z])| LinkMarker {
+            column,
+            local_position_mm: [*x, *y],
+            height_mm: *z,
+        });
+        let mut layout: Layout = [markers.collect(), Vec::new(), Vec::new()];
+        let before = LinkFit::from_row(file.row_mm(77), &layout[0]).pose().unwrap();
+        balance(&mut file, &mut layout);
+        let after = LinkFit::from_row(file.row_mm(77), &layout[0]).pose().unwrap();
+        assert!((before.theta_rad - after.theta_rad).abs() < 1e-12);
+        assert!((0..2).all(|i| (before.origin_mm[i] - after.origin_mm[i]).abs() < 1e-9));
+        let radius_mm = (after.moments.turning_mm2 / 4.0).sqrt();
+        assert!((radius_mm / 50.0 - 1.0).abs() < 0.05, "{radius_mm}");
+        let centre_mm = after.moments.centre_mm;
+        assert!(
+            (centre_mm[0] - 25.0).abs() < 2.0 && (centre_mm[1] + 4.0).abs() < 2.0,
+            "{centre_mm:?}"
+        );
+    }
+}
