@@ -1,6 +1,8 @@
 //! `trilink ingest --calibrate`: marker layouts estimated from a trial, as TOML.
 
 use serde_json::json;
+use trilink_base::body;
+use trilink_ingest::calibrate::layout_entries;
 use trilink_ingest::{Calibration, MarkerPosition, calibrate};
 use trilink_tables::config::toml_key;
 use trilink_tables::trial::{TrialFolder, TrialFolders};
@@ -28,7 +30,12 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
     };
     let found = calibrate(&context.config, &folder.path, id)?;
     let Calibration { h_mm, h_configured_mm, l_mm: [front, rear], l_configured_mm, .. } = found;
-    let links = found.links.each_ref().map(|markers| markers.iter().map(line).collect::<Vec<_>>());
+    let links = found.links.each_ref().map(|markers| {
+        let bodies = layout_entries(markers).into_iter().filter(|(_, numbers)| numbers.len() > 3);
+        let bodies = bodies.map(|(name, numbers)| body_line(&name, &numbers));
+        let markers = markers.iter().filter(|marker| body::of_point(&marker.label).is_none());
+        bodies.chain(markers.map(line)).collect::<Vec<_>>()
+    });
     let h_m = [h_mm.value, h_mm.se, h_configured_mm].map(|mm| mm / 1e3);
     let values = json!({
         "trial": found.trial,
@@ -45,6 +52,12 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
     });
     write_data(fill(include_str!("text/calibration.txt"), &values)?.trim_end());
     Ok(Outcome::Well)
+}
+
+/// Formats the pose of a rigid body as a line of TOML.
+fn body_line(name: &str, numbers: &[f64]) -> String {
+    let pose = numbers.iter().map(|x| format!("{x:.3}")).collect::<Vec<_>>().join(", ");
+    format!("{} = [{pose}]  # x, y, z, mm; roll, pitch, yaw, degrees", toml_key(name))
 }
 
 /// Formats a marker as a line of TOML, with standard errors and the deviation from the configuration in a comment.

@@ -21,8 +21,21 @@ enum FileFormat {
     Motive,
     /// TRC, as written by Cortex and OpenSim.
     Trc,
-    /// Qualisys Track Manager TSV.
+    /// Qualisys Track Manager TSV, 3D data.
     Qualisys,
+    /// Vicon Tracker CSV (`Objects`): each link is a rigid body.
+    Tracker,
+    /// OptiTrack Motive CSV with rigid bodies instead of markers.
+    MotiveBodies,
+    /// Qualisys Track Manager TSV, 6D data (rigid bodies).
+    #[value(name = "qualisys-6d")]
+    Qualisys6d,
+    /// CSV table of markers for any program, with one column per coordinate.
+    Table,
+    /// CSV table of rigid bodies for any program: positions and quaternions.
+    Poses,
+    /// Parquet table of rigid bodies for any program.
+    PosesParquet,
 }
 
 /// Synthesise trials with known parameters, in the format of the camera system.
@@ -124,6 +137,12 @@ impl Synth {
                 FileFormat::Motive => Format::Motive,
                 FileFormat::Trc => Format::Trc,
                 FileFormat::Qualisys => Format::Qualisys,
+                FileFormat::Tracker => Format::Tracker,
+                FileFormat::MotiveBodies => Format::MotiveBodies,
+                FileFormat::Qualisys6d => Format::Qualisys6d,
+                FileFormat::Table => Format::Table,
+                FileFormat::Poses => Format::Poses,
+                FileFormat::PosesParquet => Format::PosesParquet,
             },
             misplaced: self.misplaced,
             ..Recipe::new(seed)

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use trilink_base::body;
 use trilink_ingest::calibrate::{Body, locate_joint, order_links, rigid_groups};
 use trilink_ingest::marker_name;
 use trilink_mocap::Recording;
@@ -58,7 +59,8 @@ pub(super) fn links(file: &Recording) -> Result<Links, String> {
     let misfit = |[middle, a, b]: [usize; 3]| joints[middle][a].max(joints[middle][b]);
     let best = chains.min_by(|a, b| misfit(*a).total_cmp(&misfit(*b)));
     let Some(chain) = best.filter(|chain| misfit(*chain) < MAX_JOINT_MISFIT_MM) else {
-        let list: Vec<String> = bodies.iter().map(|(group, _)| named(group).join(" ")).collect();
+        let list: Vec<String> =
+            bodies.iter().map(|(group, _)| without_points(&named(group)).join(" ")).collect();
         let list = if list.is_empty() { "none".to_owned() } else { list.join("; ") };
         return Err(format!("groups of markers that move rigidly together: {list}"));
     };
@@ -94,6 +96,13 @@ pub(super) fn most_common<'l>(found: impl Iterator<Item = &'l Links>) -> Option<
     counts.into_iter().find(|(_, count)| *count == max).map(|(links, _)| links.clone())
 }
 
+/// Returns the names of markers, with one name for the points of a rigid body.
+pub(super) fn without_points(names: &[String]) -> Vec<String> {
+    let mut names: Vec<String> = names.iter().map(|name| body::name(name).to_owned()).collect();
+    names.dedup();
+    names
+}
+
 /// Returns the columns of the links' markers in a file, or a message about missing markers.
 pub(super) fn columns(links: &Links, labels: &[String]) -> Result<[Vec<usize>; 3], String> {
     let all = names(labels);
@@ -101,14 +110,14 @@ pub(super) fn columns(links: &Links, labels: &[String]) -> Result<[Vec<usize>; 3
         let by_label = || labels.iter().position(|label| label == name);
         all.iter().position(|known| known == name).or_else(by_label)
     };
-    let missing: Vec<&str> =
-        links.iter().flatten().filter(|name| column(name).is_none()).map(String::as_str).collect();
+    let missing = links.iter().flatten().filter(|name| column(name).is_none()).cloned();
+    let missing = without_points(&missing.collect::<Vec<_>>());
     match missing[..] {
         [] => Ok(links.each_ref().map(|names| names.iter().filter_map(column).collect())),
         _ => Err(format!(
             "the file lacks {} of the robot's {} markers: {}",
             missing.len(),
-            links.iter().flatten().count(),
+            links.iter().map(|names| without_points(names).len()).sum::<usize>(),
             missing.join(", ")
         )),
     }

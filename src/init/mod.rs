@@ -23,6 +23,7 @@ use serde::Serialize;
 
 pub use campaigns::JointSwing;
 use trilink_base::Named as _;
+use trilink_base::body;
 use trilink_base::cancel::Cancelled;
 use trilink_mocap::LengthUnit;
 use trilink_tables::StoreError;
@@ -96,7 +97,7 @@ pub enum InitError {
     #[error("{}: cannot be read: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
     #[error(
-        "{0}: found no marker file, needed .csv, .c3d, .trc or .tsv files, which may be gzip-compressed (.gz)"
+        "{0}: found no marker file, needed .csv, .c3d, .trc, .tsv or .parquet files, which may be gzip-compressed (.gz)"
     )]
     NoFiles(String),
     #[error(
@@ -256,9 +257,12 @@ fn put_front_first(
         [1, 2].into_iter().find(|&link| clusters::are_named(&links[link], &links[3 - link]));
     let is_exchanged = match (front, named) {
         (Some(label), _) => {
-            let [is_first, is_second] = [1, 2].map(|i| links[i].iter().any(|name| name == label));
+            let [is_first, is_second] = [1, 2]
+                .map(|i| links[i].iter().any(|name| name == label || body::name(name) == label));
             if !is_first && !is_second {
-                let known = format!("{} or {}", links[1].join(", "), links[2].join(", "));
+                let [first, second] =
+                    [1, 2].map(|i| clusters::without_points(&links[i]).join(", "));
+                let known = format!("{first} or {second}");
                 return Err(InitError::Front { found: label.to_owned(), known });
             }
             is_second

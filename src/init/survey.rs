@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trilink_base::body;
 use trilink_base::cancel::Cancelled;
 use trilink_mocap::LengthUnit;
 use trilink_mocap::read_markers;
@@ -59,6 +60,12 @@ impl Survey {
         let name = self.name.strip_suffix(".gz").unwrap_or(&self.name);
         let stem = Path::new(name).file_stem().unwrap_or_default();
         stem.to_string_lossy().into_owned()
+    }
+
+    /// Returns the number of markers and rigid bodies.
+    pub(super) fn markers(&self) -> usize {
+        let further = |label: &&String| body::of_point(label).is_some_and(|(_, point)| point > 0);
+        self.labels.iter().filter(|label| !further(label)).count()
     }
 
     /// Returns the subjects in the marker labels (`subject:name`), each once.

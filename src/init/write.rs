@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::json;
 use trilink_base::files::name_in;
-use trilink_ingest::MarkerPosition;
+use trilink_ingest::calibrate::layout_entries;
 use trilink_mocap::LengthUnit;
 use trilink_tables::PendingFile;
 use trilink_tables::config::{CONFIG_FILE, toml_key};
@@ -13,7 +13,7 @@ use trilink_tables::trial::{TrialKind, is_valid_id};
 
 use super::add::Existing;
 use super::campaigns::{Group, MeasuredGait, named_omega, words};
-use super::clusters::{Links, names};
+use super::clusters::{Links, names, without_points};
 use super::frequency::Recorded;
 use super::layout::Layout;
 use super::survey::{Folder, Survey};
@@ -88,7 +88,7 @@ pub(super) fn write(mut written: Written) -> Result<Findings, InitError> {
         marks: texts.iter().flat_map(|(path, text)| marks(path, text)).collect(),
         written: texts.into_iter().map(|(path, _)| path).collect(),
         kept,
-        links: written.links,
+        links: written.links.each_ref().map(|names| without_points(names)),
     })
 }
 
@@ -162,7 +162,7 @@ impl Written<'_> {
         let mut all: BTreeSet<String> =
             self.usable().flat_map(|survey| names(&survey.labels)).collect();
         all.retain(|name| !self.links.iter().flatten().any(|known| known == name));
-        all.into_iter().collect()
+        without_points(&all.into_iter().collect::<Vec<_>>())
     }
 
     /// Returns the findings about a file.
@@ -174,7 +174,7 @@ impl Written<'_> {
             folder: self.folders[survey.folder].path.clone(),
             file: survey.name.clone(),
             subjects: survey.subjects(),
-            labels: survey.labels.len(),
+            labels: survey.markers(),
             rate_hz: survey.rate_hz,
             frames: survey.frames,
             kind: recorded.as_ref().ok().map(Recorded::kind),
@@ -211,12 +211,7 @@ impl Written<'_> {
         let measured = [TrialKind::CoastDown, TrialKind::JointRelease];
         let measured = measured.into_iter().filter(|kind| self.has(*kind)).map(TrialKind::name);
         let calibration = &layout.calibration;
-        let links = calibration.links.each_ref().map(|markers| {
-            let markers = markers.iter().map(|MarkerPosition { label, position_mm, .. }| {
-                (label.clone(), position_mm.map(|estimate| estimate.value))
-            });
-            markers.collect::<Vec<_>>()
-        });
+        let links = calibration.links.each_ref().map(|markers| layout_entries(markers));
         let campaigns = self
             .groups
             .iter()

@@ -207,7 +207,7 @@ fn every_format_of_a_trial_gives_the_same_poses_and_metrics() {
     // The tolerance is 0.01 mm on a link of 0.1 m.
     let bounds = [1e-9, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4];
     for (format, extension) in
-        [("c3d", "c3d"), ("motive", "csv"), ("trc", "trc"), ("qualisys", "tsv")]
+        [("c3d", "c3d"), ("motive", "csv"), ("trc", "trc"), ("qualisys", "tsv"), ("table", "csv")]
     {
         let (poses, others) = measured(format, extension);
         for ((own, csv), bound) in poses.iter().zip(&csv).zip(bounds) {

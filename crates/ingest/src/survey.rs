@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use trilink_base::body;
 use trilink_mocap::{Recording, Section};
 use trilink_statistics::median_high;
 
@@ -45,7 +46,7 @@ pub struct RecordingSurvey {
     pub gaps: Gaps,
 }
 
-/// Coverage of one marker in a file.
+/// Coverage of one marker or rigid body in a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MarkerCoverage {
     pub label: String,
@@ -133,8 +134,16 @@ impl RecordingSurvey {
                 seen.windows(2).map(|pair| pair[1] - pair[0] - 1).filter(|gap| *gap > 0).collect();
             // The columns of the layout number only the markers that are not ignored.
             let ignored = file.is_named(i, ignore);
+            if !ignored {
+                total_visible += seen.len();
+            }
+            // The points of a rigid body count as one marker.
+            if body::of_point(label).is_some_and(|(_, point)| point > 0) {
+                kept += usize::from(!ignored);
+                continue;
+            }
             markers.push(MarkerCoverage {
-                label: label.clone(),
+                label: body::name(label).to_owned(),
                 link: layout
                     .iter()
                     .position(|markers| markers.iter().any(|m| m.column == kept))
@@ -145,7 +154,6 @@ impl RecordingSurvey {
             });
             if !ignored {
                 kept += 1;
-                total_visible += seen.len();
                 gaps.extend(lengths);
             }
         }
