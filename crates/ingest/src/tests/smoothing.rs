@@ -158,7 +158,7 @@ fn the_kalman_smoother_is_nearer_to_the_truth_under_dry_friction() {
 }
 
 #[test]
-#[ignore = "54 trials with two smoothings: minutes; prints the table of docs/smoothing.md"]
+#[ignore = "72 trials with two smoothings: minutes; prints the table of docs/smoothing.md"]
 fn the_kalman_smoother_is_nearer_to_the_truth_in_every_condition() {
     const NOISE_MM: [Option<f64>; 4] = [Some(0.1), Some(0.2), Some(1.0), None];
     let mut cases = Vec::new();
