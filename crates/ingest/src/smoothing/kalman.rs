@@ -6,9 +6,9 @@
 //! *Annals of Statistics* 19 (1991) 1073). The amplitudes from the second harmonic upwards have a normal prior whose
 //! variance decreases as a power of the harmonic (Wahba, *Spline Models for Observational Data*, 1990, section 2.1:
 //! periodic splines), so that neither their number nor a cutoff has to be chosen; the other effects have no prior. The
-//! variance of the noise is concentrated out of the likelihood. The density of the white process, its order and the prior
-//! maximise the likelihood, penalised by the number of effects without prior (AIC). A missing sample is a frame without
-//! a measurement. Time is counted in frames, and variances are relative to that of the noise.
+//! variance of the noise is concentrated out of the likelihood. The density of the white process, its order and the
+//! prior maximise the likelihood, penalised by the number of effects without prior (AIC). A missing sample is a frame
+//! without a measurement. Time is counted in frames, and variances are relative to that of the noise.
 
 use nalgebra::{ComplexField, SMatrix, SVector};
 
@@ -262,8 +262,8 @@ impl<T: Scalar> Normal<T> {
         }
     }
 
-    /// Returns AIC and noise variance, given the precisions of the random amplitudes. Fixed amplitudes and initial states
-    /// are maximum-likelihood estimates, and random amplitudes are integrated out.
+    /// Returns AIC and noise variance, given the precisions of the random amplitudes. Fixed amplitudes and initial
+    /// states are maximum-likelihood estimates, and random amplitudes are integrated out.
     fn criterion(&self, precisions: &[f64], factor: &mut Vec<T>) -> (f64, f64) {
         self.factorise(precisions, factor);
         let width = self.columns + 1;
