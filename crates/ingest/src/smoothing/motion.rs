@@ -63,7 +63,8 @@ struct PathHarmonics<'a> {
 }
 
 impl<'a> PathHarmonics<'a> {
-    /// Creates the regressors: both senses of rotation of each of `count` harmonics, and a constant in the turning frame.
+    /// Creates the regressors: both senses of rotation of each of `count` harmonics, and a constant in the turning
+    /// frame.
     fn new(phase: LinearPhase, heading: &'a [[f64; 2]], count: usize) -> Self {
         let mut harmonics: Vec<usize> = (1..=count).rev().flat_map(|k| [k, k]).collect();
         if count > 0 {
