@@ -12,7 +12,8 @@ use super::*;
 pub(super) type Shares = BTreeMap<(String, String), [usize; 3]>;
 
 /// Change of a recording by a distortion, which can draw random numbers from a seed.
-pub(super) type Distortion = dyn Fn(u64, trilink_mocap::Recording) -> trilink_mocap::Recording + Sync;
+pub(super) type Distortion =
+    dyn Fn(u64, trilink_mocap::Recording) -> trilink_mocap::Recording + Sync;
 
 /// Compares the trial means of recordings in a format with the truth, after `distort`, if given, has changed each
 /// recording.
