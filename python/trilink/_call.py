@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from . import _trilink
-from ._errors import Caution
+from ._errors import Caution, ConfigError
 from ._table import Table
 
 Pathlike = str | os.PathLike[str]
@@ -50,6 +50,7 @@ def call(
         line += ["--config", os.fspath(config)]
     for name, option in options.items():
         flag = "--" + name.rstrip("_").replace("_", "-")
+        option = plain(option)
         if option is True:
             line.append(flag)
         elif option is not None and option is not False:
@@ -90,6 +91,8 @@ def numbers(value: Numbers) -> str:
     """Writes one or several numbers, with all digits, as on the command line."""
     value = plain(value)
     parts = value if isinstance(value, Iterable) else [value]
+    if isinstance(value, str) or not all(hasattr(part, "__float__") for part in parts):
+        raise ConfigError(f"found {value!r}, needed a number or several numbers")
     return ",".join(repr(float(part)) for part in parts)
 
 

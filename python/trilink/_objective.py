@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,8 @@ class Objective:
     the measured metrics. `x` has the free parameters in SI units, in the order of `names`. The value at `x` does not
     depend on earlier calls. J is infinite, and the residuals are NaN, where the model has no steady-state motion.
 
-    J has no derivative where a residual is zero, as at its minimum, near which methods for smooth functions stop.
+    J has no derivative where a residual is zero, as at its minimum; methods for smooth functions therefore stop short of
+    it. The gradient is NaN where J is infinite.
 
     campaign, model: names in the configuration; the trials are those in the folder of tables.
     config: path of a `pipeline.toml`, as for `trilink.run`.
@@ -44,7 +46,9 @@ class Objective:
     def __init__(self, campaign: str, model: str, *, config: Pathlike | None = None) -> None:
         import numpy
 
-        self._arguments = (campaign, model, path_text(config))
+        # Other processes may have another current folder.
+        path = None if config is None else os.path.abspath(config)
+        self._arguments = (campaign, model, path)
         described, self._evaluate = _trilink.objective(path_text(config), campaign, model)
         known = json.loads(described)
         self.names: list[str] = known["names"]
@@ -116,8 +120,9 @@ class Objective:
         )
 
     def log_prob(self, x: ArrayLike) -> float:
-        """Returns the logarithm of the posterior density, for samplers: independent normal errors with the standard
-        errors of the trial means, and a uniform prior within the bounds. Metrics without a standard error are left out.
+        """Returns the logarithm of the posterior density up to a constant, for samplers: independent normal errors with
+        the standard errors of the trial means, and a uniform prior within the bounds. Metrics without a standard error
+        are left out.
 
         >>> import trilink
         >>> objective = trilink.Objective("kinematic-skewed", "skid-roll")
@@ -131,11 +136,12 @@ class Objective:
         values = self._values(x)
         if any(not low <= value <= high for value, (low, high) in zip(values, self.bounds)):
             return float("-inf")
-        deviations = self.residuals(values) / self.weights * self.measured / self.standard_errors
-        if numpy.isnan(deviations[numpy.isfinite(self.standard_errors)]).any():
+        known = self.standard_errors > 0
+        deviations = self.residuals(values) / self.weights * self.measured
+        deviations = deviations[known] / self.standard_errors[known]
+        if not numpy.isfinite(deviations).all():
             return float("-inf")
-        known = numpy.isfinite(deviations)
-        return -0.5 * float(numpy.sum(deviations[known] ** 2))
+        return -0.5 * float(numpy.sum(deviations**2))
 
     def _values(self, x: ArrayLike) -> list[float]:
         import numpy

@@ -9,13 +9,13 @@ use std::process::{Command, Stdio};
 
 use sqlparser::dialect::DuckDbDialect;
 
-/// Returns the README and the pages in `docs/`, indexed by their paths.
+/// Returns the READMEs and the pages in `docs/`, indexed by their paths.
 fn documents() -> BTreeMap<PathBuf, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let inside = std::fs::read_dir(root.join("docs")).unwrap().map(|entry| entry.unwrap().path());
     let pages = inside.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
     let read = |path: PathBuf| (path.clone(), std::fs::read_to_string(&path).unwrap());
-    pages.chain([root.join("README.md")]).map(read).collect()
+    pages.chain(["README.md", "raw/README.md"].map(|name| root.join(name))).map(read).collect()
 }
 
 /// Returns the anchor of a heading.

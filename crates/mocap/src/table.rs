@@ -10,8 +10,9 @@
 //!   times, they give the frame rate.
 //! - `NAME_x_mm`, `NAME_y_mm`, `NAME_z_mm`: position of a marker, or of the origin of a rigid body; `_cm`, `_m` and `_in`
 //!   in place of `_mm` for other units, the same for all positions;
-//! - `NAME_qw`, `NAME_qx`, `NAME_qy`, `NAME_qz`: rotation of a rigid body as a unit quaternion; or `NAME_roll_deg`,
-//!   `NAME_pitch_deg`, `NAME_yaw_deg` (or `_rad`): rotations about z (yaw), then the new y (pitch), then the new x (roll).
+//! - `NAME_qw`, `NAME_qx`, `NAME_qy`, `NAME_qz`: rotation of a rigid body as a unit quaternion; or, if there is none,
+//!   `NAME_roll_deg`, `NAME_pitch_deg`, `NAME_yaw_deg` (or `_rad`, for all three): rotations about z (yaw), then the new y
+//!   (pitch), then the new x (roll).
 //!
 //! Other columns are ignored. A Parquet file is read as the CSV file with the same columns.
 
@@ -103,11 +104,15 @@ pub(super) fn header(text: &[u8]) -> Result<Header<'_>, FileProblem> {
     // Markers and bodies in the order of their first columns.
     let mut order: Vec<&str> = Vec::new();
     let mut entries: BTreeMap<&str, Entry> = BTreeMap::new();
-    let mut twice = None;
+    let mut twice: Option<&str> = None;
     for (i, column) in names.iter().enumerate() {
         match column.as_str() {
-            "frame" => columns[i] = Column::Frame,
-            "time_s" => columns[i] = Column::Time,
+            "frame" | "time_s" => {
+                columns[i] = if column == "frame" { Column::Frame } else { Column::Time };
+                if names[..i].iter().any(|other| other == column) {
+                    twice = Some(column);
+                }
+            }
             column => {
                 let Some((name, part)) = part(column) else { continue };
                 if !entries.contains_key(name) {
@@ -133,8 +138,15 @@ pub(super) fn header(text: &[u8]) -> Result<Header<'_>, FileProblem> {
     let mut bodies = Vec::new();
     let mut unit: Option<LengthUnit> = None;
     for name in order {
-        let Entry { position: [Some(x), Some(y), Some(z)], quaternion, angles } = entries[name]
-        else {
+        let Entry { position, quaternion, angles } = entries[name];
+        let has_rotation =
+            quaternion.iter().any(Option::is_some) || angles.iter().any(Option::is_some);
+        let [Some(x), Some(y), Some(z)] = position else {
+            if has_rotation {
+                let found = format!("a rotation of `{name}` without its position");
+                let needed = format!("`{name}_x_mm`, `{name}_y_mm`, `{name}_z_mm`");
+                return Err(FileProblem::in_line(1, found, needed));
+            }
             continue;
         };
         let first = labels.len() as u32;
@@ -154,7 +166,7 @@ pub(super) fn header(text: &[u8]) -> Result<Header<'_>, FileProblem> {
             {
                 Some((vec![yaw, pitch, roll], Rotation::Euler { order: [2, 1, 0], unit_rad }))
             }
-            _ if quaternion.iter().any(Option::is_some) || angles.iter().any(Option::is_some) => {
+            _ if has_rotation => {
                 let found = format!("only a part of the rotation of `{name}`");
                 let needed = format!(
                     "`{name}_qw`, `{name}_qx`, `{name}_qy`, `{name}_qz`, or `{name}_roll_deg`, `{name}_pitch_deg`, \
@@ -212,9 +224,12 @@ pub(super) fn frames_of_times(times_s: &[f64]) -> Result<(Vec<i64>, Option<f64>)
     }
     let mut sorted = intervals_s.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    let Some(&interval_s) = sorted.get(sorted.len() / 2) else {
+    let Some(&usual_s) = sorted.get(sorted.len() / 2) else {
         return Ok((vec![1; times_s.len()], None));
     };
+    // Unlike the median, the mean over the intervals of a single frame is not affected by the rounding of the times.
+    sorted.truncate(sorted.partition_point(|interval_s| *interval_s < 1.5 * usual_s));
+    let interval_s = sorted.iter().sum::<f64>() / sorted.len() as f64;
     let mut frames = vec![1];
     for (i, ratio) in intervals_s.iter().map(|own_s| own_s / interval_s).enumerate() {
         let steps = ratio.round();
@@ -236,12 +251,13 @@ pub(super) fn frames_of_times(times_s: &[f64]) -> Result<(Vec<i64>, Option<f64>)
 /// Returns the frame rate of rows with these frame numbers and times, Hz, to a thousandth; `None` if the times do not
 /// give it.
 pub(super) fn rate_hz(frames: &[i64], times_s: &[f64]) -> Option<f64> {
-    let ([first, .., last], [from_s, .., to_s]) = (frames, times_s) else { return None };
+    let timed = || frames.iter().zip(times_s).filter(|(_, time_s)| time_s.is_finite());
+    let ((first, from_s), (last, to_s)) = (timed().next()?, timed().next_back()?);
     let rate_hz = (last - first) as f64 / (to_s - from_s);
     (rate_hz.is_finite() && rate_hz > 0.0).then(|| (1e3 * rate_hz).round() / 1e3)
 }
 
-/// Returns the content of a Parquet file as the text of a CSV file; columns without numbers are empty.
+/// Returns the content of a Parquet file as the text of a CSV file; columns without numbers are left out.
 pub(super) fn text_of_parquet(content: &[u8]) -> Result<Vec<u8>, FileProblem> {
     let damaged = || FileProblem::new("a damaged Parquet file", "a complete copy of the file");
     let mut reader = ParquetReader::new(Cursor::new(content)).read_parallel(ParallelStrategy::None);
@@ -261,7 +277,7 @@ pub(super) fn text_of_parquet(content: &[u8]) -> Result<Vec<u8>, FileProblem> {
     let mut columns: Vec<Vec<Option<f64>>> = Vec::new();
     for column in frame.columns() {
         let name = column.name().as_str();
-        let is_plain = !name.contains([',', '\n', '\r', '"']);
+        let is_plain = !name.contains([',', ';', '\t', '\n', '\r', '"']);
         let numbers = column
             .cast(&DataType::Float64)
             .ok()

@@ -3,10 +3,10 @@
 use super::figure::Layer;
 use super::style::{Look, MARKER_RADIUS, Shape};
 
-/// Maximum distance between neighbouring repeats of one frequency, as a fraction of a marker's width; measured
-/// frequencies of repeats differ by less.
+/// Maximum distance between neighbouring repeats, as a fraction of a marker's width; measured frequencies of repeats
+/// differ by less.
 const SAME: f64 = 0.05;
-/// Maximum shift, as a fraction of the distance to the nearest other frequency.
+/// Maximum shift, as a fraction of the distance to the nearest other position.
 const MAX_SHIFT: f64 = 0.25;
 /// Maximum number of repeats that are shifted: more could not be told apart.
 const MAX_REPEATS: usize = 8;

@@ -20,14 +20,15 @@ use trilink_statistics::{median, wrap};
 use super::labels::LinkFit;
 use super::layout::{Layout, LinkMarker};
 
-/// Weights of a fourth difference; the sum of their squares is the same factor in all variances and cancels.
+/// Weights of a fourth difference. The gain (70) is common to all variances and cancels in their ratios.
 const FOURTH: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
-/// Square of a difference, as a multiple of the median of the squares, above which it is an outlier: beyond four
-/// standard deviations of normally distributed noise.
-const OUTLYING_MEDIANS: f64 = 40.0;
+/// Squares of differences of the position (x^2 + y^2) and of the rotation, as multiples of their medians, above which a
+/// difference is an outlier: 16 variances of normally distributed noise. The medians are 1.386 and 0.4549 variances
+/// (chi-squared with two and one degrees of freedom).
+const OUTLYING_MEDIANS: [f64; 2] = [16.0 / 1.386, 16.0 / 0.4549];
 /// Minimum number of differences from which the noise is estimated.
 const MIN_DIFFERENCES: usize = 50;
-/// Range of the factor by which the points may be moved away from the centre of the noise.
+/// Range of the factor by which the distances of the points from the centre of the noise are multiplied.
 const FACTORS: (f64, f64) = (0.1, 20.0);
 /// Maximum distance of the centre of the noise from the origin of the body's frame, mm.
 const MAX_OFFSET_MM: f64 = 500.0;
@@ -90,21 +91,25 @@ impl Noise {
         }
         let squares = |[x, y, turn]: &[f64; 3]| [x * x + y * y, turn * turn];
         let limits = [0, 1].map(|i| {
-            OUTLYING_MEDIANS * median(differences.iter().map(|d| squares(d)[i]).collect())
+            OUTLYING_MEDIANS[i] * median(differences.iter().map(|d| squares(d)[i]).collect())
         });
         differences.retain(|d| (0..2).all(|i| squares(d)[i] <= limits[i]));
+        if differences.len() < MIN_DIFFERENCES {
+            return None;
+        }
         let sum = |value: &dyn Fn(&[f64; 3]) -> f64| differences.iter().map(value).sum::<f64>();
-        let turns = sum(&|d| d[2] * d[2]);
-        let [along, across] = [0, 1].map(|axis| sum(&|d| d[axis] * d[2]) / turns);
-        let places =
-            sum(&|d| d[0] * d[0] + d[1] * d[1]) - turns * (along * along + across * across);
+        let rotation_squares = sum(&|d| d[2] * d[2]);
+        let [along, across] = [0, 1].map(|axis| sum(&|d| d[axis] * d[2]) / rotation_squares);
+        let position_squares = sum(&|d| d[0] * d[0] + d[1] * d[1])
+            - rotation_squares * (along * along + across * across);
         // A rotation moves a point at (x, y) by (-y, x) times the angle.
         let offset_mm = [across, -along];
-        // The sum of the squared distances of the points from an axis through their centre is 8 OFFSET_MM^2, that of
-        // four points at the radius of gyration 4 places / (2 turns).
-        let factor = (places / (4.0 * turns)).sqrt() / body::OFFSET_MM;
-        let is_noise = factor.is_finite() && offset_mm[0].hypot(offset_mm[1]) <= MAX_OFFSET_MM;
-        is_noise.then(|| Self { offset_mm, factor: factor.clamp(FACTORS.0, FACTORS.1) })
+        // The sum of the squared distances of the points from the vertical axis through their centre is 8 OFFSET_MM^2;
+        // the noise requires 4 r^2, with r^2 = position_squares / (2 rotation_squares).
+        let factor = (position_squares / (4.0 * rotation_squares)).sqrt() / body::OFFSET_MM;
+        let is_plausible =
+            factor.is_finite() && factor > 0.0 && offset_mm[0].hypot(offset_mm[1]) <= MAX_OFFSET_MM;
+        is_plausible.then(|| Self { offset_mm, factor: factor.clamp(FACTORS.0, FACTORS.1) })
     }
 
     fn balance(&self, file: &mut Recording, points: &mut [LinkMarker; POINTS]) {
@@ -114,29 +119,28 @@ impl Noise {
             [x, y, point.height_mm]
         });
         let (_, axes) = body::pose(&placed);
-        // The offset in the frame of the body.
-        let own = axes.map(|axis| axis[0] * x + axis[1] * y);
-        for (point, [x, y, z]) in points.iter_mut().zip(self.moved(&placed, own)) {
+        let offset_in_body = axes.map(|axis| axis[0] * x + axis[1] * y);
+        for (point, [x, y, z]) in points.iter_mut().zip(self.moved(&placed, offset_in_body)) {
             point.local_position_mm = [x, y];
             point.height_mm = z;
         }
         let columns = points.each_ref().map(|point| point.column);
         let markers = file.labels.len();
         for row in file.positions_mm.chunks_exact_mut(markers) {
-            let moved = self.moved(&columns.map(|column| row[column]), own);
+            let moved = self.moved(&columns.map(|column| row[column]), offset_in_body);
             for (column, position_mm) in columns.into_iter().zip(moved) {
                 row[column] = position_mm;
             }
         }
     }
 
-    /// Moves the points of a body, whose offset in the body's frame is `own`.
-    fn moved(&self, points: &[[f64; 3]; POINTS], own: [f64; 3]) -> [[f64; 3]; POINTS] {
+    /// Moves the points of a body. `offset` is that of the centre of the noise in the frame of the body.
+    fn moved(&self, points: &[[f64; 3]; POINTS], offset: [f64; 3]) -> [[f64; 3]; POINTS] {
         let (origin_mm, axes) = body::pose(points);
         points.map(|point| {
             [0, 1, 2].map(|i| {
-                let offset = own[0] * axes[0][i] + own[1] * axes[1][i] + own[2] * axes[2][i];
-                origin_mm[i] - offset + self.factor * (point[i] - origin_mm[i])
+                let along = (0..3).map(|k| offset[k] * axes[k][i]).sum::<f64>();
+                origin_mm[i] - along + self.factor * (point[i] - origin_mm[i])
             })
         })
     }

@@ -46,7 +46,7 @@ const MIN_PIVOT: f64 = 1e-11;
 pub(super) struct Fit<T> {
     /// Order of the derivative that is white noise: 3 for white jerk, 4 for white snap.
     order: usize,
-    /// Half-power frequency of the smoother of the Wiener process, rad/frame: the frequency at which the spectra of the
+    /// Half-amplitude (-6 dB) frequency of the smoother of the Wiener process, rad/frame: the frequency at which the spectra of the
     /// process and of the noise are equal.
     cutoff_rad: f64,
     /// Variance of the noise in a coordinate.

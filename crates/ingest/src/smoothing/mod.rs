@@ -26,7 +26,7 @@ pub(crate) struct SmoothedMotion {
 /// Errors of smoothed coordinates and wheel velocities.
 pub(crate) struct MotionErrors {
     pub wheels: WheelVelocityErrors,
-    /// Mean variances of a coordinate of the position, m^2, and of the heading, rad^2.
+    /// Mean variances of a coordinate of the position, m^2, and of the heading, rad^2, while the robot is driven.
     pub pose_variances: [f64; 2],
 }
 
@@ -46,8 +46,10 @@ impl SmoothedMotion {
             return Self { coordinates, wheels, errors: None };
         }
         let smooth = smooth_coordinates(tracked, driven, rate_hz);
+        let moving = driven.map_or(0..tracked.frames(), |driven| driven.moving.clone());
         let pose_variances = [0, 1].map(|i: usize| {
-            let values: Vec<f64> = smooth.errors[i].iter().map(|error| error.value).collect();
+            let moving = &smooth.errors[i][moving.clone()];
+            let values: Vec<f64> = moving.iter().map(|error| error.value).collect();
             mean(seen(&values).map(|error| error * error))
         });
         let errors = MotionErrors { wheels: wheel_errors(robot, &smooth), pose_variances };

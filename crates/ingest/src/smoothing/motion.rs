@@ -15,7 +15,7 @@ use super::kalman::{Regressors, Scalar, Smoothed, fit, smooth};
 use crate::phase::{GaitPhase, LinearPhase};
 use crate::poses::Tracked;
 
-/// Maximum half-power frequency of the smoother, Hz. Motion that is not periodic is slower, and links vibrate faster on
+/// Maximum half-amplitude frequency of the smoother, Hz. Motion that is not periodic is slower, and links vibrate faster on
 /// their suspensions.
 const MAX_CUTOFF_HZ: f64 = 5.0;
 /// Maximum number of harmonics. Dry friction changes the acceleration abruptly, so that the harmonics decay slowly.
@@ -54,10 +54,10 @@ impl Regressors<f64> for AngleHarmonics {
     }
 }
 
-/// Harmonics of the gait in the position, which turn with the mean heading.
+/// Harmonics of the gait in the position, which turn with the trend of the heading.
 struct PathHarmonics<'a> {
     phase: LinearPhase,
-    /// Mean heading and its change per frame.
+    /// Trend of the heading and its change per frame.
     heading: &'a [[f64; 2]],
     harmonics: Vec<usize>,
 }
@@ -109,7 +109,7 @@ pub(super) struct SmoothCoordinates {
     pub rates: Coordinates,
     /// Errors of x and y (each), theta, phi1 and phi2 in every frame.
     pub errors: [Vec<CoordinateError>; 4],
-    /// Correlations of the noise in x and y (along and across link 0), theta, phi1 and phi2.
+    /// Correlations of the residuals of x and y (along and across link 0), theta, phi1 and phi2.
     pub correlations: Matrix5<f64>,
 }
 
@@ -199,6 +199,13 @@ pub(super) fn smooth_coordinates(
     }
     let correlations = correlations(&tracked.seen, &values);
     leave_out_missing(&mut values, &tracked.filled);
+    leave_out_missing(&mut rates, &tracked.filled);
+    let Coordinates { x_m, theta_rad, phi_rad: [phi1_rad, phi2_rad], .. } = &values;
+    for (errors, values) in errors.iter_mut().zip([x_m, theta_rad, phi1_rad, phi2_rad]) {
+        for (error, _) in errors.iter_mut().zip(values).filter(|(_, value)| value.is_nan()) {
+            *error = CoordinateError::MISSING;
+        }
+    }
     SmoothCoordinates { values, rates, errors, correlations }
 }
 

@@ -11,7 +11,7 @@ use super::*;
 
 /// Filters a series forwards and backwards with a second-order Butterworth low-pass filter, as is done before an export
 /// (bilinear transform; Winter, *Biomechanics and Motor Control of Human Movement*, section 2.2.4). `cutoff` is the
-/// cut-off frequency as a fraction of the frame rate.
+/// frequency at which the amplitude is halved, as a fraction of the frame rate.
 pub(crate) fn low_passed(series: &[f64], cutoff: f64) -> Vec<f64> {
     let c = 1.0 / (PI * cutoff).tan();
     let scale = 1.0 / (1.0 + SQRT_2 * c + c * c);
@@ -72,7 +72,7 @@ fn with_series(recording: &Recording, mut change: impl FnMut(Vec<f64>) -> Vec<f6
     }
 }
 
-/// Returns a series with a sample between any two, and after the last, by the natural cubic spline.
+/// Returns a series with a sample between neighbouring samples by the natural cubic spline, and the last sample twice.
 fn doubled(series: Vec<f64>) -> Vec<f64> {
     let n = series.len();
     // Second derivatives at the samples by the tridiagonal system (1, 4, 1).

@@ -104,6 +104,22 @@ mod tests {
     use super::*;
     use crate::{LengthUnit, parse_markers};
 
+    /// Checks that a recording is read from its encoding as it was written, to `tolerance_mm`.
+    #[track_caller]
+    fn assert_read_back(format: Format, written: &Recording, tolerance_mm: f64) {
+        let file = format!("trial.{}", format.extension());
+        let bytes = format.encode("trial", written);
+        let read = parse_markers(file.as_ref(), &bytes, LengthUnit::Mm).unwrap();
+        assert_eq!((read.rate_hz, &read.frames), (Some(120.0), &written.frames), "{format}");
+        assert_eq!((&read.labels, &read.doubts[..]), (&written.labels, &[][..]), "{format}");
+        let pairs = read.positions_mm.as_flattened().iter();
+        for (read, written) in pairs.zip(written.positions_mm.as_flattened()) {
+            let is_same =
+                (read - written).abs() < tolerance_mm || read.is_nan() && written.is_nan();
+            assert!(is_same, "{format}: {read} {written}");
+        }
+    }
+
     #[test]
     fn every_format_is_read_back_as_written() {
         let frames: Vec<i64> = (7..107).collect();
@@ -117,16 +133,7 @@ mod tests {
         let positions = positions.collect();
         let written = Recording::new(Some(120.0), frames, labels, positions);
         for format in Format::ALL.into_iter().filter(|format| !format.has_bodies()) {
-            let file = format!("trial.{}", format.extension());
-            let bytes = format.encode("trial", &written);
-            let read = parse_markers(file.as_ref(), &bytes, LengthUnit::Mm).unwrap();
-            assert_eq!((read.rate_hz, &read.frames), (Some(120.0), &written.frames), "{format}");
-            assert_eq!((&read.labels, &read.doubts[..]), (&written.labels, &[][..]), "{format}");
-            let pairs = read.positions_mm.as_flattened().iter();
-            for (read, written) in pairs.zip(written.positions_mm.as_flattened()) {
-                let is_same = (read - written).abs() < 6e-4 || read.is_nan() && written.is_nan();
-                assert!(is_same, "{format}: {read} {written}");
-            }
+            assert_read_back(format, &written, 6e-4);
         }
     }
 
@@ -149,16 +156,7 @@ mod tests {
         });
         let written = Recording::new(Some(120.0), frames.clone(), labels, positions.collect());
         for format in Format::ALL.into_iter().filter(|format| format.has_bodies()) {
-            let file = format!("trial.{}", format.extension());
-            let bytes = format.encode("trial", &written);
-            let read = parse_markers(file.as_ref(), &bytes, LengthUnit::Mm).unwrap();
-            assert_eq!((read.rate_hz, &read.frames), (Some(120.0), &written.frames), "{format}");
-            assert_eq!((&read.labels, &read.doubts[..]), (&written.labels, &[][..]), "{format}");
-            let pairs = read.positions_mm.as_flattened().iter();
-            for (read, written) in pairs.zip(written.positions_mm.as_flattened()) {
-                let is_same = (read - written).abs() < 1.5e-3 || read.is_nan() && written.is_nan();
-                assert!(is_same, "{format}: {read} {written}");
-            }
+            assert_read_back(format, &written, 1.5e-3);
         }
     }
 }
