@@ -287,7 +287,7 @@ fn the_tables_have_the_documented_columns() {
     };
     let laws = ["viscous", "coulomb", "coulomb_viscous"].map(of_law).join(" ");
     let misfit = |nth: usize| {
-        let parts = "side metric campaign least most from_rad_s to_rad_s";
+        let parts = "side metric campaign least most largest from_rad_s to_rad_s";
         parts.split(' ').map(|part| format!("misfit{nth}_{part} ")).collect::<String>()
     };
     let misfit: String = (0..3).map(misfit).collect();
