@@ -228,12 +228,12 @@ pub(super) fn frames_of_times(times_s: &[f64]) -> Result<(Vec<i64>, Option<f64>)
         return Ok((vec![1; times_s.len()], None));
     };
     // Unlike the median, the mean over the intervals of a single frame is not affected by the rounding of the times.
-    sorted.truncate(sorted.partition_point(|interval_s| *interval_s < 1.5 * usual_s));
+    sorted.retain(|interval_s| (0.6..1.4).contains(&(interval_s / usual_s)));
     let interval_s = sorted.iter().sum::<f64>() / sorted.len() as f64;
     let mut frames = vec![1];
     for (i, ratio) in intervals_s.iter().map(|own_s| own_s / interval_s).enumerate() {
         let steps = ratio.round();
-        if (ratio - steps).abs() > MAX_JITTER || steps < 1.0 || steps > 1e9 {
+        if (ratio - steps).abs() > MAX_JITTER || !(1.0..=1e9).contains(&steps) {
             let found = format!(
                 "{} s from the time before in {}, {ratio:.2} times the usual {interval_s} s",
                 intervals_s[i],

@@ -233,7 +233,7 @@ impl Markers<'_> {
     /// otherwise `None`.
     fn swapped_between_links(&self, residual_mm: [f64; 3]) -> Option<String> {
         for (a, b) in [(1, 2), (0, 1), (0, 2)] {
-            if !(residual_mm[a].min(residual_mm[b]) > MAX_RESIDUAL_MM) {
+            if residual_mm[a].min(residual_mm[b]) <= MAX_RESIDUAL_MM {
                 continue;
             }
             let of_b = 0..self.layout[b].len();

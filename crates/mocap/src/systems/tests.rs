@@ -542,6 +542,14 @@ fn tables_of_other_programs_are_read_by_the_names_of_their_columns() {
         (&["M1".to_owned()][..], [10.0, 20.0, 30.0])
     );
 
+    // Times rounded to milliseconds at 120 Hz, with a gap of 23 frames.
+    let rows = (0..200).filter(|frame| !(60..83).contains(frame));
+    let rounded = rows.map(|frame| format!("{:.3},1,2,3\n", f64::from(frame) / 120.0));
+    let rounded = "time_s,M1_x_cm,M1_y_cm,M1_z_cm\n".to_owned() + &rounded.collect::<String>();
+    let file = read(rounded.as_bytes()).unwrap();
+    assert_eq!((file.frames[59], file.frames[60], file.frames[176]), (60, 84, 200));
+    assert!((file.rate_hz.unwrap() - 120.0).abs() < 0.1, "{:?}", file.rate_hz);
+
     for (text, found) in [
         (
             markers.replace("0.121", "0.14"),
