@@ -348,15 +348,17 @@ impl<'r> Search<'r> {
             });
             both.map(|fit| text(fit, "campaign")).collect::<BTreeSet<_>>().len()
         };
+        // Variation between days widens the tolerance of coefficients, but campaigns that agree are evidence.
+        let within = self.compared.differences.iter().filter(|of| !of.is_out());
+        let within = within
+            .filter_map(change)
+            .filter(|of| !inadequate.iter().any(|all| all.contains(&[of.campaign, of.model])));
+        let within: Vec<CoefficientChange> = within.collect();
         let has_means = self.remaining.iter().any(|i| self.compared.differences[*i].table == MEANS);
         if changes.is_empty() && has_means {
-            // Variation between days widens the tolerance of coefficients, but campaigns that agree are evidence.
-            let within = self.compared.differences.iter().filter(|of| !of.is_out());
             let mut alike: BTreeMap<Parameter, Vec<CoefficientChange>> = BTreeMap::new();
-            for change in within.filter_map(change) {
-                if !inadequate.iter().any(|all| all.contains(&[change.campaign, change.model])) {
-                    alike.entry(change.parameter).or_default().push(change);
-                }
+            for change in &within {
+                alike.entry(change.parameter).or_default().push(*change);
             }
             alike.retain(|parameter, changes| {
                 let ratio = median(changes.iter().map(|change| change.ratio).collect());
@@ -373,15 +375,11 @@ impl<'r> Search<'r> {
                 self.causes.push(Cause { kind, sentence, differences: Vec::new() });
             }
         }
-        let within = self.compared.differences.iter().filter(|of| !of.is_out());
-        let within: Vec<CoefficientChange> = within.filter_map(change).collect();
         for CoefficientCause { mut sentence, parameters, ratio } in by_coefficient(&changes, judged)
         {
-            let alike = within.iter().filter(|of| {
-                parameters.contains(&of.parameter)
-                    && is_same(of.ratio, ratio)
-                    && !inadequate.iter().any(|all| all.contains(&[of.campaign, of.model]))
-            });
+            let alike = within
+                .iter()
+                .filter(|of| parameters.contains(&of.parameter) && is_same(of.ratio, ratio));
             let alike: BTreeSet<&str> = alike.map(|of| of.campaign).collect();
             if !alike.is_empty() {
                 let alike = listed(&alike.into_iter().collect::<Vec<_>>());
@@ -499,6 +497,7 @@ pub fn by_table(rows: &[RowId]) -> Vec<String> {
 }
 
 /// Change of a coefficient in the fit of a model to a campaign.
+#[derive(Clone, Copy)]
 pub(super) struct CoefficientChange<'r> {
     pub campaign: &'r str,
     pub model: &'r str,

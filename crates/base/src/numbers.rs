@@ -59,7 +59,7 @@ pub fn with_error(value: f64, error: f64) -> String {
         return NONE.to_owned();
     }
     let place = place(error, value);
-    format!("{} ± {}", rounded(value, place), rounded(error.max(10_f64.powi(-place)), place))
+    format!("{} ± {}", rounded(value, place), rounded(at_least_a_unit(error, place), place))
 }
 
 /// Formats a value and its standard error in the concise notation, such as `104.31(22)`: the digits in parentheses are
@@ -69,9 +69,14 @@ pub fn concise(value: f64, error: f64) -> String {
         return with_error(value, error);
     }
     let place = place(error, value);
-    let last = (error.max(10_f64.powi(-place)) * 10_f64.powi(place.max(0))).round();
+    let last = (at_least_a_unit(error, place) * 10_f64.powi(place.max(0))).round();
     let error = if place < 0 { rounded(last, place) } else { fixed(last, 0) };
     format!("{}({error})", rounded(value, place))
+}
+
+/// Returns the error, or a unit of the decimal place if that is larger.
+fn at_least_a_unit(error: f64, place: i32) -> f64 {
+    error.max(10_f64.powi(-place))
 }
 
 /// Maximum number of significant digits of a value with an uncertainty. The scale of a calibrated camera system is not

@@ -1,4 +1,4 @@
-//! Reads the header of a table from any program: markers, rigid bodies or both, with z up.
+//! Reads the header of a table of markers, rigid bodies or both that any program may have written. The z axis points up.
 //!
 //! ```text
 //! frame,time_s,M1_x_mm,M1_y_mm,M1_z_mm,middle_x_m,middle_y_m,middle_z_m,middle_qw,middle_qx,middle_qy,middle_qz
@@ -245,7 +245,8 @@ pub(super) fn frames_of_times(times_s: &[f64]) -> Result<(Vec<i64>, Option<f64>)
         }
         frames.push(frames[i] + steps as i64);
     }
-    Ok((frames.clone(), rate_hz(&frames, times_s)))
+    let rate_hz = rate_hz(&frames, times_s);
+    Ok((frames, rate_hz))
 }
 
 /// Returns the frame rate of rows with these frame numbers and times, Hz, to a thousandth; `None` if the times do not

@@ -86,9 +86,6 @@ impl Noise {
                 (frames[4] - frames[0] == 4).then_some([x, y, difference[2]])
             });
         let mut differences: Vec<[f64; 3]> = differences.collect();
-        if differences.len() < MIN_DIFFERENCES {
-            return None;
-        }
         let squares = |[x, y, turn]: &[f64; 3]| [x * x + y * y, turn * turn];
         let limits = [0, 1].map(|i| {
             OUTLYING_MEDIANS[i] * median(differences.iter().map(|d| squares(d)[i]).collect())
