@@ -96,7 +96,7 @@ pub(super) fn most_common<'l>(found: impl Iterator<Item = &'l Links>) -> Option<
     counts.into_iter().find(|(_, count)| *count == max).map(|(links, _)| links.clone())
 }
 
-/// Returns the names of markers, with one name for the points of a rigid body.
+/// Replaces the labels of the four points of a rigid body by the name of the body, and keeps the labels of markers.
 pub(super) fn without_points(names: &[String]) -> Vec<String> {
     let mut names: Vec<String> = names.iter().map(|name| body::name(name).to_owned()).collect();
     names.dedup();

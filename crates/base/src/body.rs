@@ -9,8 +9,8 @@
 
 /// Number of points of a rigid body.
 pub const POINTS: usize = 4;
-/// Modulus of each coordinate of a point in the frame of its body, mm. The points are about as far from the origin as
-/// the markers on a hand-sized link.
+/// Absolute value of each coordinate of a point in the frame of its body, mm. The points are 61 mm from the origin, about
+/// as far as markers are on a link of 10 to 20 cm.
 pub const OFFSET_MM: f64 = 35.0;
 /// Separates the name of a body from the number of a point.
 const SEPARATOR: char = '@';

@@ -1,6 +1,6 @@
 //! Utilities shared by all crates of trilink. This crate depends on no other crate of the workspace.
 //!
-//! - [`body`]: rigid bodies as points.
+//! - [`body`]: poses of rigid bodies, stored as the positions of four points.
 //! - [`files`]: reading of regular files of limited size; [`csv`]: reading and writing of fields and records.
 //! - [`pattern`]: wildcards `*` and `?` in names of files, campaigns and markers.
 //! - [`Named`] and [`named!`]: enumerations whose values have names in files, in tables and on the

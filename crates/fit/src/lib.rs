@@ -18,7 +18,7 @@
 //! - Model selection: `adequacy` (lack of fit), `criterion`, `compare`, `law_class`; `shared`, `sharing` (one set of
 //!   coefficients for several campaigns).
 //! - Applications of a fitted model: `predict` and `bands`, [`simulate`], [`optimise`] (the best gait), [`design`] (the
-//!   next trials), `problem` (the objective for other optimisers).
+//!   next trials), `problem` (the objective of a fit, for optimisers of other programs).
 //!
 //! Steady-state motion of a configured model (see [`fit`] for an example of a fit):
 //!

@@ -84,7 +84,7 @@ pub(super) fn find(text: &[u8], unit: LengthUnit) -> Result<Header<'_>, FileProb
     Err(foreign::describe(dialect, text))
 }
 
-/// Returns the line number of the next title of a section; `None` if there is none.
+/// Returns the number of the next line that contains only the title `section`; `None` if there is none.
 pub(super) fn title_line<'t>(
     dialect: Dialect,
     section: &str,

@@ -118,7 +118,7 @@ impl Recording {
         }
     }
 
-    /// Returns the index of the first of the four points of each rigid body.
+    /// Returns, for each rigid body, the index of the first of its four points among the labels.
     pub fn bodies(&self) -> Vec<usize> {
         let is_body = |labels: &[String]| {
             let Some((name, 0)) = body::of_point(&labels[0]) else { return false };

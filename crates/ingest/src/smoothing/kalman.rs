@@ -5,10 +5,10 @@
 //! amplitudes of the harmonics and the initial state enter as regression effects of the filter's innovations (de Jong,
 //! *Annals of Statistics* 19 (1991) 1073). The amplitudes from the second harmonic upwards have a normal prior whose
 //! variance decreases as a power of the harmonic (Wahba, *Spline Models for Observational Data*, 1990, section 2.1:
-//! periodic splines), so that neither their number nor a cutoff has to be chosen; the other effects have no prior. The
-//! variance of the noise is concentrated out of the likelihood. The density of the white process, its order and the
-//! prior maximise the likelihood, penalised by the number of effects without prior (AIC). A missing sample is a frame
-//! without a measurement. Time is counted in frames, and variances are relative to that of the noise.
+//! periodic splines), so that the data determine how many harmonics matter; the other amplitudes and the initial state
+//! have no prior. The variance of the noise is concentrated out of the likelihood. The density of the white process,
+//! its order and the prior maximise the likelihood, penalised by the number of effects without prior (AIC). A missing
+//! sample is a frame without a measurement. Time is counted in frames, and variances are relative to that of the noise.
 
 use nalgebra::{ComplexField, SMatrix, SVector};
 

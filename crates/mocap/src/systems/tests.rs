@@ -433,8 +433,8 @@ fn index_columns_and_decimal_commas_between_commas_are_named() {
     assert!(message(&motive).contains("decimal commas"), "{}", message(&motive));
 }
 
-/// Rows of a table with a body at rest that is turned by a quarter about the vertical axis and then by 0.1 rad about
-/// its own axis 0.
+/// Checks the pose of a body at rest that is turned by 90 degrees about the vertical axis and then by 0.1 rad about the
+/// x axis of its frame.
 fn assert_quarter_turned(text: &str, name: &str) {
     let file = read(text.as_bytes()).unwrap();
     assert_eq!(file.bodies(), [0], "{text}");
