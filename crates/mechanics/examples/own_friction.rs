@@ -5,7 +5,7 @@
 //! laws.
 
 use trilink_mechanics::{Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver};
-use trilink_robot::{Friction, Gait, Number, Parameter, Quantity, Robot};
+use trilink_robot::{Friction, Gait, Number, Parameter, Quantity, Robot, WheelFriction};
 
 /// Dry friction `F s / sqrt(1 + s^2)` across the wheels' rolling direction, where s is the skid velocity over
 /// the transition speed, with the coefficients of [`Laws::COULOMB`]; the wheels roll freely.
@@ -17,15 +17,15 @@ impl Friction for Algebraic {
     const ROLL: &'static [Parameter] = &[Quantity::Transition.one()];
     const IS_LINEAR: bool = false;
 
-    fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        let dry_n = robot.skid_dry_n[wheel];
-        let per_m_s = 1.0 / robot.transition_m_s;
+    fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
+        let dry_n = wheel.skid_dry_n;
+        let per_m_s = 1.0 / wheel.transition_m_s;
         let relative = velocity * T::splat(per_m_s);
         let root = inverse_root(relative);
         [T::splat(dry_n) * relative * root, T::splat(dry_n * per_m_s) * root * root * root]
     }
 
-    fn roll<T: Number>(_: &Robot, _: usize, _: T) -> [T; 2] {
+    fn roll<T: Number>(_: &WheelFriction, _: T) -> [T; 2] {
         [T::splat(0.0); 2]
     }
 
@@ -36,7 +36,7 @@ impl Friction for Algebraic {
         mut add: impl FnMut(usize, T),
     ) {
         let relative = velocity * T::splat(1.0 / robot.transition_m_s);
-        let [_, slope] = Self::skid(robot, wheel, velocity);
+        let [_, slope] = Self::skid(&robot.wheel_friction(wheel), velocity);
         add(wheel, relative * inverse_root(relative));
         add(Self::SKID.len(), -(slope * relative));
     }

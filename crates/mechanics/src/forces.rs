@@ -35,8 +35,10 @@ pub(super) fn contact_forces<F: Friction>(
     let skid_m_s = skid.map(|row| dot(&row, velocity));
     let roll_m_s = roll.map(|row| dot(&row, velocity));
 
-    let skid_n: [f64; 3] = std::array::from_fn(|i| F::skid(robot, i, skid_m_s[i])[0]);
-    let roll_n: [f64; 3] = std::array::from_fn(|i| F::roll(robot, i, roll_m_s[i])[0]);
+    let skid_n: [f64; 3] =
+        std::array::from_fn(|i| F::skid(&robot.wheel_friction(i), skid_m_s[i])[0]);
+    let roll_n: [f64; 3] =
+        std::array::from_fn(|i| F::roll(&robot.wheel_friction(i), roll_m_s[i])[0]);
     let lateral_n = if problem.laws.skids() {
         skid_n.map(|force| -force)
     } else {

@@ -244,12 +244,36 @@ pub fn force_balance<T: Number, F: Friction>(
     let skid = skid_rows(robot, trig);
     let roll = roll_rows(robot, trig);
     let mut sums = (&mut force, &mut dforce_dvelocity);
-    add_friction(&mut sums, |v| F::skid(robot, 0, v), &skid[0], [1], velocity);
-    add_friction(&mut sums, |v| F::roll(robot, 0, v), &roll[0], [0], velocity);
-    add_friction(&mut sums, |v| F::skid(robot, 1, v), &skid[1], [0, 1, 2, 3], velocity);
-    add_friction(&mut sums, |v| F::skid(robot, 2, v), &skid[2], [0, 1, 2, 4], velocity);
-    add_friction(&mut sums, |v| F::roll(robot, 1, v), &roll[1], [0, 1, 2], velocity);
-    add_friction(&mut sums, |v| F::roll(robot, 2, v), &roll[2], [0, 1, 2], velocity);
+    add_friction(&mut sums, |v| F::skid(&robot.wheel_friction(0), v), &skid[0], [1], velocity);
+    add_friction(&mut sums, |v| F::roll(&robot.wheel_friction(0), v), &roll[0], [0], velocity);
+    add_friction(
+        &mut sums,
+        |v| F::skid(&robot.wheel_friction(1), v),
+        &skid[1],
+        [0, 1, 2, 3],
+        velocity,
+    );
+    add_friction(
+        &mut sums,
+        |v| F::skid(&robot.wheel_friction(2), v),
+        &skid[2],
+        [0, 1, 2, 4],
+        velocity,
+    );
+    add_friction(
+        &mut sums,
+        |v| F::roll(&robot.wheel_friction(1), v),
+        &roll[1],
+        [0, 1, 2],
+        velocity,
+    );
+    add_friction(
+        &mut sums,
+        |v| F::roll(&robot.wheel_friction(2), v),
+        &roll[2],
+        [0, 1, 2],
+        velocity,
+    );
 
     if let Some(joint) = passive {
         let row = 3 + joint;
@@ -292,8 +316,20 @@ pub fn dforce_dphi<T: Number, F: Friction>(
     let roll = roll_rows(robot, trig)[wheel];
     let droll = droll_rows_dphi(robot, trig)[joint];
     let entries = [0, 1, 2, 3 + joint];
-    turn_friction(&mut turned, |v| F::skid(robot, wheel, v), [&skid, &dskid], entries, velocity);
-    turn_friction(&mut turned, |v| F::roll(robot, wheel, v), [&roll, &droll], [0, 1, 2], velocity);
+    turn_friction(
+        &mut turned,
+        |v| F::skid(&robot.wheel_friction(wheel), v),
+        [&skid, &dskid],
+        entries,
+        velocity,
+    );
+    turn_friction(
+        &mut turned,
+        |v| F::roll(&robot.wheel_friction(wheel), v),
+        [&roll, &droll],
+        [0, 1, 2],
+        velocity,
+    );
     if passive == Some(joint) {
         turned[3 + joint] += T::splat(robot.stiffness_nm_rad);
     }

@@ -14,7 +14,7 @@
 
 use std::fmt::Debug;
 
-use super::{Number, Parameter, Quantity, Robot};
+use super::{Number, Parameter, Quantity, Robot, WheelFriction};
 
 /// Friction law for a robot's wheels. Forces are resistances, so they have the sign of the velocity.
 pub trait Friction: Copy + Debug + Send + Sync + 'static {
@@ -27,11 +27,11 @@ pub trait Friction: Copy + Debug + Send + Sync + 'static {
 
     /// Returns the resistance (N) of a wheel to skidding at a velocity (m/s), and its derivative with respect
     /// to the velocity (kg/s).
-    fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2];
+    fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2];
 
     /// Returns the resistance (N) of a wheel to rolling at a velocity (m/s), and its derivative with respect
     /// to the velocity (kg/s).
-    fn roll<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2];
+    fn roll<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2];
 
     /// Calls `add` for each parameter on which a wheel's skid resistance depends, with the index of the
     /// parameter and the derivative of the resistance with respect to the parameter. Indices count the
@@ -53,14 +53,14 @@ impl Friction for Viscous {
     const IS_LINEAR: bool = true;
 
     #[inline(always)]
-    fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        let c_kg_s = T::splat(robot.skid_kg_s[wheel]);
+    fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
+        let c_kg_s = T::splat(wheel.skid_kg_s);
         [c_kg_s * velocity, c_kg_s]
     }
 
     #[inline(always)]
-    fn roll<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        let c_kg_s = T::splat(robot.roll_kg_s[wheel]);
+    fn roll<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
+        let c_kg_s = T::splat(wheel.roll_kg_s);
         [c_kg_s * velocity, c_kg_s]
     }
 
@@ -93,13 +93,13 @@ impl Friction for Dry {
     const IS_LINEAR: bool = false;
 
     #[inline(always)]
-    fn skid<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        Law::skid(robot, wheel).force(velocity)
+    fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
+        Law::skid(wheel).force(velocity)
     }
 
     #[inline(always)]
-    fn roll<T: Number>(robot: &Robot, wheel: usize, velocity: T) -> [T; 2] {
-        Law::roll(robot, wheel).force(velocity)
+    fn roll<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
+        Law::roll(wheel).force(velocity)
     }
 
     #[inline(always)]
@@ -109,7 +109,7 @@ impl Friction for Dry {
         velocity: T,
         mut add: impl FnMut(usize, T),
     ) {
-        let slopes = Law::skid(robot, wheel).slopes(velocity);
+        let slopes = Law::skid(&robot.wheel_friction(wheel)).slopes(velocity);
         add(wheel, slopes.viscous);
         add(3 + wheel, slopes.dry);
         add(6 + wheel, slopes.static_);
@@ -126,7 +126,7 @@ impl Friction for Dry {
         velocity: T,
         mut add: impl FnMut(usize, T),
     ) {
-        let slopes = Law::roll(robot, wheel).slopes(velocity);
+        let slopes = Law::roll(&robot.wheel_friction(wheel)).slopes(velocity);
         add(wheel, slopes.viscous);
         add(3 + wheel, slopes.dry);
         add(6, slopes.transition);
@@ -177,26 +177,26 @@ struct Slopes<T> {
 
 impl Law {
     #[inline(always)]
-    fn skid(robot: &Robot, wheel: usize) -> Self {
+    fn skid(wheel: &WheelFriction) -> Self {
         Self {
-            viscous_kg_s: robot.skid_kg_s[wheel],
-            dry_n: robot.skid_dry_n[wheel],
-            static_n: robot.skid_static_n[wheel],
-            transition_m_s: robot.transition_m_s,
-            stribeck_m_s: robot.stribeck_m_s,
-            power_n: robot.skid_power_n[wheel],
-            exponent: robot.skid_exponent[wheel],
+            viscous_kg_s: wheel.skid_kg_s,
+            dry_n: wheel.skid_dry_n,
+            static_n: wheel.skid_static_n,
+            transition_m_s: wheel.transition_m_s,
+            stribeck_m_s: wheel.stribeck_m_s,
+            power_n: wheel.skid_power_n,
+            exponent: wheel.skid_exponent,
         }
     }
 
     #[inline(always)]
-    fn roll(robot: &Robot, wheel: usize) -> Self {
-        let dry_n = robot.roll_dry_n[wheel];
+    fn roll(wheel: &WheelFriction) -> Self {
+        let dry_n = wheel.roll_dry_n;
         Self {
-            viscous_kg_s: robot.roll_kg_s[wheel],
+            viscous_kg_s: wheel.roll_kg_s,
             dry_n,
             static_n: dry_n,
-            transition_m_s: robot.transition_m_s,
+            transition_m_s: wheel.transition_m_s,
             stribeck_m_s: 0.0,
             power_n: 0.0,
             exponent: 1.0,

@@ -3,7 +3,7 @@
 //!
 //! Indices 0, 1, 2 always denote the middle, front and rear link. Units are SI and part of each name.
 //!
-//! - Description: [`Robot`] (Tables I and II); [`Quantity`], the table of quantities that describe a robot;
+//! - Description: [`Robot`] (Tables I and II), a [`Chain`] of three links; `chain`, robots of other numbers of links; [`Quantity`], the table of quantities that describe a robot;
 //!   and [`Parameter`], a single scalar parameter of a robot.
 //! - Actuation: `command` and `gait`; a [`Gait`] consists of one [`JointCommand`] per commanded joint (eq. 18
 //!   and 19).
@@ -28,6 +28,7 @@
 //! ```
 
 mod balance;
+mod chain;
 mod command;
 pub mod decay;
 mod friction;
@@ -41,6 +42,10 @@ mod parameter;
 mod quantity;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
+pub use chain::{
+    Chain, ChainError, Drag, FreeJoint, Joint, Link, MAX_JOINTS, MAX_LINKS, NumberKind, Rotor,
+    TorqueCommand, Wheel, WheelFriction,
+};
 pub use command::{JointCommand, MAX_TURNS, SecondHarmonic, Turns};
 pub use friction::{Dry, Friction, Viscous};
 pub use gait::{Gait, Shape};

@@ -334,8 +334,8 @@ pub(super) fn friction_power<T: Number, F: Friction>(
     for wheel in 0..3 {
         let across = dot(&skid[wheel], velocity);
         let along = dot(&roll[wheel], velocity);
-        power +=
-            F::skid(robot, wheel, across)[0] * across + F::roll(robot, wheel, along)[0] * along;
+        power += F::skid(&robot.wheel_friction(wheel), across)[0] * across
+            + F::roll(&robot.wheel_friction(wheel), along)[0] * along;
     }
     power
 }
@@ -366,9 +366,9 @@ pub(super) fn friction_power_gradient<T: Number, F: Friction>(
     for wheel in 0..3 {
         let across = dot(&skid[wheel], velocity);
         let along = dot(&roll[wheel], velocity);
-        let [force, slope] = F::skid(robot, wheel, across);
+        let [force, slope] = F::skid(&robot.wheel_friction(wheel), across);
         add(wheel, &skid[wheel], &dskid, force + slope * across);
-        let [force, slope] = F::roll(robot, wheel, along);
+        let [force, slope] = F::roll(&robot.wheel_friction(wheel), along);
         add(wheel, &roll[wheel], &droll, force + slope * along);
     }
     if let Some(p) = passive {

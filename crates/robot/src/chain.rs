@@ -1,0 +1,350 @@
+//! Robots of two to eight links: a planar chain with joints of several kinds, and wheels where they are.
+//!
+//! Links are listed from front to rear, and joint `j` connects links `j` and `j + 1`. Its angle is the heading of link
+//! `j + 1` minus that of link `j`, as for both joints of the paper's robot. Places along a link are measured from the
+//! link's origin, positive ahead.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{Gait, JointCommand, Pose, Robot};
+
+/// Maximum number of links of a chain.
+pub const MAX_LINKS: usize = 8;
+/// Maximum number of joints of a chain.
+pub const MAX_JOINTS: usize = MAX_LINKS - 1;
+
+/// Robot whose links form a planar chain, with the commands of its joints and rotors.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Chain {
+    /// Links from front to rear; two to [`MAX_LINKS`].
+    pub links: Vec<Link>,
+    /// Joints from front to rear, one fewer than links.
+    pub joints: Vec<Joint>,
+    /// Index of the reference link: displacement, heading and velocities of the robot are those of its origin.
+    pub reference: usize,
+    /// Length that normalises skid velocities (eq. 20 of the paper), m; see [`Chain::outer_length_m`].
+    pub skid_length_m: f64,
+}
+
+/// Link of a chain.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Link {
+    pub name: String,
+    /// Distance of the joint to the next link ahead, measured forwards from the origin, m; unused in the first link.
+    pub front_joint_m: f64,
+    /// Distance of the joint to the next link behind, measured backwards from the origin, m; unused in the last link.
+    pub rear_joint_m: f64,
+    /// Place of the centre of mass, m.
+    pub com_m: f64,
+    /// Mass, including that of a rotor, kg.
+    pub mass_kg: f64,
+    /// Moment of inertia about the centre of mass, without that of a rotor about its own axis, kg m^2.
+    pub inertia_kg_m2: f64,
+    /// Wheel, or `None` if the link has none.
+    pub wheel: Option<Wheel>,
+    pub drag: Drag,
+    pub rotor: Option<Rotor>,
+}
+
+/// Wheel (or pair of wheels on one axle) of a link.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Wheel {
+    /// Place along the link, m.
+    pub place_m: f64,
+    /// Angle of the rolling direction relative to the link, counterclockwise, rad.
+    pub steer_rad: f64,
+    pub friction: WheelFriction,
+}
+
+/// Friction coefficients of one wheel; see [`Friction`](super::Friction) for the laws.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WheelFriction {
+    /// Viscous skid resistance (eq. 15 of the paper), kg/s.
+    pub skid_kg_s: f64,
+    /// Viscous rolling resistance (eq. 14 of the paper), kg/s.
+    pub roll_kg_s: f64,
+    /// Dry friction across the rolling direction, N.
+    pub skid_dry_n: f64,
+    /// Static friction across the rolling direction, N.
+    pub skid_static_n: f64,
+    /// Stribeck speed, m/s; zero if dry friction does not depend on speed.
+    pub stribeck_m_s: f64,
+    /// Power-law resistance to skidding at the transition speed, N.
+    pub skid_power_n: f64,
+    /// Exponent of the power-law resistance to skidding.
+    pub skid_exponent: f64,
+    /// Dry friction along the rolling direction, N.
+    pub roll_dry_n: f64,
+    /// Transition speed, over which dry friction changes its sign smoothly (regularisation), m/s.
+    pub transition_m_s: f64,
+}
+
+/// Viscous drag on a link as a whole, at its centre of mass.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Drag {
+    /// Drag coefficient along the link, kg/s.
+    pub along_kg_s: f64,
+    /// Drag coefficient across the link, kg/s.
+    pub across_kg_s: f64,
+    /// Drag coefficient of the link's rotation, N m s/rad.
+    pub turning_nm_s_rad: f64,
+}
+
+/// Balanced rotor on a link, turned relative to it by a motor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Rotor {
+    /// Moment of inertia about the rotor's axis, kg m^2.
+    pub inertia_kg_m2: f64,
+    /// Angle of the rotor relative to its link.
+    pub angle: JointCommand,
+}
+
+/// Joint between two links.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub enum Joint {
+    /// Joint whose angle is prescribed.
+    Driven(JointCommand),
+    /// Joint whose angle follows from the motion.
+    Free(FreeJoint),
+}
+
+/// Joint with the torque `-k (phi - target) - c phi' + torque`: on a spring if the target is constant, elastically
+/// driven if it is a command.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct FreeJoint {
+    /// Stiffness k, N m/rad.
+    pub stiffness_nm_rad: f64,
+    /// Damping c, N m s/rad.
+    pub damping_nm_s_rad: f64,
+    /// Angle at which the spring is relaxed.
+    pub target: JointCommand,
+    /// Prescribed torque, which tends to increase the angle.
+    pub torque: TorqueCommand,
+}
+
+/// Torque `mean + amplitude cos(omega t + phase)`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct TorqueCommand {
+    pub mean_nm: f64,
+    pub amplitude_nm: f64,
+    pub phase_rad: f64,
+}
+
+impl TorqueCommand {
+    /// Returns the torque at a phase `omega t`, N m.
+    pub fn at(&self, phase_rad: f64) -> f64 {
+        self.mean_nm + self.amplitude_nm * (phase_rad + self.phase_rad).cos()
+    }
+}
+
+/// Reason why a chain cannot be simulated.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ChainError {
+    #[error("a chain has 2 to {MAX_LINKS} links, not {0}")]
+    Links(usize),
+    #[error("{links} links have {} joints, not {joints}", links - 1)]
+    Joints { links: usize, joints: usize },
+    #[error("there is no link {reference} (counted from 0) that could be the reference link")]
+    Reference { reference: usize },
+    #[error("{name} must be a {}number, not {value}", kind.adjective())]
+    Number { name: String, value: String, kind: NumberKind },
+}
+
+/// Numbers that a value of a chain may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NumberKind {
+    Finite,
+    NotNegative,
+    Positive,
+}
+
+impl NumberKind {
+    fn adjective(self) -> &'static str {
+        match self {
+            Self::Finite => "finite ",
+            Self::NotNegative => "nonnegative ",
+            Self::Positive => "positive ",
+        }
+    }
+}
+
+impl Chain {
+    /// Checks that the numbers of links and joints agree and that every value has a physical meaning.
+    ///
+    /// # Errors
+    /// Returns an error that names the first value that is wrong.
+    pub fn check(&self) -> Result<(), ChainError> {
+        use NumberKind::{Finite, NotNegative, Positive};
+        let links = self.links.len();
+        if !(2..=MAX_LINKS).contains(&links) {
+            return Err(ChainError::Links(links));
+        }
+        if self.joints.len() != links - 1 {
+            return Err(ChainError::Joints { links, joints: self.joints.len() });
+        }
+        if self.reference >= links {
+            return Err(ChainError::Reference { reference: self.reference });
+        }
+        let check = |kind: NumberKind, value: f64, name: &dyn fmt::Display| {
+            let is_right = value.is_finite()
+                && match kind {
+                    Finite => true,
+                    NotNegative => value >= 0.0,
+                    Positive => value > 0.0,
+                };
+            let error =
+                || ChainError::Number { name: name.to_string(), value: value.to_string(), kind };
+            is_right.then_some(()).ok_or_else(error)
+        };
+        check(Positive, self.skid_length_m, &"`skid_length_m`")?;
+        for link in &self.links {
+            let of = |kind, value, name: &str| {
+                check(kind, value, &format_args!("`{name}` of link `{}`", link.name))
+            };
+            of(Finite, link.front_joint_m, "front_joint_m")?;
+            of(Finite, link.rear_joint_m, "rear_joint_m")?;
+            of(Finite, link.com_m, "com_m")?;
+            of(Positive, link.mass_kg, "mass_kg")?;
+            of(Positive, link.inertia_kg_m2, "inertia_kg_m2")?;
+            of(NotNegative, link.drag.along_kg_s, "drag_along_kg_s")?;
+            of(NotNegative, link.drag.across_kg_s, "drag_across_kg_s")?;
+            of(NotNegative, link.drag.turning_nm_s_rad, "drag_turning_nm_s_rad")?;
+            if let Some(Rotor { inertia_kg_m2, angle }) = link.rotor {
+                of(Positive, inertia_kg_m2, "rotor_inertia_kg_m2")?;
+                angle.to_array().into_iter().try_for_each(|number| of(Finite, number, "rotor"))?;
+            }
+            let Some(wheel) = link.wheel else { continue };
+            of(Finite, wheel.place_m, "wheel_m")?;
+            of(Finite, wheel.steer_rad, "steer")?;
+            let friction = wheel.friction;
+            of(NotNegative, friction.skid_kg_s, "skid_kg_s")?;
+            of(NotNegative, friction.roll_kg_s, "roll_kg_s")?;
+            of(NotNegative, friction.skid_dry_n, "skid_dry_n")?;
+            of(NotNegative, friction.skid_static_n, "skid_static_n")?;
+            of(NotNegative, friction.stribeck_m_s, "stribeck_m_s")?;
+            of(NotNegative, friction.skid_power_n, "skid_power_n")?;
+            of(Positive, friction.skid_exponent, "skid_exponent")?;
+            of(NotNegative, friction.roll_dry_n, "roll_dry_n")?;
+            of(Positive, friction.transition_m_s, "transition_m_s")?;
+        }
+        for (number, joint) in (1..).zip(&self.joints) {
+            let of = |kind, value, name: &str| {
+                check(kind, value, &format_args!("`{name}` of joint {number}"))
+            };
+            let command = match joint {
+                Joint::Driven(command) => command,
+                Joint::Free(FreeJoint { stiffness_nm_rad, damping_nm_s_rad, target, torque }) => {
+                    of(NotNegative, *stiffness_nm_rad, "stiffness_nm_rad")?;
+                    of(NotNegative, *damping_nm_s_rad, "damping_nm_s_rad")?;
+                    let TorqueCommand { mean_nm, amplitude_nm, phase_rad } = *torque;
+                    [mean_nm, amplitude_nm, phase_rad]
+                        .into_iter()
+                        .try_for_each(|number| of(Finite, number, "torque"))?;
+                    target
+                }
+            };
+            command.to_array().into_iter().try_for_each(|number| of(Finite, number, "angle"))?;
+        }
+        Ok(())
+    }
+
+    /// Returns the indices of the links in the order in which their columns are numbered: the reference link is 0, and
+    /// the others follow from front to rear. For the paper's robot: middle, front, rear.
+    pub fn numbering(&self) -> Vec<usize> {
+        let others = (0..self.links.len()).filter(|link| *link != self.reference);
+        std::iter::once(self.reference).chain(others).collect()
+    }
+
+    /// Returns the poses of the links' origins from front to rear, given the pose of the reference link and the joint
+    /// angles (rad).
+    pub fn link_poses(&self, reference: Pose, phi_rad: &[f64]) -> Vec<Pose> {
+        let mut poses = vec![reference; self.links.len()];
+        for i in (0..self.reference).rev() {
+            let joint = poses[i + 1].ahead(self.links[i + 1].front_joint_m);
+            poses[i] = joint.turned(-phi_rad[i]).ahead(self.links[i].rear_joint_m);
+        }
+        for i in self.reference + 1..self.links.len() {
+            let joint = poses[i - 1].ahead(-self.links[i - 1].rear_joint_m);
+            poses[i] = joint.turned(phi_rad[i - 1]).ahead(-self.links[i].front_joint_m);
+        }
+        poses
+    }
+
+    /// Returns the mean distance of the first and of the last link's wheel (or, without a wheel, centre of mass) from
+    /// that link's joint, m: the side link length l of the paper's robot, by which skid velocities are normalised.
+    pub fn outer_length_m(links: &[Link]) -> f64 {
+        let place = |link: &Link| link.wheel.map_or(link.com_m, |wheel| wheel.place_m);
+        let front = links.first().map_or(0.0, |link| link.rear_joint_m + place(link));
+        let rear = links.last().map_or(0.0, |link| link.front_joint_m - place(link));
+        0.5 * (front.abs() + rear.abs())
+    }
+
+    /// Returns the number of wheels.
+    pub fn wheels(&self) -> usize {
+        self.links.iter().filter(|link| link.wheel.is_some()).count()
+    }
+
+    /// Returns the number of joints that are not driven.
+    pub fn free_joints(&self) -> usize {
+        self.joints.iter().filter(|joint| matches!(joint, Joint::Free(_))).count()
+    }
+}
+
+impl Robot {
+    /// Returns the friction coefficients of wheel 0, 1 or 2.
+    #[inline(always)]
+    pub fn wheel_friction(&self, wheel: usize) -> WheelFriction {
+        WheelFriction {
+            skid_kg_s: self.skid_kg_s[wheel],
+            roll_kg_s: self.roll_kg_s[wheel],
+            skid_dry_n: self.skid_dry_n[wheel],
+            skid_static_n: self.skid_static_n[wheel],
+            stribeck_m_s: self.stribeck_m_s,
+            skid_power_n: self.skid_power_n[wheel],
+            skid_exponent: self.skid_exponent[wheel],
+            roll_dry_n: self.roll_dry_n[wheel],
+            transition_m_s: self.transition_m_s,
+        }
+    }
+
+    /// Returns the robot as a chain of three links with the given gait.
+    pub fn chain(&self, gait: &Gait) -> Chain {
+        let link =
+            |name: &str, number: usize, [front_joint_m, rear_joint_m, com_m]: [f64; 3]| Link {
+                name: name.to_owned(),
+                front_joint_m,
+                rear_joint_m,
+                com_m,
+                mass_kg: self.mass_kg[number],
+                inertia_kg_m2: self.inertia_kg_m2[number],
+                wheel: Some(Wheel {
+                    place_m: 0.0,
+                    steer_rad: 0.0,
+                    friction: self.wheel_friction(number),
+                }),
+                drag: Drag::default(),
+                rotor: None,
+            };
+        let passive = FreeJoint {
+            stiffness_nm_rad: self.stiffness_nm_rad,
+            damping_nm_s_rad: self.damping_nm_s_rad,
+            target: JointCommand::new(self.rest_angle_rad, 0.0, 0.0),
+            torque: TorqueCommand::default(),
+        };
+        Chain {
+            links: vec![
+                link("front", 1, [0.0, self.l_m[0], self.b_m[0] - self.l_m[0]]),
+                link("middle", 0, [self.h_m[0], self.h_m[1], 0.0]),
+                link("rear", 2, [self.l_m[1], 0.0, self.l_m[1] - self.b_m[1]]),
+            ],
+            joints: gait
+                .joints
+                .map(|command| command.map_or(Joint::Free(passive), Joint::Driven))
+                .to_vec(),
+            reference: 1,
+            skid_length_m: self.skid_length_m(),
+        }
+    }
+}
