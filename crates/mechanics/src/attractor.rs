@@ -47,7 +47,7 @@ pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     accuracy: f64,
     max_cycles: usize,
 ) -> Result<(usize, bool)> {
-    let period_s = TAU / model.problem().omega_rad_s;
+    let period_s = TAU / model.omega_rad_s();
     let original = is_solved.then(|| orbit.as_start());
     let original_state = original.and_then(|original| original.state());
     let mut candidate = original.filter(|_| orbit.is_stable(model));

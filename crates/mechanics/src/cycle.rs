@@ -1,7 +1,9 @@
 //! Metrics of one steady-state cycle (eq. 17 and 20).
 
+use std::f64::consts::TAU;
+
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Lanes, Number, Pose, dot, skid_rows};
+use trilink_robot::{Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::Problem;
 use super::element::Linearisation;
@@ -14,29 +16,52 @@ use super::reduced::Reduced;
 /// Measurements on a steady-state cycle, by the quadrature rule of the collocation elements.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cycle<const N: usize> {
-    pub metrics: GaitMetrics,
+    /// Displacement per cycle, m.
+    pub d_m: f64,
+    /// Rotation per cycle, rad.
+    pub dtheta_rad: f64,
+    /// Skid ratios of the wheels; zero beyond their number.
+    pub sigma: [f64; MAX_LINKS],
+    /// Half the range of the angle of each measured joint ([`Reduced::measured_joints`]), rad.
+    pub alpha_rad: [f64; MAX_JOINTS],
     /// Pose at the end of the time span of the mesh (one or more periods, or half of one).
     pub end: Pose,
-    /// Extremes of the angle of joint 1; `None` unless the joint is passive.
+    /// Extremes of the angle of the first measured joint; `None` if there is none.
     pub extremes: Option<Extremes<N>>,
+}
+
+impl<const N: usize> Cycle<N> {
+    /// Returns the metrics of the three-link robot.
+    pub(crate) fn gait_metrics(&self, problem: &Problem) -> GaitMetrics {
+        let [sigma0, sigma1, sigma2, ..] = self.sigma;
+        GaitMetrics {
+            d_m: self.d_m,
+            v_m_s: self.d_m * problem.omega_rad_s / TAU,
+            sigma: [sigma0, sigma1, sigma2],
+            alpha1_rad: problem.gait.joints[0]
+                .map_or(self.alpha_rad[0], |command| command.half_range_rad()),
+            dtheta_rad: self.dtheta_rad,
+        }
+    }
 }
 
 /// Computes the metrics of a periodic solution.
 pub(super) fn measure<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    path: &Path,
+    path: &Path<N, R>,
     workspace: &mut Linearisation,
 ) -> Cycle<N> {
-    let problem = model.problem();
     let weights = RADAU.integrate[STAGES - 1];
     let end = path.end;
-    let mut skid_squared = [0.0; 3];
+    let wheels = model.wheels();
+    let mut skid_squared = [0.0; MAX_LINKS];
     for (pack, leg) in path.legs.iter().enumerate().filter(|_| R::SKIDS) {
-        let mut sums = [Lanes::default(); 3];
+        let mut sums = [Lanes::default(); MAX_LINKS];
+        let phases_rad = mesh.phases_rad(pack);
         for j in 0..STAGES {
-            for (sum, row) in sums.iter_mut().zip(&skid_rows(&problem.robot, &leg.trig[j])) {
-                let skid_m_s = dot(row, &leg.states[j].velocity);
+            let skid_m_s = model.skid_m_s(phases_rad[j], &leg.states[j]);
+            for (sum, skid_m_s) in sums.iter_mut().zip(skid_m_s).take(wheels) {
                 *sum += mesh.fractions[pack] * Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
             }
         }
@@ -46,26 +71,19 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     }
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
     let periods = mesh.periods as f64;
-    let (alpha1_rad, extremes) = match problem.gait.joints[0] {
-        Some(command) => (command.half_range_rad(), None),
-        None => {
-            let extremes = Extremes::find(model, mesh, path, workspace);
-            (extremes.half_range(), Some(extremes))
-        }
-    };
-    let d_m = pose.x_m.hypot(pose.y_m) / periods;
-    let metrics = GaitMetrics {
-        d_m,
-        v_m_s: d_m * problem.omega_rad_s / std::f64::consts::TAU,
-        sigma: skid_squared.map(|sum| sum.sqrt() / skid_scale(problem)),
-        alpha1_rad,
+    let mut alpha_rad = [0.0; MAX_JOINTS];
+    let mut first = None;
+    for joint in 0..model.measured_joints() {
+        let extremes = Extremes::find(joint, model, mesh, path, workspace);
+        alpha_rad[joint] = extremes.half_range();
+        first = first.or(Some(extremes));
+    }
+    Cycle {
+        d_m: pose.x_m.hypot(pose.y_m) / periods,
         dtheta_rad: pose.theta_rad / periods,
-    };
-    Cycle { metrics, end, extremes }
-}
-
-/// Returns the speed `l omega` by which skid velocities are divided in the skid ratio (eq. 20 of the paper),
-/// m/s.
-pub(super) fn skid_scale(problem: &Problem) -> f64 {
-    problem.robot.skid_length_m() * problem.omega_rad_s
+        sigma: skid_squared.map(|sum| sum.sqrt() / model.skid_scale_m_s()),
+        alpha_rad,
+        end,
+        extremes: first,
+    }
 }

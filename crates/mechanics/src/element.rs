@@ -1,7 +1,6 @@
 //! Collocation element (time step): its stage equations, linearised and condensed.
 //!
-//! A state that is the integral of the preceding state ([`Reduced::INTEGRATED`]) is not an unknown of the
-//! element: at every stage it equals its value at the start of the element plus the integral given by the
+//! An angle that is the integral of its rate ([`Reduced::INTEGRATED`]) is not an unknown of the element: at every stage it equals its value at the start of the element plus the integral given by the
 //! collocation rule.
 
 mod adjoint;
@@ -10,7 +9,7 @@ use trilink_robot::{Number, Pose};
 
 use super::lu;
 use super::radau::{RADAU, Radau, STAGES};
-use super::reduced::{KinematicState, MAX_PARAMETERS, Reduced, Residual};
+use super::reduced::{MAX_PARAMETERS, Reduced, Residual};
 
 /// States at the stages of one collocation element.
 pub(super) type Stages<const N: usize, T = f64> = [[T; N]; STAGES];
@@ -33,7 +32,7 @@ impl<const N: usize, R: Reduced<N>, T: Number> Element<'_, N, R, T> {
 
     /// Returns the joint angles and velocities of the robot at the stages.
     #[inline(always)]
-    pub(crate) fn kinematics(&self, model: &R) -> [KinematicState<T>; STAGES] {
+    pub(crate) fn kinematics(&self, model: &R) -> [R::State<T>; STAGES] {
         std::array::from_fn(|j| model.kinematics(&self.nodes[j], &self.stages[j]))
     }
 }
@@ -59,11 +58,6 @@ pub(super) fn rate<const N: usize, T: Number>(
     rates
 }
 
-/// Returns the number of unknowns per stage of an element.
-pub(super) const fn unknowns<const N: usize, R: Reduced<N>>() -> usize {
-    if R::INTEGRATED { N - 1 } else { N }
-}
-
 /// Assembles the linear system of one element: its block matrix `matrix` (see [`lu::factor`]) and the
 /// derivatives of the right-hand side with respect to the state at the element's start, `N` per row.
 /// `equations` returns the residual at a stage, given the time derivatives there.
@@ -75,7 +69,7 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
     mut equations: impl FnMut(usize, &[T; N]) -> Residual<N, T>,
 ) {
     let rule = &*RADAU;
-    let per_stage = unknowns::<N, R>();
+    let per_stage = R::UNKNOWNS;
     let size = per_stage * STAGES;
     let per_s = T::splat(1.0) / element.duration_s;
     for j in 0..STAGES {
@@ -92,8 +86,8 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
                 for m in 0..per_stage {
                     row[m] = rate_jacobian[m] * weight;
                 }
-                if R::INTEGRATED {
-                    row[N - 2] += state_jacobian[N - 1]
+                for angle in R::UNKNOWNS..N {
+                    row[angle - R::ANGLES] += state_jacobian[angle]
                         * (T::splat(rule.integrate[j][l]) * element.duration_s);
                 }
                 if l == j {
@@ -105,8 +99,8 @@ fn assemble<const N: usize, R: Reduced<N>, T: Number>(
             for m in 0..per_stage {
                 start_jacobian[m] = rate_jacobian[m] * weight;
             }
-            if R::INTEGRATED {
-                start_jacobian[N - 1] = -state_jacobian[N - 1];
+            for angle in R::UNKNOWNS..N {
+                start_jacobian[angle] = -state_jacobian[angle];
             }
         }
     }
@@ -134,7 +128,7 @@ impl<T> Default for Linearisation<T> {
 impl<T: Number> Linearisation<T> {
     /// Resizes the buffers for `count` elements.
     pub(crate) fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
-        let size = unknowns::<N, R>() * STAGES;
+        let size = R::UNKNOWNS * STAGES;
         let packs = count.div_ceil(T::COUNT);
         self.factors.resize(packs * size * size, T::splat(0.0));
         self.transfer.resize(packs * size * N, T::splat(0.0));
@@ -152,7 +146,7 @@ impl<T: Number> Linearisation<T> {
         element: &Element<N, R, T>,
         with_transfer: bool,
     ) {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let size = per_stage * STAGES;
         let matrix = &mut self.factors[pack * size * size..][..size * size];
         let transfer = &mut self.transfer[pack * size * N..][..size * N];
@@ -181,7 +175,7 @@ impl<T: Number> Linearisation<T> {
     ) {
         let rule = &*RADAU;
         let per_s = T::splat(1.0) / element.duration_s;
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let step = &mut self.step[pack * per_stage * STAGES..][..per_stage * STAGES];
         for j in 0..STAGES {
             let dy = rate(rule, element.start, element.stages, j, per_s);
@@ -196,7 +190,7 @@ impl<T: Number> Linearisation<T> {
     /// factors.
     #[inline(always)]
     pub(crate) fn solve_step<const N: usize, R: Reduced<N>>(&mut self, pack: usize) {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let size = per_stage * STAGES;
         let factors = &self.factors[pack * size * size..][..size * size];
         lu::solve(per_stage, 1, factors, &mut self.step[pack * size..][..size]);
@@ -206,7 +200,7 @@ impl<T: Number> Linearisation<T> {
     /// with respect to the state at an element's start, and the Newton step.
     #[inline(always)]
     fn solutions<const N: usize, R: Reduced<N>>(&self, pack: usize) -> (&[T], &[T]) {
-        let size = unknowns::<N, R>() * STAGES;
+        let size = R::UNKNOWNS * STAGES;
         (&self.transfer[pack * size * N..][..size * N], &self.step[pack * size..][..size])
     }
 
@@ -219,7 +213,7 @@ impl<T: Number> Linearisation<T> {
         start: &[T; N],
         duration_s: T,
     ) -> Stages<N, T> {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let (transfer, step) = self.solutions::<N, R>(pack);
         let mut changes = [[T::splat(0.0); N]; STAGES];
         for j in 0..STAGES {
@@ -230,9 +224,7 @@ impl<T: Number> Linearisation<T> {
                     entries.fold(step[row], |sum, (entry, start)| sum + *entry * *start);
             }
         }
-        if R::INTEGRATED {
-            integrate_last(&mut changes, start[N - 1], duration_s);
-        }
+        integrate_angles::<N, R, T>(&mut changes, start, duration_s);
         changes
     }
 
@@ -250,8 +242,8 @@ impl<T: Number> Linearisation<T> {
             let end = end_change::<N, R, T>(duration_s, |row| transfer[row * N + m]);
             (0..N).for_each(|i| ends[i][m] = end[i]);
         }
-        if R::INTEGRATED {
-            ends[N - 1][N - 1] += T::splat(1.0);
+        for angle in R::UNKNOWNS..N {
+            ends[angle][angle] += T::splat(1.0);
         }
         ends
     }
@@ -275,29 +267,31 @@ fn end_change<const N: usize, R: Reduced<N>, T: Number>(
     duration_s: T,
     unknown: impl Fn(usize) -> T,
 ) -> [T; N] {
-    let per_stage = unknowns::<N, R>();
+    let per_stage = R::UNKNOWNS;
     std::array::from_fn(|i| {
         if i < per_stage {
             return unknown((STAGES - 1) * per_stage + i);
         }
         let weights = RADAU.integrate[STAGES - 1];
         (0..STAGES).fold(T::splat(0.0), |sum, l| {
-            sum + duration_s * T::splat(weights[l]) * unknown(l * per_stage + i - 1)
+            sum + duration_s * T::splat(weights[l]) * unknown(l * per_stage + i - R::ANGLES)
         })
     })
 }
 
-/// Sets the last state variable at every stage to its value at the element's start plus the integral of the
-/// state variable that precedes it in the state vector.
+/// Sets the angles at every stage to their values at the element's start plus the integrals of their rates, if the model
+/// defines them as such integrals.
 #[inline(always)]
-pub(super) fn integrate_last<const N: usize, T: Number>(
+pub(super) fn integrate_angles<const N: usize, R: Reduced<N>, T: Number>(
     stages: &mut Stages<N, T>,
-    start: T,
+    start: &[T; N],
     duration_s: T,
 ) {
-    let integrals = integrals(&stages.map(|y| y[N - 2]), duration_s);
-    for j in 0..STAGES {
-        stages[j][N - 1] = start + integrals[j];
+    for angle in R::UNKNOWNS..N {
+        let integrals = integrals(&stages.map(|y| y[angle - R::ANGLES]), duration_s);
+        for j in 0..STAGES {
+            stages[j][angle] = start[angle] + integrals[j];
+        }
     }
 }
 
@@ -330,9 +324,7 @@ pub(super) fn solve_element<const N: usize, R: Reduced<N>>(
     const FAST_CONTRACTION: f64 = 0.15;
     let Element { nodes, start, duration_s, .. } = *guess;
     let mut stages = *guess.stages;
-    if R::INTEGRATED {
-        integrate_last(&mut stages, start[N - 1], duration_s);
-    }
+    integrate_angles::<N, R, f64>(&mut stages, start, duration_s);
     let max_error = 0.01 * tolerance;
     let mut is_fresh = true;
     let mut last_step = f64::INFINITY;
@@ -408,20 +400,20 @@ pub(super) fn interpolate<const N: usize>(
 /// element's end.
 pub(super) fn integrate_poses(
     from: Pose,
-    states: &[KinematicState; STAGES],
+    velocities: &[[f64; 3]; STAGES],
     duration_s: f64,
 ) -> [Pose; STAGES] {
-    integrate_path(from, states, duration_s).0
+    integrate_path(from, velocities, duration_s).0
 }
 
 /// Returns the poses at the stages of an element that starts at pose `from`, and the sine and cosine of
 /// their headings.
 pub(super) fn integrate_path(
     from: Pose,
-    states: &[KinematicState; STAGES],
+    velocities: &[[f64; 3]; STAGES],
     duration_s: f64,
 ) -> ([Pose; STAGES], [(f64, f64); STAGES]) {
-    let turned = integrals(&states.map(|state| state.velocity[2]), duration_s);
+    let turned = integrals(&velocities.map(|[_, _, turning]| turning), duration_s);
     let headings_rad = turned.map(|turned| from.theta_rad + turned);
     let mut directions = [(0.0, 1.0); STAGES];
     for j in (0..STAGES).step_by(2) {
@@ -432,7 +424,7 @@ pub(super) fn integrate_path(
     let mut rates = [[0.0; STAGES]; 2];
     for j in 0..STAGES {
         let (sin, cos) = directions[j];
-        let [u, v, ..] = states[j].velocity;
+        let [u, v, _] = velocities[j];
         rates[0][j] = cos * u - sin * v;
         rates[1][j] = sin * u + cos * v;
     }

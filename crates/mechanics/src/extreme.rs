@@ -1,4 +1,4 @@
-//! Extremes of the angle of joint 1 where that joint is passive.
+//! Extremes of the angle of a free joint.
 //!
 //! The solution is far more accurate at the end of an element than at its stages. Each extreme is therefore
 //! computed as the end of a shorter element with the same start.
@@ -9,19 +9,21 @@ use super::element::{Element, Linearisation, Stages, interpolate, rate, solve_el
 use super::mesh::Mesh;
 use super::path::Path;
 use super::radau::{RADAU, STAGES, bisect};
-use super::reduced::{KinematicState, Reduced};
+use super::reduced::Reduced;
 
-/// Maximum and minimum angle of joint 1 over a whole period.
+/// Maximum and minimum angle of a joint over a whole period.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extremes<const N: usize> {
     pub highest: TurningPoint<N>,
     pub lowest: TurningPoint<N>,
 }
 
-/// Turning point of the angle of joint 1.
+/// Turning point of a joint's angle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TurningPoint<const N: usize> {
     phi_rad: f64,
+    /// Index of the joint among the free joints.
+    joint: usize,
     pub element: usize,
     /// Position within the collocation element, as a fraction of its length.
     pub fraction: f64,
@@ -41,27 +43,28 @@ const CONVERGED: f64 = 1e-8;
 const MAX_CORRECTIONS: usize = 4;
 
 impl<const N: usize> Extremes<N> {
-    /// Finds the extremes of the angle of joint 1 in a periodic solution.
+    /// Finds the extremes of the angle of a free joint, given its index among the free joints, in a periodic solution.
     pub(crate) fn find<R: Reduced<N>>(
+        joint: usize,
         model: &R,
         mesh: &Mesh<N, R>,
-        path: &Path,
+        path: &Path<N, R>,
         workspace: &mut Linearisation,
     ) -> Self {
         let mut found: Option<Self> = None;
         let signs: &[f64] = if mesh.is_half { &[1.0, -1.0] } else { &[1.0] };
         let start = model.kinematics(&mesh.node_at(model, 0, 0.0), &mesh.states.start);
-        let mut angles = [start.phi_rad[0]; STAGES + 1];
-        let mut rates = [start.velocity[3]; STAGES + 1];
+        let [angle, joint_rate] = R::free_joint(&start, joint);
+        let mut angles = [angle; STAGES + 1];
+        let mut rates = [joint_rate; STAGES + 1];
         for k in 0..mesh.count {
             angles[0] = angles[STAGES];
             rates[0] = rates[STAGES];
-            for (j, KinematicState { phi_rad, velocity }) in
-                path.legs[k / LANES].states.iter().enumerate()
-            {
-                let lane = k % LANES;
-                angles[j + 1] = phi_rad[0].lane(lane);
-                rates[j + 1] = velocity[3].lane(lane);
+            for (j, state) in path.legs[k / LANES].states.iter().enumerate() {
+                let [angle, joint_rate] =
+                    R::free_joint(state, joint).map(|value| value.lane(k % LANES));
+                angles[j + 1] = angle;
+                rates[j + 1] = joint_rate;
             }
             for l in 0..STAGES {
                 let from = if l == 0 { 0.0 } else { RADAU.nodes[l - 1] };
@@ -72,7 +75,8 @@ impl<const N: usize> Extremes<N> {
                 };
                 for &sign in signs {
                     let phi_rad = sign * RADAU.interpolate(&angles, fraction);
-                    let point = TurningPoint { phi_rad, element: k, fraction, sign, stages: None };
+                    let stages = None;
+                    let point = TurningPoint { phi_rad, joint, element: k, fraction, sign, stages };
                     let extremes = found.get_or_insert(Self { highest: point, lowest: point });
                     if point.phi_rad > extremes.highest.phi_rad {
                         extremes.highest = point;
@@ -132,18 +136,20 @@ impl<const N: usize> TurningPoint<N> {
     ) {
         let start = mesh.states.start_of(self.element);
         let duration_s = mesh.duration_s(self.element);
-        let start_rate =
-            model.kinematics(&mesh.node_at(model, self.element, 0.0), &start).velocity[3];
+        let [_, start_rate] = R::free_joint(
+            &model.kinematics(&mesh.node_at(model, self.element, 0.0), &start),
+            self.joint,
+        );
         for _ in 0..MAX_CORRECTIONS {
             let Some((nodes, stages)) = self.shorter_element(model, mesh, workspace) else {
                 return;
             };
-            let states: [KinematicState; STAGES] =
-                std::array::from_fn(|j| model.kinematics(&nodes[j], &stages[j]));
+            let values: [[f64; 2]; STAGES] = std::array::from_fn(|j| {
+                R::free_joint(&model.kinematics(&nodes[j], &stages[j]), self.joint)
+            });
             let last = STAGES - 1;
-            let phi = states[last].phi_rad[0];
-            let w = states[last].velocity[3];
-            let rates = states.map(|state| [state.velocity[3]]);
+            let [phi, w] = values[last];
+            let rates = values.map(|[_, w]| [w]);
             let per_s = 1.0 / (self.fraction * duration_s);
             let [acceleration] = rate(&RADAU, &[start_rate], &rates, last, per_s);
             let correction = -w / acceleration / duration_s;

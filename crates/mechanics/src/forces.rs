@@ -1,7 +1,7 @@
 //! Forces on the robot: wheel forces, joint torques and power (eq. 8 to 10, 14, 15).
 
-use nalgebra::{SMatrix, SVector};
-use trilink_robot::{ContactForces, Friction, Trig, dot, force_balance, roll_rows, skid_rows};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use trilink_robot::{ContactForces, Friction, dot, force_balance, roll_rows, skid_rows};
 
 use super::Problem;
 use super::reduced::KinematicState;
@@ -26,12 +26,11 @@ pub(super) fn contact_forces<F: Friction>(
 ) -> ContactForces {
     let robot = &problem.robot;
     let passive = problem.gait.passive_joint();
-    let KinematicState { phi_rad, velocity } = state;
-    let trig = Trig::new(*phi_rad);
+    let KinematicState { phi_rad, trig, velocity } = state;
     let supplied =
-        force_balance::<f64, F>(robot, passive, *phi_rad, &trig, velocity, acceleration).force;
-    let skid = skid_rows(robot, &trig);
-    let roll = roll_rows(robot, &trig);
+        force_balance::<f64, F>(robot, passive, *phi_rad, trig, velocity, acceleration).force;
+    let skid = skid_rows(robot, trig);
+    let roll = roll_rows(robot, trig);
     let skid_m_s = skid.map(|row| dot(&row, velocity));
     let roll_m_s = roll.map(|row| dot(&row, velocity));
 
@@ -97,4 +96,15 @@ fn constraint_forces(
     }
     let lambda = decomposed.solve(&right, 0.0).ok()?;
     lambda.iter().all(|force| force.is_finite()).then_some([lambda[0], lambda[1], lambda[2]])
+}
+
+/// Solves a linear system by least squares. `None` if its columns are dependent.
+pub(super) fn least_squares(columns: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let decomposed = columns.try_svd(true, true, 5.0 * f64::EPSILON, MAX_ITERATIONS)?;
+    let singular = &decomposed.singular_values;
+    if singular.min() <= SINGULAR * singular.max() {
+        return None;
+    }
+    let solution = decomposed.solve(right, 0.0).ok()?;
+    solution.iter().all(|force| force.is_finite()).then_some(solution)
 }

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use trilink_robot::{Lanes, Pose, Trig, dot, dskid_rows_dphi, skid_rows};
+use trilink_robot::{Lanes, Pose, dot, dskid_rows_dphi, skid_rows};
 
-use super::cycle::{Cycle, skid_scale};
+use super::cycle::Cycle;
 use super::element::{Element, Stages};
 use super::mesh::Mesh;
 use super::path::Leg;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{COMMAND_SIZE, KinematicState, MAX_PARAMETERS, Reduced, Variable};
+use super::reduced::{COMMAND_SIZE, Gradient, KinematicState, MAX_PARAMETERS, ThreeLink, Variable};
 
 /// Index of the displacement d among the quantities of [`MetricGradient`].
 pub(super) const DISTANCE: usize = 3;
@@ -40,7 +40,7 @@ pub(super) struct MetricGradient {
 }
 
 impl MetricGradient {
-    pub(crate) fn new<const N: usize, R: Reduced<N>>(
+    pub(crate) fn new<const N: usize, R: ThreeLink<N>>(
         model: &R,
         mesh: &Mesh<N, R>,
         cycle: &Cycle<N>,
@@ -61,13 +61,13 @@ impl MetricGradient {
         };
         let dd_dend = if mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
         let odd_dd_dend = halves(-1.0);
-        let scale = skid_scale(model.problem()).powi(2);
-        let dsigma_dskid = cycle.metrics.sigma.map(|sigma| match sigma {
+        let scale = model.skid_scale_m_s().powi(2);
+        let dsigma_dskid = std::array::from_fn(|wheel| match cycle.sigma[wheel] {
             0.0 => 0.0,
             sigma => 1.0 / (scale * sigma),
         });
         // The gradient of a zero distance is undefined and taken as zero.
-        let d_m = cycle.metrics.d_m;
+        let d_m = cycle.d_m;
         let [dd_dend, odd_dd_dend] = [dd_dend, odd_dd_dend]
             .map(|slopes| if d_m > 0.0 { slopes.map(|slope| slope / d_m) } else { [0.0; 3] });
         let spans = mesh.spans() as f64;
@@ -78,21 +78,20 @@ impl MetricGradient {
     /// velocities of the robot at the stages of a path segment. The last argument, lengths and durations of
     /// elements, must come from [`Mesh::weights`].
     #[inline(always)]
-    pub(crate) fn at_stages<const N: usize, R: Reduced<N>>(
+    pub(crate) fn at_stages<const N: usize, R: ThreeLink<N>>(
         &self,
         model: &R,
         quantity: usize,
-        leg: &Leg,
+        leg: &Leg<N, R>,
         [part, duration_s]: [Lanes; 2],
-    ) -> [KinematicState<Lanes>; STAGES] {
-        let mut gradients = [KinematicState::default(); STAGES];
+    ) -> [Gradient<Lanes>; STAGES] {
+        let mut gradients = [Gradient::default(); STAGES];
         let weights = RADAU.integrate[STAGES - 1];
         let robot = &model.problem().robot;
         match quantity {
             wheel @ 0..3 => {
                 for j in 0..STAGES {
-                    let trig = &leg.trig[j];
-                    let velocity = &leg.states[j].velocity;
+                    let KinematicState { trig, velocity, .. } = R::of(&leg.states[j]);
                     let row = skid_rows(robot, trig)[wheel];
                     let factor = Lanes::splat(weights[j] * self.dsigma_dskid[wheel]) * part;
                     let factor = factor * dot(&row, velocity);
@@ -113,7 +112,7 @@ impl MetricGradient {
             }
             WORK => {
                 for j in 0..STAGES {
-                    let power = model.friction_power_gradient(&leg.states[j], &leg.trig[j]);
+                    let power = model.friction_power_gradient(R::of(&leg.states[j]));
                     let weight = Lanes::splat(self.spans * weights[j]) * duration_s;
                     gradients[j].velocity = power.velocity.map(|by| weight * by);
                     gradients[j].phi_rad = power.phi_rad.map(|by| weight * by);
@@ -127,28 +126,28 @@ impl MetricGradient {
     /// Adds to `sum` the derivatives, with respect to the robot's parameters, of the work of friction along a
     /// path segment, with the states held fixed.
     #[inline(always)]
-    pub(crate) fn add_work_slopes<const N: usize, R: Reduced<N>>(
+    pub(crate) fn add_work_slopes<const N: usize, R: ThreeLink<N>>(
         &self,
         model: &R,
-        leg: &Leg,
+        leg: &Leg<N, R>,
         [_, duration_s]: [Lanes; 2],
         sum: &mut [Lanes; MAX_PARAMETERS],
     ) {
         for j in 0..STAGES {
             let weight = Lanes::splat(self.spans * RADAU.integrate[STAGES - 1][j]) * duration_s;
-            model.add_friction_power_slopes(&leg.states[j], &leg.trig[j], weight, sum);
+            model.add_friction_power_slopes(R::of(&leg.states[j]), weight, sum);
         }
     }
 
     /// Adds to `d` the gradients of the displacement d with respect to the velocities at the stages of a path
     /// segment, given its gradient with respect to the end pose.
     #[inline(always)]
-    fn path(
+    fn path<const N: usize, R: ThreeLink<N>>(
         &self,
         dd_dend: [f64; 3],
-        leg: &Leg,
+        leg: &Leg<N, R>,
         duration_s: Lanes,
-        d: &mut [KinematicState<Lanes>; STAGES],
+        d: &mut [Gradient<Lanes>; STAGES],
     ) {
         let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
         // Effect of a rotation on the remaining path.
@@ -158,7 +157,7 @@ impl MetricGradient {
         for j in 0..STAGES {
             let weight = Lanes::splat(RADAU.integrate[STAGES - 1][j]) * duration_s;
             let (sin, cos) = leg.directions[j];
-            let [u, v, ..] = leg.states[j].velocity;
+            let [u, v, ..] = R::of(&leg.states[j]).velocity;
             let along = dd_dx * cos + dd_dy * sin;
             let across = dd_dy * cos - dd_dx * sin;
             d[j].velocity[0] = weight * along;
@@ -176,18 +175,18 @@ impl MetricGradient {
 /// stages. Also returns its derivative with respect to the last state variable at the element's start; zero
 /// if that variable is not an integral of the preceding one.
 #[inline(always)]
-pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
+pub(super) fn weights_of_unknowns<const N: usize, R: ThreeLink<N>>(
     model: &R,
     element: &Element<N, R, Lanes>,
-    trig: &[Trig<Lanes>; STAGES],
-    gradients: &[KinematicState<Lanes>; STAGES],
+    leg: &Leg<N, R>,
+    gradients: &[Gradient<Lanes>; STAGES],
 ) -> (Stages<N, Lanes>, Lanes) {
     let mut weights = [[Lanes::default(); N]; STAGES];
     let mut last_start_gradient = Lanes::default();
     for j in 0..STAGES {
         let node = &element.nodes[j];
         let y = &element.stages[j];
-        weights[j] = model.state_gradient(node, y, &trig[j], &gradients[j]);
+        weights[j] = model.state_gradient(node, y, &R::of(&leg.states[j]).trig, &gradients[j]);
     }
     if R::INTEGRATED {
         // The last state is its start plus the integral of the state before it.
@@ -205,18 +204,18 @@ pub(super) fn weights_of_unknowns<const N: usize, R: Reduced<N>>(
 /// Adds to `sum` the derivatives of a quantity, given its gradients at the stages of an element, with respect
 /// to the gait variables among the first `parameters` variables of the model, with the states held fixed.
 #[inline(always)]
-pub(super) fn add_gait_gradient<const N: usize, R: Reduced<N>>(
+pub(super) fn add_gait_gradient<const N: usize, R: ThreeLink<N>>(
     model: &R,
     element: &Element<N, R, Lanes>,
-    trig: &[Trig<Lanes>; STAGES],
-    gradients: &[KinematicState<Lanes>; STAGES],
+    leg: &Leg<N, R>,
+    gradients: &[Gradient<Lanes>; STAGES],
     parameters: usize,
     sum: &mut [Lanes; MAX_PARAMETERS],
 ) {
     for j in 0..STAGES {
         let node = &element.nodes[j];
         let y = &element.stages[j];
-        let slopes = model.gait_gradient(node, y, &trig[j], &gradients[j]);
+        let slopes = model.gait_gradient(node, y, &R::of(&leg.states[j]).trig, &gradients[j]);
         for column in R::ROBOT_VARIABLES..parameters {
             match model.variable(column) {
                 Variable::Gait(joint, number) => sum[column] += slopes[joint][number],

@@ -14,6 +14,7 @@
 //!   select the method.
 //! - Results, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `forces`, `trajectory`.
 //! - Derivatives of the results by the adjoint method: `sensitivity` and `gradient` ([`Derivatives`]).
+//! - Robots of other numbers of links: `chain` ([`ChainProblem`]).
 //! - Selection among several motions: `attractor` (the motion reached from rest), `branch` ([`branches`]
 //!   through folds, by numerical continuation), `sharp` ([`SharpLimit`], the limit of zero transition
 //!   speed of regularised Coulomb friction).
@@ -36,6 +37,7 @@
 
 mod attractor;
 mod branch;
+mod chain;
 mod cycle;
 mod element;
 mod extreme;
@@ -59,6 +61,7 @@ use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 
 pub use branch::{Branch, BranchPoint, branches};
+pub use chain::{ChainAttractor, ChainMotion, ChainProblem, ChainSample};
 pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use sharp::SharpLimit;
@@ -103,6 +106,18 @@ pub enum MotionError {
     NotDriven,
     #[error("the offset, amplitude and phase of the commanded joints were not measured")]
     GaitUnknown,
+    #[error("{0}")]
+    Chain(trilink_robot::ChainError),
+    #[error(
+        "{wheels} wheels that cannot skid leave no motion to {velocities} velocities (those of the robot, and the \
+         rates of its joints that are not driven): give {} more joints a spring, or take wheels away",
+        wheels - velocities
+    )]
+    Overconstrained { wheels: usize, velocities: usize },
+    #[error(
+        "the wheels that cannot skid leave more than {speeds} directions of motion: let the wheels skid, or add wheels"
+    )]
+    Underconstrained { speeds: usize },
     #[error("cancelled")]
     Cancelled,
 }

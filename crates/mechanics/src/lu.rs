@@ -24,6 +24,12 @@ pub(super) fn factor<T: Number>(per_stage: usize, blocks: &mut [T]) {
         2 => factor_blocks::<2, T>(blocks),
         3 => factor_blocks::<3, T>(blocks),
         4 => factor_blocks::<4, T>(blocks),
+        5 => factor_blocks::<5, T>(blocks),
+        6 => factor_blocks::<6, T>(blocks),
+        7 => factor_blocks::<7, T>(blocks),
+        8 => factor_blocks::<8, T>(blocks),
+        9 => factor_blocks::<9, T>(blocks),
+        10 => factor_blocks::<10, T>(blocks),
         _ => unreachable!("no model has this number of unknowns"),
     }
 }
@@ -35,6 +41,12 @@ pub(super) fn solve<T: Number>(per_stage: usize, columns: usize, factors: &[T], 
         2 => solve_blocks::<2, T>(columns, factors, rhs),
         3 => solve_blocks::<3, T>(columns, factors, rhs),
         4 => solve_blocks::<4, T>(columns, factors, rhs),
+        5 => solve_blocks::<5, T>(columns, factors, rhs),
+        6 => solve_blocks::<6, T>(columns, factors, rhs),
+        7 => solve_blocks::<7, T>(columns, factors, rhs),
+        8 => solve_blocks::<8, T>(columns, factors, rhs),
+        9 => solve_blocks::<9, T>(columns, factors, rhs),
+        10 => solve_blocks::<10, T>(columns, factors, rhs),
         _ => unreachable!("no model has this number of unknowns"),
     }
 }

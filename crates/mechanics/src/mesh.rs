@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use trilink_robot::{LANES, Lanes, Number};
 
-use super::element::{Element, Stages, integrate_last, interpolate};
+use super::element::{Element, Stages, integrate_angles, interpolate};
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Reduced, lanes};
 
@@ -188,7 +188,7 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
     pub(crate) fn lay_out(&mut self, model: &R) {
         let span_rad = self.span_rad();
         self.count = self.bounds.len() - 1;
-        self.span_s = span_rad / model.problem().omega_rad_s;
+        self.span_s = span_rad / model.omega_rad_s();
         self.nodes.clear();
         self.fractions.clear();
         self.durations_s.clear();
@@ -275,20 +275,30 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         self.integrate();
     }
 
-    /// Recomputes the last state variable by integrating the one before it over time. Does nothing if the model does
-    /// not define the last state variable as such an integral.
+    /// Recomputes the angles by integrating their rates over time, if the model defines them as such integrals.
     pub(crate) fn integrate(&mut self) {
-        if R::INTEGRATED {
-            let mut start = self.states.start[N - 1];
-            for pack in 0..self.packs() {
-                let count = self.elements_of(pack).len();
-                let stages = &mut self.states.packs[pack];
-                integrate_last(stages, Lanes::splat(0.0), self.durations_s[pack]);
-                let added = stages[STAGES - 1][N - 1];
-                let starts = accumulate_lanes(&mut start, count, |at, lane| at + added.lane(lane));
-                stages.iter_mut().for_each(|y| y[N - 1] += starts);
+        let mut ends = self.states.start;
+        for pack in 0..self.packs() {
+            let count = self.elements_of(pack).len();
+            let stages = &mut self.states.packs[pack];
+            let zero = [Lanes::splat(0.0); N];
+            integrate_angles::<N, R, Lanes>(stages, &zero, self.durations_s[pack]);
+            for angle in R::UNKNOWNS..N {
+                let added = stages[STAGES - 1][angle];
+                let next = |at, lane: usize| at + added.lane(lane);
+                let starts = accumulate_lanes(&mut ends[angle], count, next);
+                stages.iter_mut().for_each(|y| y[angle] += starts);
             }
         }
+    }
+
+    /// Returns the phases `omega t` of the stages of the elements in a pack, one element per lane, rad.
+    pub(crate) fn phases_rad(&self, pack: usize) -> [Lanes; STAGES] {
+        let last = self.count - 1;
+        let start =
+            Lanes::new(std::array::from_fn(|lane| self.bounds[(pack * LANES + lane).min(last)]));
+        let span_rad = Lanes::splat(self.span_rad());
+        RADAU.nodes.map(|node| span_rad * (start + self.fractions[pack] * Lanes::splat(node)))
     }
 }
 

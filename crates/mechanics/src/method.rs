@@ -8,13 +8,13 @@ use trilink_robot::{LANES, Lanes, Number, Parameter};
 
 use super::Result;
 use super::attractor::{MAX_CYCLES, find_attractor};
+use super::cycle::Cycle;
 use super::element::Element;
-use super::forces::contact_forces;
 use super::mesh::Mesh;
 use super::orbit::{Effort, PeriodicOrbit, Start};
 use super::path::Path;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Derivatives, Reduced};
+use super::reduced::{Derivatives, Reduced, ThreeLink};
 use super::sensitivity::{Workspaces, differentiate, differentiate_distance};
 use super::trajectory::{self, Sample};
 use super::transient::{self, Frames, Integrator};
@@ -109,7 +109,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     /// Returns the metrics of the solution and the computational effort. A solution with half-period symmetry that is
     /// unstable to symmetry breaking is first replaced by the attractor reached from rest, which lacks the symmetry, if
     /// that attractor can be found.
-    fn measure(&mut self, accuracy: f64) -> (GaitMetrics, Effort) {
+    fn measure(&mut self, accuracy: f64) -> (Cycle<N>, Effort) {
         let Self { model, orbit } = self;
         if orbit.breaks_symmetry() {
             let symmetric = orbit.clone();
@@ -117,18 +117,17 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
                 **orbit = symmetric;
             }
         }
-        (orbit.measure(model).metrics, orbit.effort)
+        (orbit.measure(model), orbit.effort)
     }
-}
 
-impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
-    fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+    /// Solves as [`Method::solve`] does.
+    pub(super) fn find(&mut self, is_warm: bool, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
         self.orbit.effort = Effort::default();
         let is_solved = is_warm && self.continue_last(accuracy).is_ok();
         let Self { model, orbit } = self;
         if !is_solved && let Err(error) = orbit.solve(model, Start::Guess, accuracy) {
             let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
-            let duration_s = TRANSIENT_CYCLES * TAU / model.problem().omega_rad_s;
+            let duration_s = TRANSIENT_CYCLES * TAU / model.omega_rad_s();
             let integrated = transient.advance_to(duration_s, &mut orbit.workspace, |_| {});
             integrated.map_err(|_| error)?;
             let mut solved = orbit.solve(model, Start::State(transient.state), accuracy);
@@ -140,7 +139,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         Ok(self.measure(accuracy))
     }
 
-    fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+    /// Solves as [`Method::solve_near`] does.
+    fn find_near(&mut self, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
         self.orbit.effort = Effort::default();
         let last = self.orbit.snapshot();
         if self.continue_last(accuracy).is_err()
@@ -150,6 +150,55 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
             return Err(error);
         }
         Ok(self.measure(accuracy))
+    }
+
+    /// Returns the work of the actuators and the energy dissipated over a cycle, J.
+    pub(super) fn work_and_loss_j(&self) -> [f64; 2] {
+        let model = &self.model;
+        let mesh = &self.orbit.mesh;
+        let weights = RADAU.integrate[STAGES - 1];
+        let mut work = 0.0;
+        let mut loss = 0.0;
+        for k in 0..mesh.count {
+            let nodes = mesh.nodes_of(model, k);
+            let start = mesh.states.start_of(k);
+            let stages = mesh.states.stages_of(k);
+            let duration_s = mesh.duration_s(k);
+            let phases_rad = mesh.phases_rad(k / LANES).map(|phase| phase.lane(k % LANES));
+            let element: Element<N, R> =
+                Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
+            for j in 0..STAGES {
+                let [power_w, loss_w] =
+                    model.power_and_loss_w(phases_rad[j], &nodes[j], &stages[j], &element.rate(j));
+                let weight = mesh.spans() as f64 * duration_s * weights[j];
+                work += weight * power_w;
+                loss += weight * loss_w;
+            }
+        }
+        [work, loss]
+    }
+
+    /// Replaces the solution by the attractor as [`Method::attractor`] does.
+    pub(super) fn reach(
+        &mut self,
+        is_solved: bool,
+        accuracy: f64,
+    ) -> Result<(Cycle<N>, usize, bool)> {
+        let Self { model, orbit } = self;
+        let (cycles, is_first) = find_attractor(model, orbit, is_solved, accuracy, MAX_CYCLES)?;
+        Ok((orbit.measure(model), cycles, is_first))
+    }
+}
+
+impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
+    fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+        let (cycle, effort) = self.find(is_warm, accuracy)?;
+        Ok((cycle.gait_metrics(self.model.problem()), effort))
+    }
+
+    fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
+        let (cycle, effort) = self.find_near(accuracy)?;
+        Ok((cycle.gait_metrics(self.model.problem()), effort))
     }
 
     fn floquet(&mut self) -> Result<Option<f64>> {
@@ -170,30 +219,7 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
     }
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]> {
-        let model = &self.model;
-        let mesh = &self.orbit.mesh;
-        let weights = RADAU.integrate[STAGES - 1];
-        let mut work = 0.0;
-        let mut loss = 0.0;
-        for k in 0..mesh.count {
-            let nodes = mesh.nodes_of(model, k);
-            let start = mesh.states.start_of(k);
-            let stages = mesh.states.stages_of(k);
-            let duration_s = mesh.duration_s(k);
-            let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
-            let states = element.kinematics(model);
-            for j in 0..STAGES {
-                let node = &nodes[j];
-                let y = &stages[j];
-                let acceleration = model.acceleration(node, y, &element.rate(j));
-                let forces =
-                    contact_forces::<R::Friction>(model.problem(), &states[j], &acceleration);
-                let weight = mesh.spans() as f64 * duration_s * weights[j];
-                work += weight * forces.power_w;
-                loss += weight * forces.loss_w;
-            }
-        }
-        Ok([work, loss])
+        Ok(Collocation::work_and_loss_j(self))
     }
 
     fn loss_j(&mut self) -> Result<f64> {
@@ -221,9 +247,8 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
         first: Result<GaitMetrics>,
         accuracy: f64,
     ) -> Result<(GaitMetrics, usize, bool)> {
-        let Self { model, orbit } = self;
-        let (cycles, is_first) = find_attractor(model, orbit, first.is_ok(), accuracy, MAX_CYCLES)?;
-        Ok((orbit.measure(model).metrics, cycles, is_first))
+        let (cycle, cycles, is_first) = self.reach(first.is_ok(), accuracy)?;
+        Ok((cycle.gait_metrics(self.model.problem()), cycles, is_first))
     }
 
     fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {
@@ -240,13 +265,13 @@ impl<const N: usize, R: Reduced<N>> Method for Collocation<'_, N, R> {
 }
 
 /// Returns the energy dissipated by friction over a cycle, J, along the given path.
-fn loss_j<const N: usize, R: Reduced<N>>(model: &R, mesh: &Mesh<N, R>, path: &Path) -> f64 {
+fn loss_j<const N: usize, R: ThreeLink<N>>(model: &R, mesh: &Mesh<N, R>, path: &Path<N, R>) -> f64 {
     let weights = RADAU.integrate[STAGES - 1];
     let mut sum = Lanes::default();
     for (pack, leg) in path.legs.iter().enumerate() {
         let [_, duration_s] = mesh.weights(pack);
         for j in 0..STAGES {
-            let power = model.friction_power(&leg.states[j], &leg.trig[j]);
+            let power = model.friction_power(R::of(&leg.states[j]));
             sum += Lanes::splat(weights[j]) * duration_s * power;
         }
     }

@@ -1,27 +1,26 @@
 //! Path of the robot in the plane, integrated from its velocities.
 
-use trilink_robot::{Lanes, Number, Pose, Trig};
+use trilink_robot::{Lanes, Number, Pose};
 
 use super::element::integrals;
 use super::mesh::{Mesh, accumulate_lanes};
 use super::radau::STAGES;
-use super::reduced::{KinematicState, Reduced};
+use super::reduced::Reduced;
 
 /// Path of the robot over the elements of a mesh, starting at the origin.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Path {
+#[derive(Debug, Clone)]
+pub(super) struct Path<const N: usize, R: Reduced<N>> {
     /// Path segments, one per pack of elements.
-    pub legs: Vec<Leg>,
+    pub legs: Vec<Leg<N, R>>,
     /// Pose after the last element.
     pub end: Pose,
 }
 
 /// Path over the elements in a pack, one element per lane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Leg {
+pub(super) struct Leg<const N: usize, R: Reduced<N>> {
     /// Velocities and joint angles at the stages.
-    pub states: [KinematicState<Lanes>; STAGES],
-    pub trig: [Trig<Lanes>; STAGES],
+    pub states: [R::State<Lanes>; STAGES],
     /// Sine and cosine of the heading of link 0 at the stages.
     pub directions: [(Lanes, Lanes); STAGES],
     /// Velocities of link 0 along the world axes at the stages, m/s.
@@ -30,9 +29,15 @@ pub(super) struct Leg {
     pub ends: [Lanes; 2],
 }
 
-impl Path {
+impl<const N: usize, R: Reduced<N>> Default for Path<N, R> {
+    fn default() -> Self {
+        Self { legs: Vec::new(), end: Pose::default() }
+    }
+}
+
+impl<const N: usize, R: Reduced<N>> Path<N, R> {
     /// Computes the path, which starts at the origin, from the velocities of the solution on a mesh.
-    pub(crate) fn follow<const N: usize, R: Reduced<N>>(&mut self, model: &R, mesh: &Mesh<N, R>) {
+    pub(crate) fn follow(&mut self, model: &R, mesh: &Mesh<N, R>) {
         let Self { legs, end } = self;
         *end = Pose::default();
         legs.clear();
@@ -41,14 +46,10 @@ impl Path {
             let nodes = mesh.nodes(pack);
             let stages = &mesh.states.packs[pack];
             let zero = Lanes::default();
-            let mut states = [KinematicState::default(); STAGES];
-            let mut trig = [Trig { s: [zero; 2], c: [zero; 2] }; STAGES];
-            let mut turning = [zero; STAGES];
-            for j in 0..STAGES {
-                states[j] = model.kinematics(&nodes[j], &stages[j]);
-                trig[j] = model.trig(&nodes[j], &stages[j]);
-                turning[j] = states[j].velocity[2];
-            }
+            let states: [R::State<Lanes>; STAGES] =
+                std::array::from_fn(|j| model.kinematics(&nodes[j], &stages[j]));
+            let bodies = states.each_ref().map(R::body);
+            let turning = bodies.map(|[_, _, turning]| turning);
             let turned = integrals(&turning, mesh.durations_s[pack]);
             let added = turned[STAGES - 1];
             let start =
@@ -57,7 +58,7 @@ impl Path {
             let mut rates = [[zero; STAGES]; 2];
             for j in 0..STAGES {
                 let (sin, cos) = Number::sin_cos(start + turned[j]);
-                let [u, v, ..] = states[j].velocity;
+                let [u, v, _] = bodies[j];
                 rates[0][j] = cos * u - sin * v;
                 rates[1][j] = sin * u + cos * v;
                 directions[j] = (sin, cos);
@@ -67,7 +68,7 @@ impl Path {
                 let added = integrals(&rates[i], mesh.durations_s[pack])[STAGES - 1];
                 added + accumulate_lanes(ends[i], count, |at, lane| at + added.lane(lane))
             });
-            legs.push(Leg { states, trig, directions, rates, ends });
+            legs.push(Leg { states, directions, rates, ends });
         }
     }
 }

@@ -235,7 +235,7 @@ impl<'a, F: Friction> Quadrature<'a, F> {
                 let weight = weight * length / omega_rad_s;
                 let (state, _) = eq3.state(problem, phase);
                 let trig = Trig::new(state.phi_rad);
-                let power = friction_power_gradient::<f64, F>(robot, None, &state, &trig);
+                let power = friction_power_gradient::<f64, F>(robot, None, &state);
                 let command_gradient =
                     CommandNode::new(problem, phase).gait_gradient(&power, problem);
                 let velocities = eq3.velocities::<K>(phase);
@@ -554,7 +554,9 @@ impl<'a> Eq3<'a> {
         let [du, dr] = [du, dr].map(|rate| rate * omega * omega);
         let [w1, w2] = shape.rate_rad_s;
         let [a1, a2] = shape.acceleration_rad_s2;
-        let state = KinematicState { phi_rad: shape.phi_rad, velocity: [u, 0.0, r, w1, w2] };
+        let trig = Trig::new(shape.phi_rad);
+        let velocity = [u, 0.0, r, w1, w2];
+        let state = KinematicState { phi_rad: shape.phi_rad, trig, velocity };
         (state, [du, 0.0, dr, a1, a2])
     }
 
@@ -615,7 +617,5 @@ fn path(
     velocities: &[[f64; 2]; STAGES],
     length: f64,
 ) -> ([Pose; STAGES], [(f64, f64); STAGES]) {
-    let states = velocities
-        .map(|[u, r]| KinematicState { phi_rad: [0.0; 2], velocity: [u, 0.0, r, 0.0, 0.0] });
-    integrate_path(from, &states, length)
+    integrate_path(from, &velocities.map(|[u, r]| [u, 0.0, r]), length)
 }

@@ -16,7 +16,7 @@ use trilink_robot::{LANES, Lanes, Number, Parameter};
 
 use super::Problem;
 use super::cycle::Cycle;
-use super::element::{Element, Linearisation, unknowns};
+use super::element::{Element, Linearisation};
 use super::extreme::{Extremes, TurningPoint};
 use super::gradient::{
     DISTANCE, MetricGradient, ODD, ODD_DISTANCE, WORK, add_gait_gradient, weights_of_unknowns,
@@ -24,7 +24,7 @@ use super::gradient::{
 use super::mesh::Mesh;
 use super::path::Path;
 use super::radau::STAGES;
-use super::reduced::{COMMAND_SIZE, Derivatives, MAX_PARAMETERS, Reduced, Variable};
+use super::reduced::{COMMAND_SIZE, Derivatives, MAX_PARAMETERS, ThreeLink, Variable};
 
 /// One value for each variable with respect to which a motion is differentiated.
 type ByParameters<T = f64> = [T; MAX_PARAMETERS];
@@ -84,10 +84,10 @@ fn rows_of_mut<const K: usize, T>(entries: &mut [T], pack: usize, count: usize) 
 /// Returns the derivatives of the metrics of the solution on a mesh with respect to the `wanted` parameters,
 /// or to all variables if `wanted` is `None`; other derivatives may be zero. Returns `None` if the linearised
 /// equations are singular, which happens where two solutions meet.
-pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
+pub(super) fn differentiate<const N: usize, R: ThreeLink<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    solution: (&Path, &Cycle<N>),
+    solution: (&Path<N, R>, &Cycle<N>),
     workspaces: Workspaces,
     wanted: Option<&[Parameter]>,
 ) -> Option<Derivatives> {
@@ -119,17 +119,17 @@ pub(super) fn differentiate<const N: usize, R: Reduced<N>>(
 
 /// Returns the number of columns of derivatives: one for each variable on which the motion can depend. Second harmonics
 /// are included only if the gait has any.
-fn columns<const N: usize, R: Reduced<N>>(problem: &Problem) -> usize {
+fn columns<const N: usize, R: ThreeLink<N>>(problem: &Problem) -> usize {
     if problem.gait.has_second() { R::PARAMETERS } else { R::FIRST_HARMONIC_VARIABLES }
 }
 
 /// Returns the derivatives, with respect to all variables, of the displacement over a cycle (m) and of the work of the
 /// actuators over a cycle (J). The work equals the energy dissipated by friction, `loss_j` (J). Returns `None` if the
 /// linearised equations are singular.
-pub(super) fn differentiate_distance<const N: usize, R: Reduced<N>>(
+pub(super) fn differentiate_distance<const N: usize, R: ThreeLink<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
-    solution: (&Path, &Cycle<N>),
+    solution: (&Path<N, R>, &Cycle<N>),
     workspaces: Workspaces,
     loss_j: f64,
 ) -> Option<[Derivatives<f64>; 2]> {
@@ -159,7 +159,7 @@ pub(super) fn differentiate_distance<const N: usize, R: Reduced<N>>(
 
 /// Returns whether the mesh covers half a period and a variable affects the motion with opposite signs in the two
 /// halves of the period: mirroring a motion reverses the offsets and second harmonics of its commands.
-fn is_odd<const N: usize, R: Reduced<N>>(mesh: &Mesh<N, R>, variable: Variable) -> bool {
+fn is_odd<const N: usize, R: ThreeLink<N>>(mesh: &Mesh<N, R>, variable: Variable) -> bool {
     mesh.is_half && variable.is_odd()
 }
 
@@ -167,10 +167,10 @@ fn is_odd<const N: usize, R: Reduced<N>>(mesh: &Mesh<N, R>, variable: Variable) 
 /// those of the `C` quantities of [`MetricGradient`] from index `FIRST` on, and of half the range of joint 1 (alpha1).
 /// Returns `None` if the linearised equations are singular or a turning point of joint 1 cannot be resolved.
 #[inline(always)]
-fn differentiate_metrics<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize>(
+fn differentiate_metrics<const N: usize, R: ThreeLink<N>, const FIRST: usize, const C: usize>(
     model: &R,
     mesh: &Mesh<N, R>,
-    solution: (&Path, &Cycle<N>),
+    solution: (&Path<N, R>, &Cycle<N>),
     workspaces: Workspaces,
     parameters: usize,
 ) -> Option<Derivatives> {
@@ -194,18 +194,18 @@ fn differentiate_metrics<const N: usize, R: Reduced<N>, const FIRST: usize, cons
 /// between the `extremes` of joint 1 (alpha1), with respect to the first `parameters` variables. Returns `None` if the
 /// linearised equations are singular or a turning point of joint 1 cannot be resolved.
 #[inline(always)]
-fn solve_adjoints<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize>(
+fn solve_adjoints<const N: usize, R: ThreeLink<N>, const FIRST: usize, const C: usize>(
     model: &R,
     mesh: &Mesh<N, R>,
-    (path, cycle): (&Path, &Cycle<N>),
+    (path, cycle): (&Path<N, R>, &Cycle<N>),
     workspaces: Workspaces,
     parameters: usize,
     extremes: Option<&Extremes<N>>,
 ) -> Option<([ByParameters; C], ByParameters)> {
     let Workspaces { linearisation, workspace, adjoints } = workspaces;
-    let per_stage = unknowns::<N, R>();
+    let per_stage = R::UNKNOWNS;
     let size = per_stage * STAGES;
-    let rows_per_pack = C + usize::from(R::HAS_ANGLE);
+    let rows_per_pack = C + R::ANGLES;
     adjoints.resize(mesh.packs(), [size, C, rows_per_pack, N]);
     let gradient = MetricGradient::new(model, mesh, cycle);
     let mut sums = [[Lanes::default(); MAX_PARAMETERS]; C];
@@ -220,7 +220,7 @@ fn solve_adjoints<const N: usize, R: Reduced<N>, const FIRST: usize, const C: us
             let gradients = gradient.at_stages(model, FIRST + q, leg, weights);
             let unknown_weights;
             (unknown_weights, last_start_gradients[q]) =
-                weights_of_unknowns(model, &element, &leg.trig, &gradients);
+                weights_of_unknowns(model, &element, leg, &gradients);
             for j in 0..STAGES {
                 for i in 0..per_stage {
                     rows[j * per_stage + i][q] = unknown_weights[j][i];
@@ -229,7 +229,7 @@ fn solve_adjoints<const N: usize, R: Reduced<N>, const FIRST: usize, const C: us
             // If the wheels skid, d and Delta theta depend on the states alone.
             if parameters > R::ROBOT_VARIABLES && (!R::SKIDS || !(3..WORK).contains(&(FIRST + q))) {
                 let sum = &mut sums[q];
-                add_gait_gradient(model, &element, &leg.trig, &gradients, parameters, sum);
+                add_gait_gradient(model, &element, leg, &gradients, parameters, sum);
             }
             if FIRST + q == WORK {
                 gradient.add_work_slopes(model, leg, weights, &mut sums[q]);
@@ -308,7 +308,7 @@ type Turn<const N: usize> = Option<(usize, [f64; N])>;
 /// elements' ends, from the last element to the first. Returns `None` if the cyclic linear system of the periodic orbit
 /// is singular.
 #[inline(always)]
-fn back_along_chain<const N: usize, R: Reduced<N>, const FIRST: usize, const C: usize>(
+fn back_along_chain<const N: usize, R: ThreeLink<N>, const FIRST: usize, const C: usize>(
     mesh: &Mesh<N, R>,
     adjoints: &mut Adjoints,
     turns: &[Turn<N>; 2],
@@ -317,7 +317,7 @@ fn back_along_chain<const N: usize, R: Reduced<N>, const FIRST: usize, const C: 
     /// the two passes over the elements, one for each state at the end of the last element.
     const MAX_ROWS: usize = 12;
     let Adjoints { start_gradients, end_gradients, .. } = adjoints;
-    let rows_per_pack = C + usize::from(R::HAS_ANGLE);
+    let rows_per_pack = C + R::ANGLES;
     let back = |rows: &mut [[f64; N]], k: usize| {
         let (own, ends) = rows_of::<N, _>(start_gradients, k / LANES, C + N).split_at(C);
         let lane = k % LANES;
@@ -375,7 +375,7 @@ fn back_along_chain<const N: usize, R: Reduced<N>, const FIRST: usize, const C: 
 /// the element that contains this point, and with respect to the first `parameters` variables. A shift of the turning
 /// point in time has no effect on the angle. Returns `None` if the element cannot be solved up to the turning point.
 #[inline(always)]
-fn angle_at<const N: usize, R: Reduced<N>>(
+fn angle_at<const N: usize, R: ThreeLink<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     extreme: &TurningPoint<N>,
@@ -400,7 +400,7 @@ fn angle_at<const N: usize, R: Reduced<N>>(
 
 /// Assembles the derivatives of the metrics. `slopes` returns, for the index of a variable, the derivatives of the
 /// quantities of [`MetricGradient`] and, if joint 1 is passive, of half its range (alpha1).
-fn derivatives_of<const N: usize, R: Reduced<N>>(
+fn derivatives_of<const N: usize, R: ThreeLink<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     cycle: &Cycle<N>,
@@ -434,7 +434,7 @@ fn derivatives_of<const N: usize, R: Reduced<N>>(
         derivatives.set(variable, derivative);
     }
     if parameters > R::ROBOT_VARIABLES {
-        derivatives.omega = domega(problem, cycle.metrics.d_m, &derivatives);
+        derivatives.omega = domega(problem, cycle.d_m, &derivatives);
     }
     derivatives.set_sums(&problem.robot, |shares, rolls| {
         let rolls = rolls.map(GaitMetrics::to_array);

@@ -6,7 +6,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
-use trilink_robot::{ContactForces, Friction, Pose, Trig, dot, roll_rows, rotated, skid_rows};
+use trilink_robot::{ContactForces, Friction, Pose, dot, roll_rows, rotated, skid_rows};
 
 use super::element::{Element, Linearisation, Stages, integrate_poses, interpolate, solve_element};
 use super::forces::contact_forces;
@@ -42,7 +42,7 @@ impl Sample {
         state: &KinematicState,
         acceleration: &[f64; 5],
     ) -> Self {
-        let trig = Trig::new(state.phi_rad);
+        let trig = &state.trig;
         let [u, v, turning, w1, w2] = state.velocity;
         let [x_rate, y_rate] = rotated(pose.theta_rad, [u, v]);
         Self {
@@ -50,8 +50,8 @@ impl Sample {
             pose,
             phi_rad: state.phi_rad,
             rates: [x_rate, y_rate, turning, w1, w2],
-            roll_m_s: roll_rows(&problem.robot, &trig).map(|row| dot(&row, &state.velocity)),
-            skid_m_s: skid_rows(&problem.robot, &trig).map(|row| dot(&row, &state.velocity)),
+            roll_m_s: roll_rows(&problem.robot, trig).map(|row| dot(&row, &state.velocity)),
+            skid_m_s: skid_rows(&problem.robot, trig).map(|row| dot(&row, &state.velocity)),
             forces: contact_forces::<F>(problem, state, acceleration),
         }
     }
@@ -65,7 +65,7 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     count: usize,
-) -> Result<Vec<Sample>> {
+) -> Result<Vec<R::Sample>> {
     let mut sampler = Sampler::new(model, count);
     let mut pose = Pose::default();
     let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
@@ -84,7 +84,7 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
             pose = sampler.sample_element(&solved, pose)?;
         }
     }
-    sampler.push(TAU / model.problem().omega_rad_s, &mesh.states.start, pose);
+    sampler.push(TAU / model.omega_rad_s(), &mesh.states.start, pose);
     Ok(sampler.samples)
 }
 
@@ -93,10 +93,10 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     cycles: usize,
     count: usize,
-) -> Result<Vec<Sample>> {
+) -> Result<Vec<R::Sample>> {
     let mut sampler = Sampler::new(model, count);
     let mut transient = Integrator::new(model, TOLERANCE);
-    let end_s = cycles as f64 * TAU / model.problem().omega_rad_s;
+    let end_s = cycles as f64 * TAU / model.omega_rad_s();
     let mut result = Ok(());
     transient.advance_to(end_s, &mut Linearisation::default(), |step| {
         if result.is_ok() {
@@ -125,13 +125,13 @@ struct Sampler<'a, const N: usize, R: Reduced<N>> {
     omega_rad_s: f64,
     interval_s: f64,
     workspace: Linearisation,
-    samples: Vec<Sample>,
+    samples: Vec<R::Sample>,
 }
 
 impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     /// Creates a sampler with `count` samples per cycle.
     fn new(model: &'a R, count: usize) -> Self {
-        let omega_rad_s = model.problem().omega_rad_s;
+        let omega_rad_s = model.omega_rad_s();
         let interval_s = TAU / omega_rad_s / count as f64;
         let workspace = Linearisation::default();
         Self { model, omega_rad_s, interval_s, workspace, samples: Vec::new() }
@@ -174,7 +174,8 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
         let stages = solve_element(model, &guess, 1e-12, &mut self.workspace)
             .ok_or(MotionError::Stuck { time_s })?;
         let element = Element { stages: &stages, ..guess };
-        let [.., end] = integrate_poses(pose, &element.kinematics(model), duration_s);
+        let [.., end] =
+            integrate_poses(pose, &element.kinematics(model).each_ref().map(R::body), duration_s);
         Ok((stages[STAGES - 1], end))
     }
 
@@ -182,11 +183,7 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     fn push(&mut self, time_s: f64, state: &[f64; N], pose: Pose) {
         let node = self.model.node(self.omega_rad_s * time_s);
         let rates = rates(self.model, &node, state);
-        let acceleration = self.model.acceleration(&node, state, &rates);
-        let state = self.model.kinematics(&node, state);
-        let problem = self.model.problem();
-        let sample = Sample::new::<R::Friction>(problem, time_s, pose, &state, &acceleration);
-        self.samples.push(sample);
+        self.samples.push(self.model.sample(time_s, pose, &node, state, &rates));
     }
 }
 
@@ -200,9 +197,9 @@ fn rates<const N: usize, R: Reduced<N>>(
     let residual = model.residual(node, state, &[0.0; N]);
     let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.rate_jacobian[i][j]);
     let mut right = SVector::<f64, N>::from_fn(|i, _| -residual.value[i]);
-    if R::INTEGRATED {
-        matrix[(N - 1, N - 1)] = 1.0;
-        right[N - 1] = state[N - 2];
+    for angle in R::UNKNOWNS..N {
+        matrix[(angle, angle)] = 1.0;
+        right[angle] = state[angle - R::ANGLES];
     }
     matrix.try_inverse().map_or([f64::NAN; N], |inverse| (inverse * right).into())
 }

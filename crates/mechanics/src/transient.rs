@@ -12,7 +12,7 @@ use super::element::{
     Element, Linearisation, Stages, integrate_poses, interpolate, solve_element, weighted,
 };
 use super::radau::{RADAU, STAGES};
-use super::reduced::{KinematicState, Reduced};
+use super::reduced::{Reduced, ThreeLink};
 use super::{MotionError, Result};
 
 /// Integrator of a motion that starts from rest at phase 0.
@@ -36,7 +36,7 @@ pub(super) struct Integrator<'a, const N: usize, R> {
 }
 
 /// One time step of the transient.
-pub(super) struct Step<'a, const N: usize> {
+pub(super) struct Step<'a, const N: usize, R: Reduced<N>> {
     pub time_s: f64,
     pub duration_s: f64,
     /// Time at which the step ends, s.
@@ -46,7 +46,7 @@ pub(super) struct Step<'a, const N: usize> {
     pub stages: &'a Stages<N>,
     /// Pose at the start of the step.
     pub pose: Pose,
-    pub states: &'a [KinematicState; STAGES],
+    pub states: &'a [R::State<f64>; STAGES],
     pub poses: &'a [Pose; STAGES],
 }
 
@@ -67,7 +67,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
     /// Creates an integrator that starts from rest, with a relative error per time step near `tolerance`.
     pub(crate) fn new(model: &'a R, tolerance: f64) -> Self {
         let state = model.at_rest();
-        let omega_rad_s = model.problem().omega_rad_s;
+        let omega_rad_s = model.omega_rad_s();
         Self {
             model,
             omega_rad_s,
@@ -91,7 +91,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
         &mut self,
         until_s: f64,
         workspace: &mut Linearisation,
-        mut visit: impl FnMut(&Step<N>),
+        mut visit: impl FnMut(&Step<N, R>),
     ) -> Result<()> {
         let model = self.model;
         let tolerance = self.tolerance;
@@ -129,7 +129,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
                 continue;
             }
             let states = Element { stages: &stages, ..guess }.kinematics(model);
-            let poses = integrate_poses(self.pose, &states, duration_s);
+            let poses = integrate_poses(self.pose, &states.each_ref().map(R::body), duration_s);
             let end_s = if is_last { until_s } else { self.time_s + duration_s };
             visit(&Step {
                 time_s: self.time_s,
@@ -199,7 +199,7 @@ impl Frames<'_> {
 }
 
 /// Returns the coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient at the sampling times.
-pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
+pub(super) fn from_rest<const N: usize, R: ThreeLink<N>>(
     model: &R,
     frames: &Frames,
     tolerance: f64,
@@ -209,12 +209,13 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     let mut path = Vec::with_capacity(count);
     let mut integrator = Integrator::new(model, tolerance);
     let omega_rad_s = integrator.omega_rad_s;
-    let mut visit = |step: &Step<N>| {
+    let mut visit = |step: &Step<N, R>| {
         let start = model.kinematics(&model.node(omega_rad_s * step.time_s), step.start);
         let mut coordinates = [[0.0; STAGES + 1]; 5];
         let points = iter::once((&step.pose, &start)).chain(step.poses.iter().zip(step.states));
-        for (l, (pose, KinematicState { phi_rad: [phi1, phi2], .. })) in points.enumerate() {
-            let values = [pose.x_m, pose.y_m, pose.theta_rad, *phi1, *phi2];
+        for (l, (pose, state)) in points.enumerate() {
+            let [phi1, phi2] = R::of(state).phi_rad;
+            let values = [pose.x_m, pose.y_m, pose.theta_rad, phi1, phi2];
             (0..5).for_each(|i| coordinates[i][l] = values[i]);
         }
         let times = (path.len()..count).map(|frame| frame as f64 / rate_hz);

@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{Gait, JointCommand, Pose, Robot};
+use super::{Gait, JointCommand, Laws, Pose, Robot, SkidLaw};
 
 /// Maximum number of links of a chain.
 pub const MAX_LINKS: usize = 8;
@@ -281,6 +281,59 @@ impl Chain {
         0.5 * (front.abs() + rear.abs())
     }
 
+    /// Returns the angle of a joint before the motion begins, rad: that of its command at phase 0, or that at which its
+    /// spring is then relaxed.
+    pub fn rest_angle_rad(&self, joint: usize) -> f64 {
+        match &self.joints[joint] {
+            Joint::Driven(command) | Joint::Free(FreeJoint { target: command, .. }) => {
+                command.derivative(0, 0.0)
+            }
+        }
+    }
+
+    /// Returns the chain with all joint commands at their means.
+    #[must_use]
+    pub fn at_mean_shape(&self) -> Self {
+        let mut chain = self.clone();
+        for joint in &mut chain.joints {
+            let (Joint::Driven(command) | Joint::Free(FreeJoint { target: command, .. })) = joint;
+            *command = JointCommand::new(command.offset_rad, 0.0, 0.0);
+        }
+        chain
+    }
+
+    /// Returns whether anything drives the chain: a joint's command, a torque, or a rotor.
+    pub fn is_driven(&self) -> bool {
+        let of_joints = self.joints.iter().any(|joint| match joint {
+            Joint::Driven(_) => true,
+            Joint::Free(FreeJoint { stiffness_nm_rad, target, torque, .. }) => {
+                let moves = target.amplitude_rad != 0.0 || target.second.is_some();
+                torque.amplitude_nm != 0.0
+                    || torque.mean_nm != 0.0
+                    || *stiffness_nm_rad > 0.0 && moves
+            }
+        });
+        of_joints || self.links.iter().any(|link| link.rotor.is_some())
+    }
+
+    /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half a period,
+    /// is also a motion.
+    pub fn is_mirrored(&self) -> bool {
+        let turns = |command: &JointCommand| {
+            command.offset_rad == 0.0 && command.second() == super::SecondHarmonic::default()
+        };
+        let of_joints = self.joints.iter().all(|joint| match joint {
+            Joint::Driven(command) => turns(command),
+            Joint::Free(free) => turns(&free.target) && free.torque.mean_nm == 0.0,
+        });
+        let of_links = self.links.iter().all(|link| {
+            let rolls_ahead = link.wheel.is_none_or(|wheel| wheel.steer_rad == 0.0);
+            let second = link.rotor.map(|rotor| rotor.angle.second());
+            rolls_ahead && second.is_none_or(|second| second == super::SecondHarmonic::default())
+        });
+        of_joints && of_links
+    }
+
     /// Returns the number of wheels.
     pub fn wheels(&self) -> usize {
         self.links.iter().filter(|link| link.wheel.is_some()).count()
@@ -289,6 +342,39 @@ impl Chain {
     /// Returns the number of joints that are not driven.
     pub fn free_joints(&self) -> usize {
         self.joints.iter().filter(|joint| matches!(joint, Joint::Free(_))).count()
+    }
+}
+
+impl WheelFriction {
+    /// Returns the coefficients multiplied by a factor, except characteristic speeds and exponents.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self {
+            skid_kg_s: factor * self.skid_kg_s,
+            roll_kg_s: factor * self.roll_kg_s,
+            skid_dry_n: factor * self.skid_dry_n,
+            skid_static_n: factor * self.skid_static_n,
+            skid_power_n: factor * self.skid_power_n,
+            roll_dry_n: factor * self.roll_dry_n,
+            ..self
+        }
+    }
+
+    /// Returns the coefficients with those that the laws do not use set to zero.
+    #[must_use]
+    pub fn effective(self, laws: Laws) -> Self {
+        let used = |is_used: bool, value: f64| if is_used { value } else { 0.0 };
+        let Laws { skid, roll } = laws;
+        Self {
+            skid_kg_s: used(skid.is_viscous(), self.skid_kg_s),
+            roll_kg_s: used(roll.is_viscous(), self.roll_kg_s),
+            skid_dry_n: used(skid.is_dry(), self.skid_dry_n),
+            skid_static_n: used(skid.has_static(), self.skid_static_n),
+            stribeck_m_s: used(skid.has_static(), self.stribeck_m_s),
+            skid_power_n: used(skid == SkidLaw::Power, self.skid_power_n),
+            roll_dry_n: used(roll.is_dry(), self.roll_dry_n),
+            ..self
+        }
     }
 }
 

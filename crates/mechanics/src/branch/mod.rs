@@ -17,7 +17,7 @@ use trilink_robot::{Dry, Friction, Parameter, Viscous};
 
 use super::method::{Collocation, Method};
 use super::orbit::{PeriodicOrbit, Start};
-use super::reduced::{PassiveNoSkid, Reduced, Skid};
+use super::reduced::{PassiveNoSkid, Skid, ThreeLink};
 use super::{MotionError, Problem, Result};
 use continuation::{BranchStart, Continuation};
 
@@ -102,7 +102,7 @@ fn with_friction<F: Friction>(
 }
 
 /// Traces all branches of the motions of one reduced model, in the order in which their starts are found.
-fn trace_all<const N: usize, R: Reduced<N>>(
+fn trace_all<const N: usize, R: ThreeLink<N>>(
     model_at: &dyn Fn(f64) -> R,
     &Sweep { range, omega_rad_s, is_cancelled }: &Sweep,
 ) -> Result<Vec<Branch>> {

@@ -7,10 +7,10 @@
 
 use trilink_robot::Number;
 
-use super::{Element, Linearisation, assemble, unknowns};
+use super::{Element, Linearisation, assemble};
 use crate::lu;
 use crate::radau::{RADAU, STAGES};
-use crate::reduced::{MAX_PARAMETERS, Reduced};
+use crate::reduced::{MAX_PARAMETERS, ThreeLink};
 
 /// Maximum number of unknowns of a collocation element.
 const MAX_UNKNOWNS: usize = 4 * STAGES;
@@ -20,14 +20,14 @@ impl<T: Number> Linearisation<T> {
     /// states at their starts and the first `parameters` variables of the model, and factors them. The
     /// results of a singular system are not finite.
     #[inline(always)]
-    pub(crate) fn linearise_all<const N: usize, R: Reduced<N>>(
+    pub(crate) fn linearise_all<const N: usize, R: ThreeLink<N>>(
         &mut self,
         pack: usize,
         model: &R,
         element: &Element<N, R, T>,
         parameters: usize,
     ) {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let size = per_stage * STAGES;
         let none = [T::splat(0.0); MAX_PARAMETERS];
         self.slopes.resize(self.slopes.len().max((pack + 1) * size), none);
@@ -47,13 +47,13 @@ impl<T: Number> Linearisation<T> {
     /// unknowns in `C` quantities and must be zero before stage `first`. Returns the derivatives of each
     /// quantity with respect to the states at the elements' starts.
     #[inline(always)]
-    pub(crate) fn solve_adjoint<const N: usize, R: Reduced<N>, const C: usize>(
+    pub(crate) fn solve_adjoint<const N: usize, R: ThreeLink<N>, const C: usize>(
         &self,
         pack: usize,
         first: usize,
         rows: &mut [[T; C]],
     ) -> [[T; N]; C] {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let size = per_stage * STAGES;
         let factors = &self.factors[pack * size * size..][..size * size];
         let start_jacobian = self.transfer[pack * size * N..][..size * N].as_chunks::<N>().0;
@@ -74,13 +74,13 @@ impl<T: Number> Linearisation<T> {
     /// solutions in `rows`. Returns the derivatives of the states at the ends with respect to those at the
     /// elements' starts.
     #[inline(always)]
-    pub(crate) fn solve_adjoint_of_end<const N: usize, R: Reduced<N>>(
+    pub(crate) fn solve_adjoint_of_end<const N: usize, R: ThreeLink<N>>(
         &self,
         pack: usize,
         duration_s: T,
         rows: &mut [[T; N]],
     ) -> [[T; N]; N] {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         rows.fill([T::splat(0.0); N]);
         for i in 0..per_stage {
             rows[(STAGES - 1) * per_stage + i][i] = T::splat(1.0);
@@ -99,12 +99,12 @@ impl<T: Number> Linearisation<T> {
     /// adjoint solution and the derivatives of that variable with respect to the states at the elements'
     /// starts.
     #[inline(always)]
-    pub(crate) fn solve_adjoint_of_last<const N: usize, R: Reduced<N>>(
+    pub(crate) fn solve_adjoint_of_last<const N: usize, R: ThreeLink<N>>(
         &self,
         pack: usize,
         duration_s: T,
     ) -> ([[T; 1]; MAX_UNKNOWNS], [T; N]) {
-        let per_stage = unknowns::<N, R>();
+        let per_stage = R::UNKNOWNS;
         let mut rows = [[T::splat(0.0)]; MAX_UNKNOWNS];
         let own = &mut rows[..per_stage * STAGES];
         if !R::INTEGRATED {
@@ -124,14 +124,14 @@ impl<T: Number> Linearisation<T> {
     /// Subtracts from `sums` the derivatives of the residuals of the elements in pack `pack` with respect to
     /// the first `parameters` variables of the model, weighted by the adjoint solutions of `C` quantities.
     #[inline(always)]
-    pub(crate) fn subtract_parameter_gradients<const N: usize, R: Reduced<N>, const C: usize>(
+    pub(crate) fn subtract_parameter_gradients<const N: usize, R: ThreeLink<N>, const C: usize>(
         &self,
         pack: usize,
         parameters: usize,
         adjoint: &[[T; C]],
         sums: &mut [[T; MAX_PARAMETERS]; C],
     ) {
-        let size = unknowns::<N, R>() * STAGES;
+        let size = R::UNKNOWNS * STAGES;
         let slopes = &self.slopes[pack * size..][..size];
         for column in 0..parameters {
             let mut sum = [T::splat(0.0); C];

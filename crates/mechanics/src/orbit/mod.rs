@@ -18,16 +18,16 @@ use nalgebra::SMatrix;
 pub(super) use bordered::{Direction, Plane, Slopes};
 pub(super) use newton::largest_lane;
 
-use trilink_robot::{Friction, Lanes};
+use trilink_robot::Lanes;
 
-use super::cycle::{Cycle, measure, skid_scale};
+use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};
 use super::mesh::{MAX_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
-use super::reduced::Reduced;
+use super::reduced::{MAX_TRACKED, Reduced};
 use super::sensitivity::Adjoints;
-use super::{MotionError, Problem, Result};
+use super::{MotionError, Result};
 
 /// Computational effort spent on solutions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -74,9 +74,8 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     softer: States<N>,
     /// Estimated relative error of each element's polynomials, which determines the next mesh.
     roughness: Vec<f64>,
-    /// Highest-order Legendre coefficients of the polynomials of the two joint angles and the five
-    /// velocities, for each pack of elements (one element per SIMD lane).
-    tails: Vec<[Lanes; 7]>,
+    /// Highest-order Legendre coefficients of the tracked quantities ([`Reduced::tracked`]), for each pack of elements (one element per SIMD lane).
+    tails: Vec<[Lanes; MAX_TRACKED]>,
     /// Workspace for solving single elements.
     pub workspace: Linearisation,
     /// Workspace for derivatives by the adjoint method.
@@ -86,7 +85,7 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     /// Whether the last solution lacks the half-period symmetry of its commands.
     pub is_symmetry_broken: bool,
     /// Path of the robot in the plane for the last solution.
-    pub path: Path,
+    pub path: Path<N, R>,
     /// Metrics of the last solution; `None` until they are computed.
     cycle: Option<Cycle<N>>,
     /// Modulus of the last solution's largest Floquet multiplier; `None` until it is computed.
@@ -303,8 +302,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Finds an approximate periodic solution from the current states. Under dry friction, the solution is followed
     /// from a larger transition speed down to the actual one (homotopy).
     fn soften(&mut self, model: &R) -> Result<()> {
-        let Problem { robot, .. } = model.problem();
-        let softest = INITIAL_TRANSITION * skid_scale(model.problem()) / robot.transition_m_s;
+        let softest = INITIAL_TRANSITION * model.skid_scale_m_s() / model.transition_m_s();
         let mut last_factor = f64::INFINITY;
         let mut factor = softest.max(1.0);
         while let Some(softened) = model.with_transition_scaled(factor) {
@@ -346,9 +344,9 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             self.resample(model, sufficient);
         }
         self.lay_out(model);
-        // Velocities scale with the frequency; the angle of the passive joint does not.
+        // Velocities scale with the frequency; angles do not.
         let frequency_ratio = before_s / self.mesh.span_s;
-        let rates = if R::HAS_ANGLE { N - 1 } else { N };
+        let rates = N - R::ANGLES;
         let States { start, packs } = &mut self.mesh.states;
         start[..rates].iter_mut().for_each(|rate| *rate *= frequency_ratio);
         let states = packs.iter_mut().flatten();
@@ -392,7 +390,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.bounds_before.clear();
         self.bounds_before.reserve(MAX_ELEMENTS + 1);
         self.bounds_before.extend_from_slice(&self.mesh.bounds);
-        if R::Friction::IS_LINEAR {
+        if R::IS_LINEAR {
             self.mesh.divide_equally(count);
         } else {
             self.equidistribute(count);
@@ -448,7 +446,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         const MIN_TOLERANCE: f64 = 1e-7;
         let rates = self.path.legs.iter().flat_map(|leg| &leg.states);
         let largest = rates
-            .fold(Lanes::default(), |largest, state| largest.fast_max(state.velocity[2].abs()));
+            .fold(Lanes::default(), |largest, state| largest.fast_max(R::body(state)[2].abs()));
         let tolerance =
             MIN_TOLERANCE.max(30.0 * accuracy) * newton::largest_lane(largest) * self.mesh.span_s;
         self.path.end.theta_rad.abs() > tolerance

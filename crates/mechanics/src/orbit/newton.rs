@@ -1,11 +1,11 @@
 //! Newton's method for the periodic orbit, and the stability of the orbit.
 
-use nalgebra::{Complex, Matrix5, SMatrix, SVector};
+use nalgebra::{Complex, DMatrix, Matrix5, SMatrix, SVector};
 use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
 use crate::mesh::Mesh;
-use crate::reduced::{Reduced, lanes};
+use crate::reduced::{MAX_STATES, Reduced, lanes};
 use crate::{MotionError, Result};
 
 /// Maximum number of Newton steps.
@@ -226,21 +226,39 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Returns the Floquet multipliers over the time span of the mesh (one or more periods, or half of one), according
-    /// to the last linearisation. Zeros are added to make five values, the number for the largest model.
-    pub(crate) fn multipliers(&self) -> Result<SVector<Complex<f64>, 5>> {
+    /// to the last linearisation, followed by zeros.
+    pub(crate) fn multipliers(&self) -> Result<[Complex<f64>; MAX_STATES]> {
         const MAX_SWEEPS: usize = 1000;
-        let padded = padded(&self.monodromy());
-        if padded.iter().any(|entry| !entry.is_finite()) {
+        let monodromy = self.monodromy();
+        if monodromy.iter().any(|entry| !entry.is_finite()) {
             return Err(self.not_converged());
         }
-        let schur = padded.try_schur(f64::EPSILON, MAX_SWEEPS).ok_or(self.not_converged())?;
-        Ok(schur.complex_eigenvalues())
+        let mut values = [Complex::default(); MAX_STATES];
+        let failed = || self.not_converged();
+        if N <= 5 {
+            let schur =
+                padded(&monodromy).try_schur(f64::EPSILON, MAX_SWEEPS).ok_or_else(failed)?;
+            values[..5].copy_from_slice(schur.complex_eigenvalues().as_slice());
+        } else {
+            let schur =
+                dynamic(&monodromy).try_schur(f64::EPSILON, MAX_SWEEPS).ok_or_else(failed)?;
+            values[..N].copy_from_slice(schur.complex_eigenvalues().as_slice());
+        }
+        Ok(values)
     }
 
     /// Returns whether, according to the last linearisation, a motion with half-period symmetry is unstable to the loss
     /// of that symmetry: whether a Floquet multiplier over the half period is below -1.
     pub(crate) fn breaks_symmetry(&self) -> bool {
-        self.mesh.is_half && (Matrix5::identity() + padded(&self.monodromy())).determinant() < 0.0
+        let determinant = || {
+            let monodromy = self.monodromy();
+            if N <= 5 {
+                (Matrix5::identity() + padded(&monodromy)).determinant()
+            } else {
+                (DMatrix::identity(N, N) + dynamic(&monodromy)).determinant()
+            }
+        };
+        self.mesh.is_half && determinant() < 0.0
     }
 
     /// Returns whether the last solution is known to be stable: whether the modulus of its largest Floquet multiplier
@@ -262,10 +280,15 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 }
 
-/// Returns the matrix padded with zeros to 5 x 5, the size for the largest model. The padding adds only zero
+/// Returns the matrix padded with zeros to 5 x 5, the size for the three-link robot. The padding adds only zero
 /// eigenvalues.
 pub(super) fn padded<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
     Matrix5::from_fn(|i, j| if i < N && j < N { matrix[(i, j)] } else { 0.0 })
+}
+
+/// Returns the matrix with dimensions that are known only at run time.
+fn dynamic<const N: usize>(matrix: &SMatrix<f64, N, N>) -> DMatrix<f64> {
+    DMatrix::from_fn(N, N, |i, j| matrix[(i, j)])
 }
 
 /// Returns the product of a matrix and a vector.

@@ -1,13 +1,13 @@
 //! Discretisation error of the collocation elements, and mesh selection.
 
-use trilink_robot::{Friction, LANES, Lanes, Number};
+use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
 use super::newton::{keep_largest, largest_lane, largest_ratio};
 use crate::element::{Stages, weighted};
 use crate::mesh::{MAX_ELEMENTS, accumulate_lanes};
 use crate::radau::{RADAU, STAGES};
-use crate::reduced::{KinematicState, Reduced};
+use crate::reduced::{MAX_TRACKED, Reduced};
 
 /// Fraction of the tolerated error that is allotted to discretisation.
 const ERROR_SHARE: f64 = 0.5;
@@ -20,16 +20,16 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// end, where the collocation rule has nearly twice the order, the error is only as large as a coefficient four
     /// degrees higher, which is extrapolated from the decay of the coefficients over the last two degrees.
     pub(super) fn discretisation_error(&mut self, model: &R) -> f64 {
-        let mut largest = [[Lanes::default(); 7]; 3];
+        let mut largest = [[Lanes::default(); MAX_TRACKED]; 3];
         let [lowest, _, highest] = &RADAU.spectrum;
         let state = model.kinematics(&model.node(0.0), &self.mesh.states.start);
-        let [u, v, ..] = state.velocity;
-        let mut start = world_values(&state, [u, v]);
+        let [u, v, _] = R::body(&state);
+        let mut start = model.tracked(&state, [u, v]);
         self.tails.clear();
         for (pack, leg) in self.path.legs.iter().enumerate() {
             let [x_rates, y_rates] = leg.rates;
-            let values: Stages<7, Lanes> =
-                std::array::from_fn(|j| world_values(&leg.states[j], [x_rates[j], y_rates[j]]));
+            let values: Stages<MAX_TRACKED, Lanes> =
+                std::array::from_fn(|j| model.tracked(&leg.states[j], [x_rates[j], y_rates[j]]));
             let count = self.mesh.elements_of(pack).len();
             let ends = &values[STAGES - 1];
             let starts = std::array::from_fn(|i| {
@@ -38,7 +38,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             let [tails, lower, sizes] = &mut largest;
             let pack_tails = weighted(highest, &starts, &values);
             let pack_lower = weighted(lowest, &starts, &values);
-            if R::Friction::IS_LINEAR {
+            if R::IS_LINEAR {
                 keep_largest(tails, &pack_tails);
                 keep_largest(lower, &pack_lower);
             } else {
@@ -51,14 +51,14 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             values.iter().for_each(|values| keep_largest(sizes, values));
         }
         let [mut tails, mut lower, sizes] = largest.map(|largest| largest.map(largest_lane));
-        if !R::Friction::IS_LINEAR {
+        if !R::IS_LINEAR {
             [tails, lower, _] = largest.map(|sums| sums.map(sum_of_lanes));
         }
-        let errors: [f64; 7] = std::array::from_fn(|i| {
+        let errors: [f64; MAX_TRACKED] = std::array::from_fn(|i| {
             let decay = if tails[i] < lower[i] { tails[i] / lower[i] } else { 1.0 };
             tails[i] * decay * decay
         });
-        if !R::Friction::IS_LINEAR {
+        if !R::IS_LINEAR {
             self.roughness.clear();
             for k in 0..self.mesh.count {
                 let tails = self.tails[k / LANES].map(|tail| tail.lane(k % LANES).abs());
@@ -125,13 +125,4 @@ fn add_sizes<const K: usize>(sums: &mut [Lanes; K], values: &[Lanes; K], fractio
 /// Returns the sum over the lanes.
 fn sum_of_lanes(lanes: Lanes) -> f64 {
     lanes.to_array().into_iter().sum()
-}
-
-/// Returns the joint angles, the turning and joint rates of a state, and the given velocities along the world
-/// axes.
-#[inline(always)]
-fn world_values<T: Number>(state: &KinematicState<T>, [x_rate, y_rate]: [T; 2]) -> [T; 7] {
-    let [phi1, phi2] = state.phi_rad;
-    let [_, _, r, w1, w2] = state.velocity;
-    [phi1, phi2, x_rate, y_rate, r, w1, w2]
 }

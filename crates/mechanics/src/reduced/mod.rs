@@ -17,11 +17,12 @@ pub(super) use skid::Skid;
 
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    ByParameter, Dry, Friction, Gait, LANES, Lanes, Number, Parameter, Robot, Shape, Trig,
-    Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
+    ByParameter, Dry, Friction, Gait, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Robot,
+    Shape, Trig, Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
 };
 
 use super::Problem;
+use super::trajectory::Sample;
 
 /// Residual of the equations of motion and its derivatives at one time.
 #[derive(Debug, Clone, Copy)]
@@ -33,9 +34,17 @@ pub(super) struct Residual<const N: usize, T = f64> {
     pub rate_jacobian: [[T; N]; N],
 }
 
-/// Joint angles and velocities of the whole robot at one time, or a gradient with respect to them.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+/// Joint angles and velocities of the three-link robot at one time.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct KinematicState<T = f64> {
+    pub phi_rad: [T; 2],
+    pub trig: Trig<T>,
+    pub velocity: Velocity<T>,
+}
+
+/// Gradient of a quantity with respect to the joint angles and velocities of the three-link robot.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Gradient<T = f64> {
     pub phi_rad: [T; 2],
     pub velocity: Velocity<T>,
 }
@@ -136,37 +145,49 @@ impl Derivatives<f64> {
 pub(super) const MAX_PARAMETERS: usize =
     Dry::SKID.len() + Dry::ROLL.len() + 2 * (COMMAND_SIZE + HARMONIC_SIZE);
 
-/// Equations of motion `0 = residual(t, y, y')` with `N` states.
+/// Maximum number of states: those of a chain of eight links whose joints are all free.
+pub(super) const MAX_STATES: usize = 17;
+/// Maximum number of quantities whose polynomials show the discretisation error; see [`Reduced::tracked`].
+pub(super) const MAX_TRACKED: usize = MAX_STATES;
+
+/// Equations of motion `0 = residual(t, y, y')` with `N` states. The last [`Reduced::ANGLES`] states are the angles of
+/// the free joints; all others are velocities.
 pub(super) trait Reduced<const N: usize>: Clone {
-    /// Number of variables on which the motion can depend: robot parameters, and variables of the commanded joints,
-    /// including second harmonics.
-    const PARAMETERS: usize =
-        Self::ROBOT_VARIABLES + (COMMAND_SIZE + HARMONIC_SIZE) * Self::COMMANDED;
+    /// Number of states that are angles.
+    const ANGLES: usize;
 
-    /// Number of robot parameters on which the motion can depend.
-    const ROBOT_VARIABLES: usize;
+    /// Whether the angles are the time integrals of as many states before them; if so, [`Reduced::residual`] omits the
+    /// equations that relate these states.
+    const INTEGRATED: bool;
 
-    /// Number of variables on which the motion can depend if no command has a second harmonic.
-    const FIRST_HARMONIC_VARIABLES: usize = Self::ROBOT_VARIABLES + COMMAND_SIZE * Self::COMMANDED;
-
-    /// Number of commanded joints.
-    const COMMANDED: usize;
+    /// Number of unknowns per stage of a collocation element.
+    const UNKNOWNS: usize = if Self::INTEGRATED { N - Self::ANGLES } else { N };
 
     /// Whether the wheels can skid.
     const SKIDS: bool;
 
-    /// Friction law of the wheels.
-    type Friction: Friction;
+    /// Whether every friction force is proportional to the wheel's velocity in the direction of the force.
+    const IS_LINEAR: bool;
 
-    /// Whether the last state is the time integral of the one before it; if so, [`Reduced::residual`] omits
-    /// the equation that relates these two states.
-    const INTEGRATED: bool;
-
-    /// Whether the last state is an angle; all others are velocities.
-    const HAS_ANGLE: bool;
+    /// Number of quantities that [`Reduced::tracked`] returns; the others are zero.
+    const TRACKED: usize;
 
     /// Joint commands at one time, with the quantities that depend on them alone; computed once per solution.
     type Node<T: Number>: Copy + std::fmt::Debug;
+
+    /// Joint angles and velocities of the robot at one time.
+    type State<T: Number>: Copy + std::fmt::Debug;
+
+    /// State of the robot and the forces on it at one time, for the caller.
+    type Sample;
+
+    fn omega_rad_s(&self) -> f64;
+
+    /// Returns the speed `l omega` by which skid velocities are divided in the skid ratio (eq. 20 of the paper), m/s.
+    fn skid_scale_m_s(&self) -> f64;
+
+    /// Returns the transition speed of dry friction, m/s.
+    fn transition_m_s(&self) -> f64;
 
     /// Returns the equations with the transition speed of dry friction multiplied by `factor`; `None` if
     /// there is no dry friction.
@@ -176,9 +197,6 @@ pub(super) trait Reduced<const N: usize>: Clone {
 
     /// Returns the equations with all friction of the wheels multiplied by `factor`.
     fn with_friction_scaled(&self, factor: f64) -> Self;
-
-    /// Returns the problem that the equations describe.
-    fn problem(&self) -> &Problem;
 
     /// Returns an initial guess for the states of the steady-state motion as a function of the phase. By
     /// default, the robot is at rest.
@@ -193,12 +211,84 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Evaluates the equations at state `y` with time derivative `dy`.
     fn residual<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> Residual<N, T>;
 
+    /// Returns the joint angles and velocities of the robot in state `y`.
+    fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> Self::State<T>;
+
+    /// Returns the velocities of the reference link along and across itself (m/s) and its turning rate (rad/s).
+    fn body<T: Number>(state: &Self::State<T>) -> [T; 3];
+
+    /// Returns the quantities whose polynomials show the discretisation error, given the velocities of the reference
+    /// link along the world axes.
+    fn tracked<T: Number>(&self, state: &Self::State<T>, rates: [T; 2]) -> [T; MAX_TRACKED];
+
+    /// Returns the number of wheels.
+    fn wheels(&self) -> usize;
+
+    /// Returns the skid velocities of the wheels, m/s; zero beyond their number.
+    fn skid_m_s<T: Number>(&self, phase_rad: T, state: &Self::State<T>) -> [T; MAX_LINKS];
+
+    /// Returns the number of free joints whose range of motion is a metric; they come first among the free joints.
+    fn measured_joints(&self) -> usize;
+
+    /// Returns the angle (rad) and the rate (rad/s) of a free joint, given its index among the free joints.
+    fn free_joint<T: Number>(state: &Self::State<T>, index: usize) -> [T; 2];
+
+    /// Returns the power of the actuators and the power dissipated, W, given the time derivatives `dy` of the states.
+    fn power_and_loss_w(
+        &self,
+        phase_rad: f64,
+        node: &Self::Node<f64>,
+        y: &[f64; N],
+        dy: &[f64; N],
+    ) -> [f64; 2];
+
+    /// Returns the sample of a motion at one time, given the time derivatives `dy` of the states.
+    fn sample(
+        &self,
+        time_s: f64,
+        pose: Pose,
+        node: &Self::Node<f64>,
+        y: &[f64; N],
+        dy: &[f64; N],
+    ) -> Self::Sample;
+
+    /// Returns, for each state, the factor (1 or -1) by which it is multiplied after half a period of a motion with
+    /// half-period symmetry; `None` if the motion cannot have this symmetry.
+    fn half_period_signs(&self) -> Option<[f64; N]>;
+
+    /// Returns the state at phase 0 of a motion that starts from rest; only the commanded joints already
+    /// move, at their commanded rates.
+    fn at_rest(&self) -> [f64; N];
+}
+
+/// Equations of motion of the three-link robot, with derivatives with respect to its parameters and commands.
+pub(super) trait ThreeLink<const N: usize>: Reduced<N, Sample = Sample> {
+    /// Number of variables on which the motion can depend: robot parameters, and variables of the commanded joints,
+    /// including second harmonics.
+    const PARAMETERS: usize =
+        Self::ROBOT_VARIABLES + (COMMAND_SIZE + HARMONIC_SIZE) * Self::COMMANDED;
+
+    /// Number of robot parameters on which the motion can depend.
+    const ROBOT_VARIABLES: usize;
+
+    /// Number of variables on which the motion can depend if no command has a second harmonic.
+    const FIRST_HARMONIC_VARIABLES: usize = Self::ROBOT_VARIABLES + COMMAND_SIZE * Self::COMMANDED;
+
+    /// Number of commanded joints.
+    const COMMANDED: usize;
+
+    /// Returns the problem that the equations describe.
+    fn problem(&self) -> &Problem;
+
+    /// Returns the joint angles and velocities.
+    fn of<T: Number>(state: &Self::State<T>) -> &KinematicState<T>;
+
     /// Returns the robot parameter with respect to which a column contains derivatives; `column` must be below
-    /// [`Reduced::ROBOT_VARIABLES`].
+    /// [`ThreeLink::ROBOT_VARIABLES`].
     fn parameter(&self, column: usize) -> Parameter;
 
     /// Returns the variable with respect to which a column contains derivatives; `column` must be below
-    /// [`Reduced::PARAMETERS`].
+    /// [`ThreeLink::PARAMETERS`].
     fn variable(&self, column: usize) -> Variable {
         if column < Self::ROBOT_VARIABLES {
             return Variable::Parameter(self.parameter(column));
@@ -214,7 +304,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
     }
 
     /// Evaluates the residual of the equations, and writes its derivatives with respect to the first
-    /// `parameters` variables (see [`Reduced::variable`]) to `jacobian`, which has one row per equation and
+    /// `parameters` variables (see [`ThreeLink::variable`]) to `jacobian`, which has one row per equation and
     /// must contain zeros.
     fn sensitivity<T: Number>(
         &self,
@@ -224,12 +314,6 @@ pub(super) trait Reduced<const N: usize>: Clone {
         parameters: usize,
         jacobian: &mut [[T; MAX_PARAMETERS]],
     ) -> Residual<N, T>;
-
-    /// Returns the joint angles and velocities of the robot in state `y`.
-    fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> KinematicState<T>;
-
-    /// Returns the sines and cosines of the joint angles.
-    fn trig<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> Trig<T>;
 
     /// Returns the time derivatives of the robot's velocities.
     fn acceleration<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> [T; 5];
@@ -241,7 +325,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
         node: &Self::Node<T>,
         y: &[T; N],
         trig: &Trig<T>,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
     ) -> [T; N];
 
     /// Converts a gradient with respect to joint angles and velocities to a gradient with respect to the
@@ -251,38 +335,115 @@ pub(super) trait Reduced<const N: usize>: Clone {
         node: &Self::Node<T>,
         y: &[T; N],
         trig: &Trig<T>,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
     ) -> [CommandGradient<T>; 2];
 
     /// Returns the power dissipated by friction, W (see [`friction_power`]).
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T;
+    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T;
 
     /// Returns the gradient of the power dissipated by friction with respect to joint angles and velocities
     /// (see [`friction_power_gradient`]).
-    fn friction_power_gradient<T: Number>(
-        &self,
-        state: &KinematicState<T>,
-        trig: &Trig<T>,
-    ) -> KinematicState<T>;
+    fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T>;
 
     /// Adds to each column the derivative of the power dissipated by friction with respect to that column's
     /// robot parameter, times `weight`.
     fn add_friction_power_slopes<T: Number>(
         &self,
         state: &KinematicState<T>,
-        trig: &Trig<T>,
         weight: T,
         columns: &mut [T; MAX_PARAMETERS],
     );
-
-    /// Returns, for each state, the factor (1 or -1) by which it is multiplied after half a period of a motion with
-    /// half-period symmetry; `None` if the motion cannot have this symmetry.
-    fn half_period_signs(&self) -> Option<[f64; N]>;
-
-    /// Returns the state at phase 0 of a motion that starts from rest; only the commanded joints already
-    /// move, at their commanded rates.
-    fn at_rest(&self) -> [f64; N];
 }
+
+/// Implements what the equations of motion of the three-link robot have in common.
+macro_rules! of_three_links {
+    ($states:expr) => {
+        const IS_LINEAR: bool = F::IS_LINEAR;
+        const TRACKED: usize = 7;
+
+        type State<T: Number> = KinematicState<T>;
+        type Sample = Sample;
+
+        fn omega_rad_s(&self) -> f64 {
+            self.problem.omega_rad_s
+        }
+
+        fn skid_scale_m_s(&self) -> f64 {
+            self.problem.skid_scale_m_s()
+        }
+
+        fn transition_m_s(&self) -> f64 {
+            self.problem.robot.transition_m_s
+        }
+
+        #[inline(always)]
+        fn body<T: Number>(state: &KinematicState<T>) -> [T; 3] {
+            let [u, v, r, ..] = state.velocity;
+            [u, v, r]
+        }
+
+        #[inline(always)]
+        fn tracked<T: Number>(
+            &self,
+            state: &KinematicState<T>,
+            [x_rate, y_rate]: [T; 2],
+        ) -> [T; MAX_TRACKED] {
+            let [phi1, phi2] = state.phi_rad;
+            let [_, _, r, w1, w2] = state.velocity;
+            let mut tracked = [T::splat(0.0); MAX_TRACKED];
+            tracked[..Self::TRACKED].copy_from_slice(&[phi1, phi2, x_rate, y_rate, r, w1, w2]);
+            tracked
+        }
+
+        fn wheels(&self) -> usize {
+            Robot::LINKS
+        }
+
+        #[inline(always)]
+        fn skid_m_s<T: Number>(&self, _: T, state: &KinematicState<T>) -> [T; MAX_LINKS] {
+            let mut skid_m_s = [T::splat(0.0); MAX_LINKS];
+            let rows = skid_rows(&self.problem.robot, &state.trig);
+            (0..Robot::LINKS).for_each(|i| skid_m_s[i] = dot(&rows[i], &state.velocity));
+            skid_m_s
+        }
+
+        fn measured_joints(&self) -> usize {
+            usize::from(self.problem.gait.joints[0].is_none())
+        }
+
+        #[inline(always)]
+        fn free_joint<T: Number>(state: &KinematicState<T>, _: usize) -> [T; 2] {
+            [state.phi_rad[0], state.velocity[3]]
+        }
+
+        fn power_and_loss_w(
+            &self,
+            _: f64,
+            node: &Self::Node<f64>,
+            y: &[f64; $states],
+            dy: &[f64; $states],
+        ) -> [f64; 2] {
+            let acceleration = self.acceleration(node, y, dy);
+            let state = self.kinematics(node, y);
+            let forces = contact_forces::<F>(&self.problem, &state, &acceleration);
+            [forces.power_w, forces.loss_w]
+        }
+
+        fn sample(
+            &self,
+            time_s: f64,
+            pose: Pose,
+            node: &Self::Node<f64>,
+            y: &[f64; $states],
+            dy: &[f64; $states],
+        ) -> Sample {
+            let acceleration = self.acceleration(node, y, dy);
+            let state = self.kinematics(node, y);
+            Sample::new::<F>(&self.problem, time_s, pose, &state, &acceleration)
+        }
+    };
+}
+use of_three_links;
 
 impl Problem {
     /// Returns whether the motion can depend on a variable.
@@ -309,6 +470,11 @@ impl Problem {
             .filter(|(_, factor)| *factor != 0.0)
     }
 
+    /// Returns the speed `l omega` by which skid velocities are divided in the skid ratio (eq. 20 of the paper), m/s.
+    pub(super) fn skid_scale_m_s(&self) -> f64 {
+        self.robot.skid_length_m() * self.omega_rad_s
+    }
+
     /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half
     /// a period, is also a motion.
     pub fn is_mirrored(&self) -> bool {
@@ -322,8 +488,7 @@ impl Problem {
 pub(super) fn friction_power<T: Number, F: Friction>(
     robot: &Robot,
     passive: Option<usize>,
-    KinematicState { velocity, .. }: &KinematicState<T>,
-    trig: &Trig<T>,
+    KinematicState { velocity, trig, .. }: &KinematicState<T>,
 ) -> T {
     let skid = skid_rows(robot, trig);
     let roll = roll_rows(robot, trig);
@@ -346,11 +511,10 @@ pub(super) fn friction_power<T: Number, F: Friction>(
 pub(super) fn friction_power_gradient<T: Number, F: Friction>(
     robot: &Robot,
     passive: Option<usize>,
-    KinematicState { velocity, .. }: &KinematicState<T>,
-    trig: &Trig<T>,
-) -> KinematicState<T> {
+    KinematicState { velocity, trig, .. }: &KinematicState<T>,
+) -> Gradient<T> {
     let zero = T::splat(0.0);
-    let mut gradient = KinematicState { phi_rad: [zero; 2], velocity: [zero; 5] };
+    let mut gradient = Gradient { phi_rad: [zero; 2], velocity: [zero; 5] };
     let mut add = |wheel: usize, row: &[T; 5], drows_dphi: &[[T; 5]; 2], dpower_dspeed: T| {
         for i in 0..5 {
             gradient.velocity[i] += dpower_dspeed * row[i];
@@ -434,7 +598,7 @@ impl<T: Number> CommandNode<T> {
     #[inline(always)]
     pub(crate) fn gait_gradient(
         &self,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
         problem: &Problem,
     ) -> [CommandGradient<T>; 2] {
         let mut command_gradient = [[T::splat(0.0); COMMAND_SIZE + HARMONIC_SIZE]; 2];

@@ -3,16 +3,19 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, Number, Parameter, Quantity, Trig, dforce_dphi, dot, force_balance,
-    roll_rows,
+    Balance, Friction, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig, dforce_dphi, dot,
+    force_balance, roll_rows, skid_rows,
 };
 
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
-    COMMAND_SIZE, CommandGradient, CommandNode, KinematicState, MAX_PARAMETERS, Reduced, Residual,
-    friction_power, friction_power_gradient,
+    COMMAND_SIZE, CommandGradient, CommandNode, Gradient, KinematicState, MAX_PARAMETERS,
+    MAX_TRACKED, Reduced, Residual, ThreeLink, friction_power, friction_power_gradient,
+    of_three_links,
 };
 use crate::Problem;
+use crate::forces::contact_forces;
+use crate::trajectory::Sample;
 
 /// Equations of motion with no-skid wheels and with joint `passive` (index 0 or 1) on its spring. The states
 /// are the factor `s` of the null direction defined below, and the passive joint's angle `phi_p`.
@@ -163,6 +166,14 @@ struct Projected<T> {
 }
 
 impl<F: Friction> PassiveNoSkid<F> {
+    #[inline(always)]
+    fn trig<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> Trig<T> {
+        let p = self.passive;
+        let mut trig = node.command.trig;
+        (trig.s[p], trig.c[p]) = y[1].sin_cos();
+        trig
+    }
+
     pub(crate) fn new(problem: Problem, passive: usize) -> Self {
         Self { problem, passive, friction: PhantomData }
     }
@@ -212,7 +223,7 @@ impl<F: Friction> PassiveNoSkid<F> {
 
         let state = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
-        let KinematicState { phi_rad, velocity } = state;
+        let KinematicState { phi_rad, velocity, .. } = state;
         let balance =
             force_balance::<T, F>(robot, Some(p), phi_rad, &trig, &velocity, &acceleration);
         let turned = dforce_dphi::<T, F>(robot, Some(p), p, &trig, &velocity, &acceleration);
@@ -283,13 +294,11 @@ impl<F: Friction> PassiveNoSkid<F> {
 }
 
 impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
-    const ROBOT_VARIABLES: usize = F::ROLL.len() + 2;
-    const COMMANDED: usize = 1;
+    of_three_links!(2);
+
     const SKIDS: bool = false;
     const INTEGRATED: bool = false;
-    const HAS_ANGLE: bool = true;
-
-    type Friction = F;
+    const ANGLES: usize = 1;
     type Node<T: Number> = ConstrainedNode<T>;
 
     fn with_transition_scaled(&self, factor: f64) -> Option<Self> {
@@ -299,10 +308,6 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
 
     fn with_friction_scaled(&self, factor: f64) -> Self {
         Self::new(self.problem.with_friction_scaled(factor), self.passive)
-    }
-
-    fn problem(&self) -> &Problem {
-        &self.problem
     }
 
     fn guess(&self) -> impl Fn(f64) -> [f64; 2] {
@@ -333,6 +338,41 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         dy: &[T; 2],
     ) -> Residual<2, T> {
         self.equations(node, y, dy).residual
+    }
+
+    #[inline(always)]
+    fn kinematics<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> KinematicState<T> {
+        let p = self.passive;
+        let [u, r] = node.frame.velocities(y[0]);
+        let mut phi_rad = node.command.shape.phi_rad;
+        phi_rad[p] = y[1];
+        let zero = T::splat(0.0);
+        let mut velocity = [u, zero, r, zero, zero];
+        let trig = self.trig(node, y);
+        velocity[3 + p] = self.wheel(&trig).rate([u, r]);
+        velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
+        KinematicState { phi_rad, trig, velocity }
+    }
+
+    fn half_period_signs(&self) -> Option<[f64; 2]> {
+        self.problem.is_mirrored().then_some([1.0, -1.0])
+    }
+
+    fn at_rest(&self) -> [f64; 2] {
+        [0.0, self.problem.robot.rest_angle_rad]
+    }
+}
+
+impl<F: Friction> ThreeLink<2> for PassiveNoSkid<F> {
+    const ROBOT_VARIABLES: usize = F::ROLL.len() + 2;
+    const COMMANDED: usize = 1;
+
+    fn of<T: Number>(state: &KinematicState<T>) -> &KinematicState<T> {
+        state
+    }
+
+    fn problem(&self) -> &Problem {
+        &self.problem
     }
 
     fn parameter(&self, column: usize) -> Parameter {
@@ -415,14 +455,6 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
     }
 
     #[inline(always)]
-    fn trig<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> Trig<T> {
-        let p = self.passive;
-        let mut trig = node.command.trig;
-        (trig.s[p], trig.c[p]) = y[1].sin_cos();
-        trig
-    }
-
-    #[inline(always)]
     fn acceleration<T: Number>(
         &self,
         node: &ConstrainedNode<T>,
@@ -447,7 +479,7 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         node: &ConstrainedNode<T>,
         y: &[T; 2],
         trig: &Trig<T>,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
     ) -> [T; 2] {
         let p = self.passive;
         let wheel = self.wheel(trig);
@@ -465,7 +497,7 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         node: &ConstrainedNode<T>,
         y: &[T; 2],
         trig: &Trig<T>,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
     ) -> [CommandGradient<T>; 2] {
         let p = self.passive;
         let a = 1 - self.passive;
@@ -491,43 +523,25 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
     }
 
     #[inline(always)]
-    fn kinematics<T: Number>(&self, node: &ConstrainedNode<T>, y: &[T; 2]) -> KinematicState<T> {
-        let p = self.passive;
-        let [u, r] = node.frame.velocities(y[0]);
-        let mut phi_rad = node.command.shape.phi_rad;
-        phi_rad[p] = y[1];
-        let zero = T::splat(0.0);
-        let mut velocity = [u, zero, r, zero, zero];
-        velocity[3 + p] = self.wheel(&self.trig(node, y)).rate([u, r]);
-        velocity[4 - p] = node.command.shape.rate_rad_s[1 - p];
-        KinematicState { phi_rad, velocity }
+    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T {
+        friction_power::<T, F>(&self.problem.robot, Some(self.passive), state)
     }
 
     #[inline(always)]
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T {
-        friction_power::<T, F>(&self.problem.robot, Some(self.passive), state, trig)
-    }
-
-    #[inline(always)]
-    fn friction_power_gradient<T: Number>(
-        &self,
-        state: &KinematicState<T>,
-        trig: &Trig<T>,
-    ) -> KinematicState<T> {
-        friction_power_gradient::<T, F>(&self.problem.robot, Some(self.passive), state, trig)
+    fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T> {
+        friction_power_gradient::<T, F>(&self.problem.robot, Some(self.passive), state)
     }
 
     #[inline(always)]
     fn add_friction_power_slopes<T: Number>(
         &self,
         state: &KinematicState<T>,
-        trig: &Trig<T>,
         weight: T,
         columns: &mut [T; MAX_PARAMETERS],
     ) {
         let robot = &self.problem.robot;
         let velocity = &state.velocity;
-        for (wheel, row) in roll_rows(robot, trig).iter().enumerate() {
+        for (wheel, row) in roll_rows(robot, &state.trig).iter().enumerate() {
             let along = dot(row, velocity);
             F::roll_slopes(robot, wheel, along, |column, slope| {
                 columns[column] += weight * along * slope;
@@ -535,13 +549,5 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
         }
         let rate = velocity[3 + self.passive];
         columns[F::ROLL.len() + 1] += weight * rate * rate;
-    }
-
-    fn half_period_signs(&self) -> Option<[f64; 2]> {
-        self.problem.is_mirrored().then_some([1.0, -1.0])
-    }
-
-    fn at_rest(&self) -> [f64; 2] {
-        [0.0, self.problem.robot.rest_angle_rad]
     }
 }

@@ -3,16 +3,18 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, Number, Parameter, Quantity, Trig, dforce_dphi, dot, force_balance,
-    roll_rows, skid_rows,
+    Balance, Friction, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig, dforce_dphi, dot,
+    force_balance, roll_rows, skid_rows,
 };
 
 use super::harmonic::HarmonicMotion;
 use super::{
-    CommandGradient, CommandNode, KinematicState, MAX_PARAMETERS, Reduced, Residual,
-    friction_power, friction_power_gradient,
+    CommandGradient, CommandNode, Gradient, KinematicState, MAX_PARAMETERS, MAX_TRACKED, Reduced,
+    Residual, ThreeLink, friction_power, friction_power_gradient, of_three_links,
 };
 use crate::Problem;
+use crate::forces::contact_forces;
+use crate::trajectory::Sample;
 
 /// Equations of motion with skidding wheels. The states are the velocities `u` along and `v` across link 0 and
 /// its turning rate `theta'` (`N` = 3). If joint `passive` (index 0 or 1) is on its spring, that joint's rate
@@ -26,6 +28,15 @@ pub(crate) struct Skid<const N: usize, F> {
 }
 
 impl<const N: usize, F: Friction> Skid<N, F> {
+    #[inline(always)]
+    fn trig<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> Trig<T> {
+        let mut trig = node.trig;
+        if let Some(p) = self.passive() {
+            (trig.s[p], trig.c[p]) = y[4].sin_cos();
+        }
+        trig
+    }
+
     pub(crate) fn new(problem: Problem, passive: usize) -> Self {
         Self { problem, passive, friction: PhantomData }
     }
@@ -58,7 +69,7 @@ impl<const N: usize, F: Friction> Skid<N, F> {
     ) -> (Residual<N, T>, Balance<T>) {
         let robot = &self.problem.robot;
         let passive = self.passive();
-        let KinematicState { phi_rad, velocity } = self.kinematics(node, y);
+        let KinematicState { phi_rad, velocity, .. } = self.kinematics(node, y);
         let acceleration = self.acceleration(node, y, dy);
         let balance =
             force_balance::<T, F>(robot, passive, phi_rad, trig, &velocity, &acceleration);
@@ -88,13 +99,11 @@ impl<const N: usize, F: Friction> Skid<N, F> {
 }
 
 impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
-    const ROBOT_VARIABLES: usize = Self::WHEEL_PARAMETERS + if Self::IS_PASSIVE { 2 } else { 0 };
-    const COMMANDED: usize = if Self::IS_PASSIVE { 1 } else { 2 };
+    of_three_links!(N);
+
     const SKIDS: bool = true;
     const INTEGRATED: bool = Self::IS_PASSIVE;
-    const HAS_ANGLE: bool = Self::IS_PASSIVE;
-
-    type Friction = F;
+    const ANGLES: usize = Self::IS_PASSIVE as usize;
     type Node<T: Number> = CommandNode<T>;
 
     fn with_transition_scaled(&self, factor: f64) -> Option<Self> {
@@ -104,10 +113,6 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
 
     fn with_friction_scaled(&self, factor: f64) -> Self {
         Self::new(self.problem.with_friction_scaled(factor), self.passive)
-    }
-
-    fn problem(&self) -> &Problem {
-        &self.problem
     }
 
     fn guess(&self) -> impl Fn(f64) -> [f64; N] {
@@ -135,6 +140,41 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         dy: &[T; N],
     ) -> Residual<N, T> {
         self.equations(node, &self.trig(node, y), y, dy).0
+    }
+
+    #[inline(always)]
+    fn kinematics<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> KinematicState<T> {
+        let mut phi_rad = node.shape.phi_rad;
+        let trig = self.trig(node, y);
+        let [w1, w2] = node.shape.rate_rad_s;
+        let mut velocity = [y[0], y[1], y[2], w1, w2];
+        if let Some(p) = self.passive() {
+            velocity[3 + p] = y[3];
+            phi_rad[p] = y[4];
+        }
+        KinematicState { phi_rad, trig, velocity }
+    }
+
+    fn half_period_signs(&self) -> Option<[f64; N]> {
+        let signs = std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
+        self.problem.is_mirrored().then_some(signs)
+    }
+
+    fn at_rest(&self) -> [f64; N] {
+        std::array::from_fn(|i| if i == 4 { self.problem.robot.rest_angle_rad } else { 0.0 })
+    }
+}
+
+impl<const N: usize, F: Friction> ThreeLink<N> for Skid<N, F> {
+    const ROBOT_VARIABLES: usize = Self::WHEEL_PARAMETERS + if Self::IS_PASSIVE { 2 } else { 0 };
+    const COMMANDED: usize = if Self::IS_PASSIVE { 1 } else { 2 };
+
+    fn of<T: Number>(state: &KinematicState<T>) -> &KinematicState<T> {
+        state
+    }
+
+    fn problem(&self) -> &Problem {
+        &self.problem
     }
 
     fn parameter(&self, column: usize) -> Parameter {
@@ -203,27 +243,6 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
     }
 
     #[inline(always)]
-    fn kinematics<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> KinematicState<T> {
-        let mut phi_rad = node.shape.phi_rad;
-        let [w1, w2] = node.shape.rate_rad_s;
-        let mut velocity = [y[0], y[1], y[2], w1, w2];
-        if let Some(p) = self.passive() {
-            velocity[3 + p] = y[3];
-            phi_rad[p] = y[4];
-        }
-        KinematicState { phi_rad, velocity }
-    }
-
-    #[inline(always)]
-    fn trig<T: Number>(&self, node: &CommandNode<T>, y: &[T; N]) -> Trig<T> {
-        let mut trig = node.trig;
-        if let Some(p) = self.passive() {
-            (trig.s[p], trig.c[p]) = y[4].sin_cos();
-        }
-        trig
-    }
-
-    #[inline(always)]
     fn acceleration<T: Number>(&self, node: &CommandNode<T>, _y: &[T; N], dy: &[T; N]) -> [T; 5] {
         let [a1, a2] = node.shape.acceleration_rad_s2;
         let mut acceleration = [dy[0], dy[1], dy[2], a1, a2];
@@ -239,7 +258,7 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         _node: &CommandNode<T>,
         _y: &[T; N],
         _trig: &Trig<T>,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
     ) -> [T; N] {
         let mut state_gradient = [T::splat(0.0); N];
         for i in 0..Self::ROWS {
@@ -257,37 +276,32 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         node: &CommandNode<T>,
         _y: &[T; N],
         _trig: &Trig<T>,
-        gradient: &KinematicState<T>,
+        gradient: &Gradient<T>,
     ) -> [CommandGradient<T>; 2] {
         node.gait_gradient(gradient, &self.problem)
     }
 
     #[inline(always)]
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>, trig: &Trig<T>) -> T {
-        friction_power::<T, F>(&self.problem.robot, self.passive(), state, trig)
+    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T {
+        friction_power::<T, F>(&self.problem.robot, self.passive(), state)
     }
 
     #[inline(always)]
-    fn friction_power_gradient<T: Number>(
-        &self,
-        state: &KinematicState<T>,
-        trig: &Trig<T>,
-    ) -> KinematicState<T> {
-        friction_power_gradient::<T, F>(&self.problem.robot, self.passive(), state, trig)
+    fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T> {
+        friction_power_gradient::<T, F>(&self.problem.robot, self.passive(), state)
     }
 
     #[inline(always)]
     fn add_friction_power_slopes<T: Number>(
         &self,
         state: &KinematicState<T>,
-        trig: &Trig<T>,
         weight: T,
         columns: &mut [T; MAX_PARAMETERS],
     ) {
         let robot = &self.problem.robot;
         let velocity = &state.velocity;
-        let skid = skid_rows(robot, trig);
-        let roll = roll_rows(robot, trig);
+        let skid = skid_rows(robot, &state.trig);
+        let roll = roll_rows(robot, &state.trig);
         for wheel in 0..3 {
             let across = dot(&skid[wheel], velocity);
             let along = dot(&roll[wheel], velocity);
@@ -301,14 +315,5 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
         if let Some(p) = self.passive() {
             columns[Self::WHEEL_PARAMETERS + 1] += weight * velocity[3 + p] * velocity[3 + p];
         }
-    }
-
-    fn half_period_signs(&self) -> Option<[f64; N]> {
-        let signs = std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
-        self.problem.is_mirrored().then_some(signs)
-    }
-
-    fn at_rest(&self) -> [f64; N] {
-        std::array::from_fn(|i| if i == 4 { self.problem.robot.rest_angle_rad } else { 0.0 })
     }
 }

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
 mod allocations;
+mod chain;
 mod draws;
 mod effort;
 mod friction;
