@@ -226,21 +226,23 @@ impl Row<'_> {
     /// cut off are missing values; a marker that lacks any coordinate is missing as a whole.
     fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], FileProblem> {
         let mut rest = self.cells;
+        let mm = self.header.unit.mm();
         for (i, column) in self.header.columns.iter().enumerate() {
-            match *column {
-                Column::Axis(marker, axis) => {
-                    let (value, length) = self.cell(i, rest, self.header.unit.mm())?;
-                    positions_mm[marker as usize][usize::from(axis)] = value;
-                    rest = &rest[length..];
+            let target = match *column {
+                Column::Axis(marker, axis) => Some((marker as usize, axis, mm)),
+                Column::Rotation(body, part) => {
+                    Some((body as usize + 1 + usize::from(part / 3), part % 3, 1.0))
                 }
-                Column::Rotation(body, component) => {
-                    let (value, length) = self.cell(i, rest, 1.0)?;
-                    let component = usize::from(component);
-                    positions_mm[body as usize + 1 + component / 3][component % 3] = value;
-                    rest = &rest[length..];
-                }
-                _ => rest = &rest[self.header.dialect.cell_end(rest)..],
-            }
+                _ => None,
+            };
+            let length = if let Some((point, axis, unit)) = target {
+                let (value, length) = self.cell(i, rest, unit)?;
+                positions_mm[point][usize::from(axis)] = value;
+                length
+            } else {
+                self.header.dialect.cell_end(rest)
+            };
+            rest = &rest[length..];
             match rest.split_first() {
                 Some((_, after)) => rest = after,
                 None => break,
