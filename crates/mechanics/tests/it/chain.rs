@@ -245,8 +245,8 @@ fn derivatives_by_every_number_agree_with_differences() {
             let chain = random_chain(&mut rng, links, laws.skids());
             let problem = ChainProblem { chain, laws, omega_rad_s: 3.0 };
             let numbers: Vec<ChainNumber> =
-                problem.chain.numbers().into_iter().skip(links).step_by(links + 1).collect();
-            let Ok((_, slopes)) = problem.derivatives(ACCURACY, &numbers) else { continue };
+                problem.chain.numbers().into_iter().skip(links).step_by(2 * links).collect();
+            let Ok((motion, slopes)) = problem.derivatives(ACCURACY, &numbers) else { continue };
             for (number, slopes) in numbers.iter().zip(&slopes) {
                 let mut changed = problem.clone();
                 let value = *changed.chain.number_mut(*number).unwrap();
@@ -256,6 +256,10 @@ fn derivatives_by_every_number_agree_with_differences() {
                     changed.solve(ACCURACY)
                 });
                 let (Ok(low), Ok(high)) = (low, high) else { continue };
+                // Without skid, some of these chains have several motions, and either may be found.
+                if (low.d_m - motion.d_m).abs().max((high.d_m - motion.d_m).abs()) > 0.01 {
+                    continue;
+                }
                 let last = links - 1;
                 let metrics = [
                     ("d", slopes.d_m, low.d_m, high.d_m),
@@ -277,5 +281,5 @@ fn derivatives_by_every_number_agree_with_differences() {
             }
         }
     }
-    assert!(compared > 500, "{compared}");
+    assert!(compared > 250, "{compared}");
 }
