@@ -61,7 +61,9 @@ use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 
 pub use branch::{Branch, BranchPoint, branches};
-pub use chain::{ChainAttractor, ChainMotion, ChainProblem, ChainSample, ChainSlopes};
+pub use chain::{
+    ChainAttractor, ChainMetrics, ChainMotion, ChainProblem, ChainSample, ChainSlopes,
+};
 pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use sharp::SharpLimit;

@@ -8,7 +8,7 @@
 use trilink_robot::ChainNumber;
 
 use super::model::Model;
-use super::{ChainMotion, ChainProblem, Task, motion_of};
+use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of};
 use crate::cycle::{Cycle, measure};
 use crate::element::Linearisation;
 use crate::method::Collocation;
@@ -16,36 +16,31 @@ use crate::orbit::PeriodicOrbit;
 use crate::path::Path;
 use crate::{MotionError, Result};
 
-/// Derivatives of the metrics of a chain's motion, per unit of a number.
+/// Derivatives of a chain's motion, per unit of a number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainSlopes {
-    /// Of the displacement per cycle, m.
-    pub d_m: f64,
-    /// Of the mean speed, m/s.
-    pub v_m_s: f64,
-    /// Of the rotation per cycle, rad.
-    pub dtheta_rad: f64,
-    /// Of the skid ratios, by link from front to rear; NaN for a link without a wheel.
-    pub sigma: Vec<f64>,
-    /// Of half the range of each joint's angle, from front to rear, rad.
-    pub alpha_rad: Vec<f64>,
+    /// Of the metrics.
+    pub metrics: ChainMetrics,
     /// Of the work of the actuators over a cycle, J.
     pub work_j: f64,
 }
 
 impl ChainSlopes {
-    fn between(low: &ChainMotion, high: &ChainMotion, step: f64) -> Self {
+    fn between([low, high]: &[(ChainMetrics, f64); 2], step: f64) -> Self {
         let slope = |low: f64, high: f64| (high - low) / (2.0 * step);
         let each = |low: &[f64], high: &[f64]| {
             low.iter().zip(high).map(|(low, high)| slope(*low, *high)).collect()
         };
+        let ((low, low_j), (high, high_j)) = (low, high);
         Self {
-            d_m: slope(low.d_m, high.d_m),
-            v_m_s: slope(low.v_m_s, high.v_m_s),
-            dtheta_rad: slope(low.dtheta_rad, high.dtheta_rad),
-            sigma: each(&low.sigma, &high.sigma),
-            alpha_rad: each(&low.alpha_rad, &high.alpha_rad),
-            work_j: slope(low.loss_j, high.loss_j),
+            metrics: ChainMetrics {
+                d_m: slope(low.d_m, high.d_m),
+                v_m_s: slope(low.v_m_s, high.v_m_s),
+                dtheta_rad: slope(low.dtheta_rad, high.dtheta_rad),
+                sigma: each(&low.sigma, &high.sigma),
+                alpha_rad: each(&low.alpha_rad, &high.alpha_rad),
+            },
+            work_j: slope(*low_j, *high_j),
         }
     }
 }
@@ -103,11 +98,10 @@ impl Differentiate<'_> {
             let mut changed = PeriodicOrbit::default();
             changed.mesh = mesh;
             let method = Collocation { model: model.clone(), orbit: &mut changed };
-            let [work_j, loss_j] = method.work_and_loss_j();
-            super::with_floquet(model, &cycle, [work_j, loss_j], None)
+            let [_, loss_j] = method.work_and_loss_j();
+            (metrics_of(model, &cycle), loss_j)
         });
-        let [low, high] = &motions;
-        Ok(ChainSlopes::between(low, high, step))
+        Ok(ChainSlopes::between(&motions, step))
     }
 }
 

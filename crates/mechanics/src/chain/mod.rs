@@ -34,9 +34,9 @@ pub struct ChainProblem {
     pub omega_rad_s: f64,
 }
 
-/// Steady-state periodic motion of a chain.
+/// Metrics of a steady-state motion of a chain.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ChainMotion {
+pub struct ChainMetrics {
     /// Displacement of the reference link per cycle, m.
     pub d_m: f64,
     /// Mean speed `d omega / (2 pi)`, m/s.
@@ -47,6 +47,12 @@ pub struct ChainMotion {
     pub sigma: Vec<f64>,
     /// Half the range of each joint's angle, from front to rear, rad.
     pub alpha_rad: Vec<f64>,
+}
+
+/// Steady-state periodic motion of a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainMotion {
+    pub metrics: ChainMetrics,
     /// Modulus of the largest Floquet multiplier; `None` if the constraints and commands alone determine the motion.
     pub floquet: Option<f64>,
     /// Work of the actuators of all joints and rotors over a cycle, J.
@@ -88,6 +94,10 @@ struct Solve {
     accuracy: f64,
 }
 
+struct Metrics {
+    accuracy: f64,
+}
+
 struct Settle {
     accuracy: f64,
 }
@@ -108,6 +118,20 @@ impl Task for Solve {
         let mut method = Collocation { model, orbit: &mut orbit };
         let (cycle, _) = method.find(false, self.accuracy)?;
         motion_of(&mut method, &cycle)
+    }
+}
+
+impl Task for Metrics {
+    type Output = ChainMetrics;
+
+    fn run<const N: usize, const C: usize, const D: usize>(
+        self,
+        model: Model<N, C, D>,
+    ) -> Result<ChainMetrics> {
+        let mut orbit = PeriodicOrbit::default();
+        let mut method = Collocation { model, orbit: &mut orbit };
+        let (cycle, _) = method.find(false, self.accuracy)?;
+        Ok(metrics_of(&method.model, &cycle))
     }
 }
 
@@ -145,20 +169,19 @@ fn motion_of<const N: usize, const C: usize, const D: usize>(
     method: &mut Collocation<'_, N, Model<N, C, D>>,
     cycle: &Cycle<N>,
 ) -> Result<ChainMotion> {
-    let energy = method.work_and_loss_j();
+    let [work_j, loss_j] = method.work_and_loss_j();
     let Collocation { model, orbit } = method;
     let floquet = if model.problem.is_determined() { None } else { Some(orbit.floquet(model)?) };
     let is_symmetry_broken = orbit.is_symmetry_broken;
-    Ok(ChainMotion { is_symmetry_broken, ..with_floquet(model, cycle, energy, floquet) })
+    let metrics = metrics_of(model, cycle);
+    Ok(ChainMotion { metrics, floquet, work_j, loss_j, is_symmetry_broken })
 }
 
-/// Returns the motion with the given measurements, work and loss (J) and Floquet multiplier.
-fn with_floquet<const N: usize, const C: usize, const D: usize>(
+/// Returns the metrics of a motion, given its measurements.
+fn metrics_of<const N: usize, const C: usize, const D: usize>(
     model: &Model<N, C, D>,
     cycle: &Cycle<N>,
-    [work_j, loss_j]: [f64; 2],
-    floquet: Option<f64>,
-) -> ChainMotion {
+) -> ChainMetrics {
     let ChainProblem { chain, omega_rad_s, .. } = &model.problem;
     let clusters = &model.system.clusters.all;
     let mut wheels = cycle.sigma.iter();
@@ -173,16 +196,12 @@ fn with_floquet<const N: usize, const C: usize, const D: usize>(
             free.map_or(f64::NAN, |index| cycle.alpha_rad[index])
         }
     });
-    ChainMotion {
+    ChainMetrics {
         d_m: cycle.d_m,
         v_m_s: cycle.d_m * omega_rad_s / TAU,
         dtheta_rad: cycle.dtheta_rad,
         sigma: sigma.collect(),
         alpha_rad: alpha_rad.collect(),
-        floquet,
-        work_j,
-        loss_j,
-        is_symmetry_broken: false,
     }
 }
 
@@ -194,6 +213,14 @@ impl ChainProblem {
     /// or resolved.
     pub fn solve(&self, accuracy: f64) -> Result<ChainMotion> {
         self.with(Solve { accuracy })
+    }
+
+    /// Solves for the metrics of the motion that [`ChainProblem::solve`] finds, without its stability and energy.
+    ///
+    /// # Errors
+    /// Returns an error as [`ChainProblem::solve`] does.
+    pub fn metrics(&self, accuracy: f64) -> Result<ChainMetrics> {
+        self.with(Metrics { accuracy })
     }
 
     /// Integrates the transient from rest and solves for the steady-state motion that it reaches.

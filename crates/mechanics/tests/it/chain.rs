@@ -83,17 +83,17 @@ fn reference_motions_of_chains_agree_to_1e_6() {
                     "{name} at {omega_rad_s} rad/s: {what} = {found}, not {known}"
                 );
             };
-            near("d", found.d_m, number(known, "d_m"), 1e-8);
-            near("dtheta", found.dtheta_rad, number(known, "dtheta_rad"), 1e-8);
+            near("d", found.metrics.d_m, number(known, "d_m"), 1e-8);
+            near("dtheta", found.metrics.dtheta_rad, number(known, "dtheta_rad"), 1e-8);
             for (link, sigma) in known["sigma"].as_array().unwrap().iter().enumerate() {
                 match sigma.as_f64() {
-                    Some(known) => near("sigma", found.sigma[link], known, 1e-8),
-                    None => assert!(found.sigma[link].is_nan()),
+                    Some(known) => near("sigma", found.metrics.sigma[link], known, 1e-8),
+                    None => assert!(found.metrics.sigma[link].is_nan()),
                 }
             }
             // The extremes of the derivation are those of some hundred samples, so that they fall short.
             for (joint, alpha) in known["alpha_rad"].as_array().unwrap().iter().enumerate() {
-                let excess = found.alpha_rad[joint] / alpha.as_f64().unwrap() - 1.0;
+                let excess = found.metrics.alpha_rad[joint] / alpha.as_f64().unwrap() - 1.0;
                 assert!((-1e-6..1e-4).contains(&excess), "{name} at {omega_rad_s} rad/s: {excess}");
             }
             assert!(found.floquet.is_none_or(|modulus| modulus < 1.0));
@@ -116,12 +116,12 @@ fn the_three_link_robot_is_a_chain() {
                 ChainProblem { chain, laws, omega_rad_s: 3.9 }.solve(REFERENCE_ACCURACY).unwrap();
             let [middle, front, rear] = known.metrics.sigma;
             let pairs = [
-                (found.d_m, known.metrics.d_m),
-                (found.dtheta_rad, known.metrics.dtheta_rad),
-                (found.sigma[0], front),
-                (found.sigma[1], middle),
-                (found.sigma[2], rear),
-                (found.alpha_rad[0], known.metrics.alpha1_rad),
+                (found.metrics.d_m, known.metrics.d_m),
+                (found.metrics.dtheta_rad, known.metrics.dtheta_rad),
+                (found.metrics.sigma[0], front),
+                (found.metrics.sigma[1], middle),
+                (found.metrics.sigma[2], rear),
+                (found.metrics.alpha_rad[0], known.metrics.alpha1_rad),
                 (found.work_j, known.work_j),
                 (found.floquet.unwrap_or(0.0), known.floquet.unwrap_or(0.0)),
             ];
@@ -257,15 +257,34 @@ fn derivatives_by_every_number_agree_with_differences() {
                 });
                 let (Ok(low), Ok(high)) = (low, high) else { continue };
                 // Without skid, some of these chains have several motions, and either may be found.
-                if (low.d_m - motion.d_m).abs().max((high.d_m - motion.d_m).abs()) > 0.01 {
+                if (low.metrics.d_m - motion.metrics.d_m)
+                    .abs()
+                    .max((high.metrics.d_m - motion.metrics.d_m).abs())
+                    > 0.01
+                {
                     continue;
                 }
                 let last = links - 1;
                 let metrics = [
-                    ("d", slopes.d_m, low.d_m, high.d_m),
-                    ("dtheta", slopes.dtheta_rad, low.dtheta_rad, high.dtheta_rad),
-                    ("sigma", slopes.sigma[last], low.sigma[last], high.sigma[last]),
-                    ("alpha", slopes.alpha_rad[0], low.alpha_rad[0], high.alpha_rad[0]),
+                    ("d", slopes.metrics.d_m, low.metrics.d_m, high.metrics.d_m),
+                    (
+                        "dtheta",
+                        slopes.metrics.dtheta_rad,
+                        low.metrics.dtheta_rad,
+                        high.metrics.dtheta_rad,
+                    ),
+                    (
+                        "sigma",
+                        slopes.metrics.sigma[last],
+                        low.metrics.sigma[last],
+                        high.metrics.sigma[last],
+                    ),
+                    (
+                        "alpha",
+                        slopes.metrics.alpha_rad[0],
+                        low.metrics.alpha_rad[0],
+                        high.metrics.alpha_rad[0],
+                    ),
                     ("work", slopes.work_j, low.loss_j, high.loss_j),
                 ];
                 for (metric, found, low, high) in metrics {
