@@ -217,6 +217,76 @@ const LAWS: [Laws; 6] = [
     Laws::NO_SKID_ROLL,
 ];
 
+/// Returns a car of two links on wheels that cannot skid: a steering link, whose joint is `steer_m` behind its wheel, and
+/// a body, whose joint is 0.3 m ahead of its wheel.
+fn twistcar(steer_m: f64, com_m: f64, inertia_kg_m2: f64, joint: Joint) -> Chain {
+    let wheel = Wheel {
+        place_m: 0.0,
+        steer_rad: 0.0,
+        friction: WheelFriction { roll_kg_s: 0.3, ..Robot::kinematic().wheel_friction(0) },
+    };
+    let steering = Link {
+        name: "steering".to_owned(),
+        front_joint_m: 0.0,
+        rear_joint_m: steer_m,
+        com_m: 0.0,
+        mass_kg: 0.3,
+        inertia_kg_m2: 3e-4,
+        wheel: Some(wheel),
+        drag: Drag::default(),
+        rotor: None,
+    };
+    let body = Link {
+        name: "body".to_owned(),
+        front_joint_m: 0.3,
+        rear_joint_m: 0.0,
+        com_m,
+        mass_kg: 1.5,
+        inertia_kg_m2,
+        ..steering.clone()
+    };
+    Chain { links: vec![steering, body], joints: vec![joint], reference: 1, skid_length_m: 0.1 }
+}
+
+/// As R. Levy et al. found (arXiv 2506.19112, 2025) for a car whose steering is driven, with masses and lengths of our
+/// own.
+#[test]
+fn the_twistcar_reverses_as_its_centre_of_mass_is_shifted() {
+    let advance_m = |com_m: f64| {
+        let joint = Joint::Driven(JointCommand::new(0.0, 0.5, 0.0));
+        let chain = twistcar(0.1, com_m, 5e-4, joint);
+        let problem = ChainProblem { chain, laws: Laws::NO_SKID_ROLL, omega_rad_s: 4.0 };
+        problem.cycle(REFERENCE_ACCURACY, 8).unwrap().last().unwrap().pose.x_m
+    };
+    assert!(advance_m(-0.1) < -0.05);
+    assert!(advance_m(0.05) > 0.005);
+    assert!(advance_m(0.2) < -0.05);
+}
+
+/// As A. Zigelman et al. found (arXiv 2507.04846, 2025) for a car with a rotor on its body and a steering joint that is
+/// free, with masses and lengths of our own: at low frequencies it moves straight, at higher ones in circles.
+#[test]
+fn a_rotor_breaks_the_symmetry_of_the_twistcar() {
+    let reached = |omega_rad_s: f64| {
+        let joint = Joint::Free(FreeJoint {
+            stiffness_nm_rad: 0.05,
+            damping_nm_s_rad: 0.002,
+            ..FreeJoint::default()
+        });
+        let mut chain = twistcar(0.05, 0.1, 0.01, joint);
+        chain.links[0].com_m = -0.05;
+        let angle = JointCommand::new(0.0, 2.0, 0.0);
+        chain.links[1].rotor = Some(Rotor { inertia_kg_m2: 0.01, angle });
+        let laws = Laws::NO_SKID_ROLL;
+        ChainProblem { chain, laws, omega_rad_s }.settle(REFERENCE_ACCURACY).unwrap().motion
+    };
+    let slow = reached(5.0);
+    assert!(!slow.is_symmetry_broken && slow.metrics.dtheta_rad.abs() < 1e-6, "{slow:?}");
+    let fast = reached(8.0);
+    assert!(fast.is_symmetry_broken && fast.metrics.dtheta_rad.abs() > 1.0, "{fast:?}");
+    assert!([slow, fast].iter().all(|motion| motion.floquet.unwrap() < 1.0));
+}
+
 #[test]
 fn the_work_of_two_hundred_random_chains_is_dissipated() {
     let mut rng = ChaCha8Rng::seed_from_u64(53);
