@@ -3,6 +3,7 @@
 //! `defaults.toml` holds the default of every key, which is the paper's experiment; the repository's `pipeline.toml`
 //! has the same values.
 
+mod chain;
 mod check;
 mod compare;
 mod error;
@@ -22,6 +23,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+pub use chain::{
+    ChainCampaign, ChainGait, ChainJoint, ChainRobot, Chains, CommandConfig, JointKind, LinkConfig,
+};
 pub use check::one_of;
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
@@ -61,6 +65,10 @@ pub struct Config {
     pub report: Report,
     pub compare: Compare,
     pub optimise: Optimise,
+    /// Robots that are chains, with their gaits and campaigns. These entries of the tables `robot`, `gait` and
+    /// `campaign` are not in the fields of these names, because only simulations know them.
+    #[serde(skip)]
+    pub chains: Chains,
 }
 
 /// Search space of `trilink optimise`, and limits on the motions that it accepts.
@@ -441,7 +449,10 @@ fn parse_with_defaults(text: &str) -> Result<Spanned<DeTable<'_>>, toml::de::Err
 
 impl Config {
     fn parse(text: &str) -> Result<Self, toml::de::Error> {
-        Self::deserialize(Strict(toml::Deserializer::from(parse_with_defaults(text)?)))
+        let mut table = parse_with_defaults(text)?;
+        let chains = chain::take_chains(table.get_mut())?;
+        let config = Self::deserialize(Strict(toml::Deserializer::from(table)))?;
+        Ok(Self { chains, ..config })
     }
 
     /// Reads and checks a configuration file. Paths in the file are relative to its folder.

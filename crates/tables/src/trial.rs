@@ -253,6 +253,10 @@ impl Trial {
         let name = name.as_deref().unwrap_or_default();
         let found = if name.is_empty() { "nothing".to_owned() } else { format!("`{name}`") };
         if is_gait && !config.campaign.contains_key(name) {
+            if let Some(notice) = config.chain_notice(name) {
+                let needed = format!("the campaign of a robot with three links ({notice})");
+                return error("campaign", found, &needed);
+            }
             return error("campaign", found, &one_of(name, &config.campaign, PIPELINE));
         }
         if !is_gait && !config.robot.contains_key(name) {

@@ -42,12 +42,15 @@ pub(crate) fn with_settings(
 /// Returns the campaign with the given name.
 ///
 /// # Errors
-/// Returns an error that lists the known names if there is no such campaign.
+/// Returns an error that lists the known names if there is no such campaign, or says that its robot is a chain.
 pub fn campaign_of(
     config: &Config,
     campaign: &str,
 ) -> Result<trilink_tables::config::Campaign, SetupError> {
     config.campaign.get(campaign).cloned().ok_or_else(|| {
+        if let Some(notice) = config.chain_notice(campaign) {
+            return notice.into();
+        }
         let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
         let hint = did_you_mean(campaign, names.iter().copied());
         let known = names.join("`, `");

@@ -18,7 +18,7 @@ use super::{
 /// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
 /// characters; the first matching key applies. More starts or bootstrap replicates than permitted would find nothing
 /// new and might not fit into memory.
-const RANGES: [(&str, f64, f64); 30] = [
+const RANGES: [(&str, f64, f64); 41] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -43,8 +43,19 @@ const RANGES: [(&str, f64, f64); 30] = [
     ("compare.*", 0.0, 1e9),
     ("robot.*.standard_deviation.*", 0.0, 1e6),
     ("robot.*.load_n", 1e-6, 1e6),
+    ("robot.*_joint_m", -100.0, 100.0),
+    ("robot.*.com_m", -100.0, 100.0),
+    ("robot.*.wheel_m", -100.0, 100.0),
+    ("robot.*.steer_deg", -180.0, 180.0),
+    ("robot.*.skid_length_m", 1e-3, 100.0),
+    ("robot.*.drag_*", 0.0, 1e6),
+    ("robot.*.rotor_inertia_kg_m2", 1e-9, 1e6),
+    ("robot.*.rest_deg", -180.0, 180.0),
+    ("gait.*.rotor.*.amplitude_deg", 0.1, 1e4),
     ("gait.*.amplitude_deg", 0.1, 179.0),
     ("gait.*.amplitude2_deg", 0.0, 179.0),
+    ("gait.*.torque_nm", 0.0, 1e4),
+    ("gait.*.mean_nm", -1e4, 1e4),
     ("gait.*", -360.0, 360.0),
     ("campaign.*.weights.*", 0.0, 1e6),
     ("markers.*", -1e4, 1e4),
@@ -68,7 +79,7 @@ const USUAL_GYRATION: f64 = 0.5;
 const INERTIA_UNITS: [(&str, f64); 5] =
     [("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g cm^2", 1e-7), ("g mm^2", 1e-9)];
 /// Required form of names of robots, gaits, models and campaigns, which occur in file names and messages.
-const NAME: &str = "1 to 64 visible characters without `/` and `\\`";
+pub(super) const NAME: &str = "1 to 64 visible characters without `/` and `\\`";
 /// Maximum number of markers on a link: a set of markers is stored as the bits of an integer.
 const MAX_MARKERS: usize = u64::BITS as usize;
 /// Minimum distance in the plane, mm, between the two markers of a link that are farthest apart; closer markers do not
@@ -98,10 +109,10 @@ impl Config {
         check.that(!raw.is_empty(), "paths.raw", raw, "at least one folder")?;
         let models: Vec<String> = self.model.keys().map(Model::to_string).collect();
         let tables = [
-            ("robot", self.robot.keys().collect::<Vec<_>>()),
-            ("gait", self.gait.keys().collect()),
+            ("robot", self.robot.keys().chain(self.chains.robot.keys()).collect::<Vec<_>>()),
+            ("gait", self.gait.keys().chain(self.chains.gait.keys()).collect()),
             ("model", models.iter().collect()),
-            ("campaign", self.campaign.keys().collect()),
+            ("campaign", self.campaign.keys().chain(self.chains.campaign.keys()).collect()),
         ];
         for (table, names) in tables {
             for name in names {
@@ -129,6 +140,7 @@ impl Config {
         for (name, campaign) in &self.campaign {
             self.check_campaign(&check, name, campaign)?;
         }
+        self.check_chains(&check)?;
         if let Some(SharedFits { robot: Robots(robots) }) = &self.fit.shared {
             self.check_shared(&check, robots)?;
         }
@@ -176,6 +188,10 @@ impl Config {
         Campaign { robot, gait, .. }: &Campaign,
     ) -> Result<Gait, ConfigError> {
         let config = check.entry(&self.robot, robot, &format!("campaign.{name}.robot"))?;
+        let needed = "a gait with joint1 and joint2 alone, because the robot is described by h_m, l_m and b_m, not by \
+                      links";
+        let is_of_chains = self.chains.gait.contains_key(gait);
+        check.that(!is_of_chains, &format!("campaign.{name}.gait"), gait, needed)?;
         let commanded = check.entry(&self.gait, gait, &format!("campaign.{name}.gait"))?.to_gait();
         if commanded.passive_joint().is_some() {
             let needed = format!(
@@ -311,14 +327,14 @@ impl Config {
 }
 
 /// Context for checks of single values: the path of the configuration file, which is named in errors.
-struct Checker<'a> {
-    path: &'a Path,
+pub(super) struct Checker<'a> {
+    pub(super) path: &'a Path,
 }
 
 impl Checker<'_> {
     /// Returns an error unless `holds` is true. The error states what was `found` as the value of `key` and what is
     /// `needed`.
-    fn that(
+    pub(super) fn that(
         &self,
         holds: bool,
         key: &str,
@@ -412,7 +428,7 @@ impl Checker<'_> {
     }
 
     /// Checks that every number in `value` is within its permitted range; `key` is the key of `value`.
-    fn numbers(&self, key: &str, value: &Value) -> Result<(), ConfigError> {
+    pub(super) fn numbers(&self, key: &str, value: &Value) -> Result<(), ConfigError> {
         let (number, found): (_, &dyn Debug) = match value {
             Value::Float(number) => (*number, number),
             Value::Integer(number) => (*number as f64, number),
@@ -438,7 +454,7 @@ impl Checker<'_> {
 
     /// Returns the entry called `name`. If there is none, the error lists the known names and states `key`, the
     /// configuration key whose value is `name`.
-    fn entry<'t, N: Ord + Display, T>(
+    pub(super) fn entry<'t, N: Ord + Display, T>(
         &self,
         entries: &'t BTreeMap<N, T>,
         name: &N,
@@ -503,7 +519,7 @@ fn unit_hint(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
     }
 }
 
-fn is_valid_name(name: &str) -> bool {
+pub(super) fn is_valid_name(name: &str) -> bool {
     let is_valid = |c: char| {
         !c.is_control() && !('\u{200b}'..='\u{206f}').contains(&c) && !"/\\\u{feff}".contains(c)
     };

@@ -1,0 +1,565 @@
+//! Robots that are chains of two to eight links: `[robot.NAME]` with the key `links`, and the gaits and campaigns of
+//! these robots.
+
+mod check;
+mod split;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use trilink_robot::{
+    Chain, Drag, FreeJoint, Joint, JointCommand, Link, Model, Quantity, Rotor, TorqueCommand,
+    Wheel, WheelFriction,
+};
+
+pub(super) use split::take_chains;
+
+use super::{Config, GaitConfig, JointConfig, Weights};
+
+/// Chains in the configuration, with the gaits and campaigns that belong to chains alone.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Chains {
+    pub robot: BTreeMap<String, ChainRobot>,
+    pub gait: BTreeMap<String, ChainGait>,
+    pub campaign: BTreeMap<String, ChainCampaign>,
+}
+
+/// Robot whose links form a chain.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainRobot {
+    /// Links from front to rear.
+    pub links: Vec<LinkConfig>,
+    /// Joints from front to rear, one fewer than links.
+    pub joints: Vec<ChainJoint>,
+    /// Name of the link whose motion is that of the robot; by default the middle one, of an even number of links the
+    /// one ahead of the middle.
+    pub reference: Option<String>,
+    /// Length that normalises skid velocities, m; by default [`Chain::outer_length_m`].
+    pub skid_length_m: Option<f64>,
+    pub transition_m_s: Option<f64>,
+    pub stribeck_m_s: Option<f64>,
+}
+
+/// Link of a [`ChainRobot`]; see [`Link`] for the meanings of the keys.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkConfig {
+    pub name: Option<String>,
+    pub front_joint_m: Option<f64>,
+    pub rear_joint_m: Option<f64>,
+    pub com_m: Option<f64>,
+    pub mass_kg: f64,
+    pub inertia_kg_m2: f64,
+    /// Place of the wheel, m; `None` if the link has no wheel.
+    pub wheel_m: Option<f64>,
+    pub steer_deg: Option<f64>,
+    pub skid_kg_s: Option<f64>,
+    pub roll_kg_s: Option<f64>,
+    pub skid_dry_n: Option<f64>,
+    pub skid_static_n: Option<f64>,
+    pub skid_power_n: Option<f64>,
+    pub skid_exponent: Option<f64>,
+    pub roll_dry_n: Option<f64>,
+    /// Load on the wheel, N; if it is given, dry friction is given as coefficients of friction.
+    pub load_n: Option<f64>,
+    pub drag_along_kg_s: Option<f64>,
+    pub drag_across_kg_s: Option<f64>,
+    pub drag_turning_nm_s_rad: Option<f64>,
+    /// Moment of inertia of the rotor, kg m^2; `None` if the link has no rotor.
+    pub rotor_inertia_kg_m2: Option<f64>,
+}
+
+/// Joint of a [`ChainRobot`].
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainJoint {
+    pub kind: JointKind,
+    pub stiffness_nm_rad: Option<f64>,
+    pub damping_nm_s_rad: Option<f64>,
+    pub rest_deg: Option<f64>,
+}
+
+/// Kind of joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JointKind {
+    /// The angle is commanded.
+    Driven,
+    /// Spring and damper.
+    Spring,
+    /// Spring and damper whose angle of rest is commanded.
+    Elastic,
+    /// The torque is commanded, in addition to that of a spring and a damper.
+    Torque,
+}
+
+/// Gait of a chain: commands of its joints, and of its rotors by the name of the link.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ChainGait {
+    pub joint1: Option<CommandConfig>,
+    pub joint2: Option<CommandConfig>,
+    pub joint3: Option<CommandConfig>,
+    pub joint4: Option<CommandConfig>,
+    pub joint5: Option<CommandConfig>,
+    pub joint6: Option<CommandConfig>,
+    pub joint7: Option<CommandConfig>,
+    pub rotor: BTreeMap<String, JointConfig>,
+}
+
+/// Command of a joint of a chain: an angle (see [`JointConfig`]), or the torque `mean + torque cos(omega t + phase)`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CommandConfig {
+    pub offset_deg: Option<f64>,
+    pub amplitude_deg: Option<f64>,
+    pub phase_deg: Option<f64>,
+    pub amplitude2_deg: Option<f64>,
+    pub phase2_deg: Option<f64>,
+    pub torque_nm: Option<f64>,
+    pub mean_nm: Option<f64>,
+}
+
+/// Campaign of a chain.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainCampaign {
+    pub robot: String,
+    pub gait: String,
+    #[serde(default)]
+    pub models: Vec<Model>,
+    pub weights: Option<Weights>,
+}
+
+impl CommandConfig {
+    fn is_torque(&self) -> bool {
+        self.torque_nm.is_some() || self.mean_nm.is_some()
+    }
+
+    /// Returns the command of an angle; the angle is constantly zero if the command is of a torque.
+    fn angle(&self) -> JointCommand {
+        let config = JointConfig {
+            offset_deg: self.offset_deg.unwrap_or_default(),
+            amplitude_deg: self.amplitude_deg.unwrap_or_default(),
+            phase_deg: self.phase_deg.unwrap_or_default(),
+            amplitude2_deg: self.amplitude2_deg,
+            phase2_deg: self.phase2_deg,
+        };
+        config.to_command()
+    }
+
+    fn torque(&self) -> TorqueCommand {
+        TorqueCommand {
+            mean_nm: self.mean_nm.unwrap_or_default(),
+            amplitude_nm: self.torque_nm.unwrap_or_default(),
+            phase_rad: self.phase_deg.unwrap_or_default().to_radians(),
+        }
+    }
+}
+
+impl From<&JointConfig> for CommandConfig {
+    fn from(joint: &JointConfig) -> Self {
+        Self {
+            offset_deg: Some(joint.offset_deg),
+            amplitude_deg: Some(joint.amplitude_deg),
+            phase_deg: Some(joint.phase_deg),
+            amplitude2_deg: joint.amplitude2_deg,
+            phase2_deg: joint.phase2_deg,
+            ..Self::default()
+        }
+    }
+}
+
+/// A gait of the robot with three links, which a chain can have as well.
+impl From<&GaitConfig> for ChainGait {
+    fn from(gait: &GaitConfig) -> Self {
+        Self {
+            joint1: gait.joint1.as_ref().map(Into::into),
+            joint2: gait.joint2.as_ref().map(Into::into),
+            ..Self::default()
+        }
+    }
+}
+
+impl ChainGait {
+    /// Returns the commands of the joints from front to rear; `None` for a joint without a command.
+    pub fn joints(&self) -> [Option<&CommandConfig>; trilink_robot::MAX_JOINTS] {
+        let Self { joint1, joint2, joint3, joint4, joint5, joint6, joint7, .. } = self;
+        [joint1, joint2, joint3, joint4, joint5, joint6, joint7].map(Option::as_ref)
+    }
+}
+
+impl ChainJoint {
+    fn to_joint(&self, command: &CommandConfig) -> Joint {
+        let mut joint = FreeJoint {
+            stiffness_nm_rad: self.stiffness_nm_rad.unwrap_or_default(),
+            damping_nm_s_rad: self.damping_nm_s_rad.unwrap_or_default(),
+            target: JointCommand::new(self.rest_deg.unwrap_or_default().to_radians(), 0.0, 0.0),
+            torque: TorqueCommand::default(),
+        };
+        match self.kind {
+            JointKind::Driven => return Joint::Driven(command.angle()),
+            JointKind::Spring => {}
+            JointKind::Elastic => joint.target = command.angle(),
+            JointKind::Torque => joint.torque = command.torque(),
+        }
+        Joint::Free(joint)
+    }
+}
+
+impl LinkConfig {
+    fn to_link(&self, name: String, robot: &ChainRobot, rotor: Option<&JointConfig>) -> Link {
+        let default = |quantity: Quantity| quantity.definition().default.unwrap_or_default();
+        // With a load, forces of dry friction are given relative to it.
+        let force_n = |value: Option<f64>| value.unwrap_or_default() * self.load_n.unwrap_or(1.0);
+        let wheel = self.wheel_m.map(|place_m| Wheel {
+            place_m,
+            steer_rad: self.steer_deg.unwrap_or_default().to_radians(),
+            friction: WheelFriction {
+                skid_kg_s: self.skid_kg_s.unwrap_or_default(),
+                roll_kg_s: self.roll_kg_s.unwrap_or_default(),
+                skid_dry_n: force_n(self.skid_dry_n),
+                skid_static_n: force_n(self.skid_static_n),
+                stribeck_m_s: robot.stribeck_m_s.unwrap_or(default(Quantity::Stribeck)),
+                skid_power_n: force_n(self.skid_power_n),
+                skid_exponent: self.skid_exponent.unwrap_or(default(Quantity::SkidExponent)),
+                roll_dry_n: force_n(self.roll_dry_n),
+                transition_m_s: robot.transition_m_s.unwrap_or(default(Quantity::Transition)),
+            },
+        });
+        Link {
+            name,
+            front_joint_m: self.front_joint_m.unwrap_or_default(),
+            rear_joint_m: self.rear_joint_m.unwrap_or_default(),
+            com_m: self.com_m.unwrap_or_default(),
+            mass_kg: self.mass_kg,
+            inertia_kg_m2: self.inertia_kg_m2,
+            wheel,
+            drag: Drag {
+                along_kg_s: self.drag_along_kg_s.unwrap_or_default(),
+                across_kg_s: self.drag_across_kg_s.unwrap_or_default(),
+                turning_nm_s_rad: self.drag_turning_nm_s_rad.unwrap_or_default(),
+            },
+            rotor: self.rotor_inertia_kg_m2.map(|inertia_kg_m2| Rotor {
+                inertia_kg_m2,
+                angle: rotor.map_or(JointCommand::new(0.0, 0.0, 0.0), JointConfig::to_command),
+            }),
+        }
+    }
+}
+
+impl ChainRobot {
+    /// Returns the names of the links from front to rear.
+    pub fn names(&self) -> Vec<String> {
+        let default = |number: usize| match (self.links.len(), number) {
+            (_, 1) if self.links.len() <= 3 => "front".to_owned(),
+            (3, 2) => "middle".to_owned(),
+            (2, 2) | (3, 3) => "rear".to_owned(),
+            _ => format!("link {number}"),
+        };
+        let links = (1..).zip(&self.links);
+        links.map(|(number, link)| link.name.clone().unwrap_or_else(|| default(number))).collect()
+    }
+
+    /// Converts the robot and its gait to SI units. A joint or rotor without a command stands still.
+    pub fn to_chain(&self, gait: &ChainGait) -> Chain {
+        let names = self.names();
+        let named = |name: &String| names.iter().position(|other| other == name);
+        let middle = self.links.len().saturating_sub(1) / 2;
+        let reference = self.reference.as_ref().and_then(named).unwrap_or(middle);
+        let links = names.iter().zip(&self.links);
+        let links: Vec<Link> = links
+            .map(|(name, link)| link.to_link(name.clone(), self, gait.rotor.get(name)))
+            .collect();
+        let none = CommandConfig::default();
+        let joints = self.joints.iter().zip(gait.joints());
+        Chain {
+            joints: joints.map(|(joint, own)| joint.to_joint(own.unwrap_or(&none))).collect(),
+            reference,
+            skid_length_m: self.skid_length_m.unwrap_or(Chain::outer_length_m(&links)),
+            links,
+        }
+    }
+}
+
+impl Config {
+    /// Returns the gait of a chain, which may also be one of the robot with three links; `None` if there is none with
+    /// this name.
+    pub fn chain_gait(&self, name: &str) -> Option<ChainGait> {
+        let own = self.chains.gait.get(name).cloned();
+        own.or_else(|| self.gait.get(name).map(Into::into))
+    }
+
+    /// Returns why a campaign cannot be used by a command that knows only the robot with three links; `None` if its
+    /// robot is not a chain.
+    pub fn chain_notice(&self, campaign: &str) -> Option<String> {
+        self.chains.campaign.contains_key(campaign).then(|| {
+            format!(
+                "campaign {campaign}: its robot is a chain; only `trilink simulate` supports chains"
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::ConfigError;
+    use super::*;
+
+    /// Robot of four links, with a joint of each kind that needs no drive and a rotor.
+    const SNAKE: &str = r#"
+        [robot.snake]
+        reference = "head"
+        transition_m_s = 0.01
+        joints = [
+            { kind = "driven" },
+            { kind = "torque", damping_nm_s_rad = 0.01 },
+            { kind = "spring", stiffness_nm_rad = 0.2, rest_deg = -5 },
+        ]
+        [[robot.snake.links]]
+        name = "head"
+        rear_joint_m = 0.1
+        mass_kg = 0.5
+        inertia_kg_m2 = 1e-3
+        wheel_m = 0
+        steer_deg = 10
+        skid_kg_s = 20.0
+        skid_dry_n = 0.5
+        load_n = 4
+        [[robot.snake.links]]
+        front_joint_m = 0.1
+        rear_joint_m = 0.12
+        mass_kg = 0.3
+        inertia_kg_m2 = 1e-3
+        drag_along_kg_s = 0.4
+        [[robot.snake.links]]
+        front_joint_m = 0.1
+        rear_joint_m = 0.1
+        mass_kg = 0.3
+        inertia_kg_m2 = 1e-3
+        rotor_inertia_kg_m2 = 1e-4
+        [[robot.snake.links]]
+        front_joint_m = 0.11
+        mass_kg = 0.3
+        inertia_kg_m2 = 1e-3
+        wheel_m = -0.02
+        skid_kg_s = 10.0
+        [gait.swim]
+        joint1 = { amplitude_deg = 30, phase_deg = 90 }
+        joint2 = { torque_nm = 0.1, mean_nm = 0.01 }
+        rotor."link 3" = { amplitude_deg = 400 }
+        [campaign.swim]
+        robot = "snake"
+        gait = "swim"
+    "#;
+
+    fn load(text: &str) -> Result<Config, String> {
+        let path = Path::new("p.toml");
+        let config = Config::parse(text).map_err(|error| ConfigError::toml(path, text, &error));
+        let checked = config.and_then(|config| config.check(path).map(|()| config));
+        checked.map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_chain_has_the_values_of_its_keys_in_si_units() {
+        let config = load(SNAKE).unwrap();
+        assert!(config.robot.is_empty() && config.gait.is_empty() && config.campaign.is_empty());
+        let chain = config.chain_setup("swim").unwrap();
+        assert_eq!(chain.check(), Ok(()));
+        let names: Vec<&str> = chain.links.iter().map(|link| link.name.as_str()).collect();
+        assert_eq!(names, ["head", "link 2", "link 3", "link 4"]);
+        assert_eq!((chain.reference, chain.wheels(), chain.free_joints()), (0, 2, 2));
+        let wheel = chain.links[0].wheel.unwrap();
+        assert_eq!(wheel.steer_rad, 10_f64.to_radians());
+        // Dry friction is relative to the load.
+        assert_eq!((wheel.friction.skid_kg_s, wheel.friction.skid_dry_n), (20.0, 2.0));
+        assert_eq!((wheel.friction.transition_m_s, wheel.friction.skid_exponent), (0.01, 1.0));
+        assert_eq!(chain.links[1].drag.along_kg_s, 0.4);
+        assert_eq!(chain.links[2].rotor.unwrap().angle.amplitude_rad, 400_f64.to_radians());
+        // The mean of the front wheel at 0.1 m and of the rear wheel at 0.13 m from their joints.
+        assert!((chain.skid_length_m - 0.115).abs() < 1e-15);
+        let Joint::Driven(command) = chain.joints[0] else { panic!("joint 1 is driven") };
+        assert_eq!(command, JointCommand::new(0.0, 30_f64.to_radians(), 90_f64.to_radians()));
+        let Joint::Free(torque) = chain.joints[1] else { panic!("joint 2 is free") };
+        assert_eq!((torque.torque.mean_nm, torque.torque.amplitude_nm), (0.01, 0.1));
+        let Joint::Free(spring) = chain.joints[2] else { panic!("joint 3 is free") };
+        assert_eq!(spring.target.offset_rad, (-5_f64).to_radians());
+    }
+
+    #[test]
+    fn chains_are_printed_as_written_and_leave_other_robots_alone() {
+        let settings = Config::settings(SNAKE).unwrap();
+        let find = |key: &str| settings.iter().find(|setting| setting.key == key).unwrap();
+        assert_eq!(find("robot.snake.links").line, Some(10));
+        assert_eq!(find("robot.snake.reference").value, "head".into());
+        let written: String =
+            settings.iter().map(|one| format!("{} = {}\n", one.key, one.value)).collect();
+        assert_eq!(load(&written), load(SNAKE));
+
+        let default = toml::to_string(&Config::default()).unwrap();
+        let both = load(&format!("{default}{SNAKE}")).unwrap();
+        assert_eq!(both.chains, load(SNAKE).unwrap().chains);
+        assert_eq!(Config { chains: Chains::default(), ..both }, Config::default());
+    }
+
+    #[test]
+    fn a_gait_of_two_joints_is_shared_by_chains_and_the_robot_of_three_links() {
+        let default = toml::to_string(&Config::default()).unwrap();
+        let three = "joints = [{ kind = \"driven\" }, { kind = \"driven\" }]\nlinks = [\
+            { rear_joint_m = 0.1, mass_kg = 1, inertia_kg_m2 = 0.01, wheel_m = 0, skid_kg_s = 1 },\
+            { front_joint_m = 0.1, rear_joint_m = 0.1, mass_kg = 1, inertia_kg_m2 = 0.01 },\
+            { front_joint_m = 0.1, mass_kg = 1, inertia_kg_m2 = 0.01 }]\n";
+        let campaign = "[campaign.three]\nrobot = \"three\"\ngait = \"symmetric\"\n";
+        let config = load(&format!("{default}[robot.three]\n{three}{campaign}")).unwrap();
+        let chain = config.chain_setup("three").unwrap();
+        let gait = config.gait["symmetric"].to_gait();
+        let commands = gait.joints.map(|command| Joint::Driven(command.unwrap()));
+        assert_eq!(chain.joints, commands);
+        let names: Vec<&str> = chain.links.iter().map(|link| link.name.as_str()).collect();
+        assert_eq!((names, chain.reference), (vec!["front", "middle", "rear"], 1));
+    }
+
+    #[test]
+    fn errors_name_the_table_the_key_and_the_remedy() {
+        for (old, new, expected) in [
+            (
+                "reference = \"head\"",
+                "h_m = 0.1",
+                "key `robot.snake.h_m`: invalid key beside `links`",
+            ),
+            (
+                "reference = \"head\"",
+                "reference = \"haed\"",
+                "key `robot.snake.reference`: found `haed`, needed one of `head`, `link 2`, `link 3`, `link 4` (did you \
+              mean `head`?)",
+            ),
+            ("mass_kg = 0.5", "mass_kgs = 0.5", "line 13: unknown field `mass_kgs`"),
+            ("mass_kg = 0.5", "mass_kgs = 0.5", "did you mean `mass_kg`?"),
+            ("mass_kg = 0.5", "", "missing field `mass_kg`"),
+            (
+                "mass_kg = 0.5",
+                "mass_kg = 0",
+                "key `robot.snake.links.head.mass_kg`: found 0.0, needed",
+            ),
+            (
+                "mass_kg = 0.5",
+                "mass_kg = [0.5]",
+                "key `robot.snake.links[0].mass_kg`: found a list of length 1, needed a number",
+            ),
+            (
+                "rear_joint_m = 0.12",
+                "",
+                "key `robot.snake.links.link 2.rear_joint_m`: found nothing, needed the distance",
+            ),
+            (
+                "rear_joint_m = 0.1\n",
+                "rear_joint_m = 0.1\nfront_joint_m = 0.1\n",
+                "links.head.front_joint_m`: found 0.1, needed no such key, because the link is the first one",
+            ),
+            ("wheel_m = -0.02", "", "links.link 4.skid_kg_s`: found 10.0, needed wheel_m as well"),
+            (
+                "rotor_inertia_kg_m2 = 1e-4",
+                "name = \"head\"",
+                "key `robot.snake.links`: found \"head\", needed links with different names",
+            ),
+            ("{ kind = \"driven\" },", "", "key `robot.snake.joints`: found 2, needed 3 joints"),
+            ("kind = \"driven\"", "kind = \"drive\"", "unknown variant `drive`"),
+            ("kind = \"driven\"", "kind = \"drive\"", "did you mean `driven`?"),
+            (
+                "kind = \"driven\"",
+                "kind = \"driven\", rest_deg = 1",
+                "key `robot.snake.joint1.rest_deg`: found 1.0, needed no such key, because the joint's kind is \"driven\", \
+              which has none",
+            ),
+            (
+                "kind = \"driven\"",
+                "kind = \"elastic\"",
+                "key `robot.snake.joint1.stiffness_nm_rad`: found nothing, needed the stiffness",
+            ),
+            (
+                "kind = \"driven\"",
+                "kind = \"spring\"",
+                "key `gait.swim.joint1`: found an angle, needed no command, because joint 1 of robot `snake` (campaign \
+              `swim`) has the kind \"spring\"",
+            ),
+            (
+                "joint1 = { amplitude_deg = 30, phase_deg = 90 }",
+                "",
+                "key `gait.swim.joint1`: found nothing, needed an angle, { amplitude_deg = .. }, because",
+            ),
+            (
+                "joint1 = { amplitude_deg = 30, phase_deg = 90 }",
+                "joint1 = { mean_nm = 1 }",
+                "key `gait.swim.joint1`: found a torque, needed an angle",
+            ),
+            (
+                "torque_nm = 0.1",
+                "torque_nm = 0.1, amplitude_deg = 3",
+                "key `gait.swim.joint2.amplitude_deg`: found a key of an angle beside a torque",
+            ),
+            ("torque_nm = 0.1", "torque_mn = 0.1", "did you mean `torque_nm`?"),
+            ("amplitude_deg = 30, ", "", "key `gait.swim.joint1.amplitude_deg`: found nothing"),
+            (
+                "amplitude_deg = 30",
+                "amplitude_deg = 300",
+                "key `gait.swim.joint1.amplitude_deg`: found 300.0",
+            ),
+            (
+                "[campaign.swim]",
+                "joint4 = { amplitude_deg = 9 }\n[campaign.swim]",
+                "key `gait.swim.joint4`: found a command, needed no command, because the chain of robot `snake` (campaign \
+              `swim`) has 3 joints",
+            ),
+            (
+                "[campaign.swim]",
+                "joint8 = { amplitude_deg = 9 }\n[campaign.swim]",
+                "unknown field `joint8`",
+            ),
+            (
+                "rotor.\"link 3\"",
+                "rotor.\"link 2\"",
+                "key `gait.swim.rotor`: found `link 2`, needed one of `link 3` (did you mean `link 3`?)",
+            ),
+            (
+                "rotor.\"link 3\" = { amplitude_deg = 400 }",
+                "",
+                "key `gait.swim.rotor.link 3`: found nothing, needed an angle",
+            ),
+            (
+                "rotor_inertia_kg_m2 = 1e-4",
+                "",
+                "key `gait.swim.rotor.link 3`: found a command, needed none, because no link of robot `snake`",
+            ),
+            (
+                "gait = \"swim\"",
+                "gait = \"swin\"",
+                "key `campaign.swim.gait`: found `swin`, needed one of `swim` (did you mean `swim`?)",
+            ),
+            (
+                "gait = \"swim\"",
+                "gait = \"swim\"\nmodels = [\"coulomb\"]",
+                "key `robot.snake.links.head.roll_kg_s`: found nothing, needed roll_kg_s, which model `coulomb`",
+            ),
+            (
+                "gait = \"swim\"",
+                "gait = \"swim\"\nmodels = [\"skit\"]",
+                "key `campaign.swim.models`: found `skit`",
+            ),
+            (
+                "[campaign.swim]",
+                "[robot.a]\nh_m = 0.1\nl_m = 0.1\nb_m = 0.05\nmass_kg = [1, 0.2, 0.2]\n\
+              inertia_kg_m2 = [0.01, 0.001, 0.001]\nroll_kg_s = [1, 1, 1]\nskid_kg_s = [1, 1, 1]\n[campaign.other]\nrobot = \"a\"\ngait = \
+              \"swim\"\nmodels = [\"skid\"]\nweights = { d = 1, v = 1, sigma = 1, alpha = 0 }\n[campaign.swim]",
+                "key `campaign.other.gait`: found \"swim\", needed a gait with joint1 and joint2 alone",
+            ),
+        ] {
+            assert!(SNAKE.contains(old), "{old}");
+            let message = load(&SNAKE.replacen(old, new, 1)).expect_err(new);
+            assert!(message.contains(expected), "{old} -> {new}: {message}");
+        }
+    }
+}
