@@ -115,6 +115,14 @@ fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
             models.join(", ")
         );
     }
+    for (name, campaign) in &config.chains.campaign {
+        let links = config.chains.robot.get(&campaign.robot).map_or(0, |robot| robot.links.len());
+        say!(
+            "campaign {name}: robot {}, a chain of {links} links, gait {}; for `trilink simulate`",
+            campaign.robot,
+            campaign.gait
+        );
+    }
     let found = found?;
     found.ignored_sentence().iter().for_each(|sentence| say!("{sentence}"));
     let TrialFolders { folders, trials, .. } = found;

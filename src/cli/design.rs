@@ -76,6 +76,9 @@ impl Design {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         context.check_assumed(check_unconfigured_tables)?;
         let config = &context.config;
+        if let Some(notice) = config.chain_notice(&self.campaign) {
+            return Err(notice.into());
+        }
         let fits = KnownFits::read(config, true)?;
         let model = match &self.model {
             Some(model) => model.clone(),
@@ -172,6 +175,9 @@ impl Design {
         let mut gaits = Vec::new();
         for name in names {
             let (Some(_), Some((_, gait))) = (robot(name), config.campaign_setup(name)) else {
+                if let Some(notice) = config.chain_notice(name) {
+                    return Err(format!("--candidates: {notice}").into());
+                }
                 let hint = did_you_mean(name, config.campaign.keys().map(String::as_str));
                 return Err(format!("--candidates: no campaign `{name}`{hint}").into());
             };

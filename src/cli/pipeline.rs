@@ -133,6 +133,7 @@ impl Run {
 
 impl Update {
     fn run(&self, context: &Context, only: bool) -> Result<Outcome, Failure> {
+        context.note_chains();
         let options = RerunOptions { force: self.force, verify: self.verify, only };
         if self.dry_run {
             return self.list(&dry_run(&context.config, options)?);

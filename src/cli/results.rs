@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use trilink_base::files::ending;
 use trilink_report::{FigureFile, ReportError, notice_of_folders, print_of};
-use trilink_tables::{Columns, Provenance, write_if_changed};
+use trilink_tables::{Columns, Provenance, Table, write_if_changed};
 
 use super::output::{to_caller, write_data};
 use super::{Context, Failure};
@@ -37,8 +37,13 @@ impl Format {
     /// Returns rows to the caller of the command or prints them with all digits; returns `false`, and prints nothing,
     /// on a command line that requests neither CSV nor JSON.
     pub(super) fn rows<T: Columns>(&self, rows: &[T]) -> bool {
-        return_rows("rows", rows)
-            || (self.csv || self.json) && self.view(&View::from_table(T::to_table(rows)))
+        self.table(T::to_table(rows))
+    }
+
+    /// Returns or prints the rows of a table as [`Format::rows`] does.
+    pub(super) fn table(&self, table: Table) -> bool {
+        return_table("rows", &table)
+            || (self.csv || self.json) && self.view(&View::from_table(table))
     }
 }
 
@@ -99,6 +104,10 @@ pub(super) fn return_rows<T: Columns>(name: &'static str, rows: &[T]) -> bool {
     to_caller(|returned| returned.tables.push((name, T::to_table(rows).frame)))
 }
 
+fn return_table(name: &'static str, table: &Table) -> bool {
+    to_caller(|returned| returned.tables.push((name, table.frame.clone())))
+}
+
 /// Checks that the extension of a table file, given with `option`, denotes a known format.
 pub(super) fn check_ending(path: &Path, option: &str) -> Result<(), Failure> {
     match ending(path).to_ascii_lowercase().as_str() {
@@ -112,7 +121,11 @@ pub(super) fn check_ending(path: &Path, option: &str) -> Result<(), Failure> {
 
 /// Writes rows to a file; a Parquet file stores a hash of `input` as its provenance.
 pub(super) fn write_rows<T: Columns>(path: &Path, rows: &[T], input: &str) -> Result<(), Failure> {
-    let table = T::to_table(rows);
+    write_table(path, T::to_table(rows), input)
+}
+
+/// Writes a table to a file as [`write_rows`] does.
+pub(super) fn write_table(path: &Path, table: Table, input: &str) -> Result<(), Failure> {
     let text = match ending(path).to_ascii_lowercase().as_str() {
         "csv" => csv(&View::from_table(table)),
         "json" => json(&View::from_table(table)) + "\n",

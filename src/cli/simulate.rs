@@ -1,5 +1,6 @@
 //! `trilink simulate`.
 
+mod chain;
 mod page;
 mod sensitivities;
 mod table;
@@ -64,6 +65,9 @@ impl Simulate {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let campaign = &self.campaign;
         let config = &context.config;
+        if config.chains.campaign.contains_key(campaign) {
+            return chain::run(&self, &context);
+        }
         let mut models: Vec<Option<String>> =
             models(&self.model, config).into_iter().map(Some).collect();
         if models.is_empty() {

@@ -108,6 +108,7 @@ pub(super) struct Synth {
 
 impl Synth {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
+        context.note_chains();
         let Self { folder, seed, omega, .. } = self;
         let robots = context.config.campaign.values().map(|campaign| &campaign.robot);
         let mut laws = BTreeMap::new();

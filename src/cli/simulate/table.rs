@@ -10,7 +10,7 @@ use crate::cli::terminal::Text;
 use crate::template::fixed;
 
 /// Decimals of lengths and speeds, of skid ratios, and of angles.
-const DECIMALS: [usize; 3] = [4, 6, 5];
+pub(super) const DECIMALS: [usize; 3] = [4, 6, 5];
 
 /// Line of the table.
 #[derive(Default)]
@@ -58,7 +58,9 @@ fn lines_of(answer: &Answer) -> Vec<Line> {
     let mut lines = vec![Line {
         metrics: Some(answer.metrics),
         work: known([answer.work_j_m], |[work]| fixed(work, 6)),
-        status: Text::status(answer.status) + reach_in_words(answer) + extrapolated,
+        status: Text::status(answer.status)
+            + reach_in_words(answer.status, answer.from_rest, answer.cycles_to_settle)
+            + extrapolated,
         ..first
     }];
     match &answer.interval {
@@ -86,12 +88,16 @@ fn lines_of(answer: &Answer) -> Vec<Line> {
 }
 
 /// Describes the symmetry of a steady-state motion and whether the robot reaches it from rest.
-fn reach_in_words(answer: &Answer) -> String {
-    let symmetry = match answer.status {
+pub(super) fn reach_in_words(
+    status: MotionStatus,
+    from_rest: Option<FromRest>,
+    cycles_to_settle: Option<usize>,
+) -> String {
+    let symmetry = match status {
         MotionStatus::SymmetryBroken => ": one of two mirror-image motions",
         _ => "",
     };
-    let reach = match (answer.from_rest, answer.cycles_to_settle) {
+    let reach = match (from_rest, cycles_to_settle) {
         (Some(FromRest::Reached), Some(0)) => String::new(),
         (Some(FromRest::Reached), Some(1)) => ", reached from rest after 1 cycle".to_owned(),
         (Some(FromRest::Reached), Some(cycles)) => {

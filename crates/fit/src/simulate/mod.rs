@@ -1,6 +1,7 @@
 //! Simulation of configured campaigns without trials, for `trilink simulate` and the Python module.
 
 mod answer;
+mod chain;
 mod fitted;
 mod sensitivity;
 mod settings;
@@ -22,6 +23,7 @@ use crate::bands::without_resample;
 use crate::{Alternatives, MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
+pub use chain::{Angles, ChainAnswer, ChainSetup};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
@@ -273,20 +275,22 @@ fn keys_of(table: &impl serde::Serialize) -> Result<Map<String, Value>, SetupErr
     }
 }
 
-/// Returns the friction laws of a model after checking that the model is not driven by the measured gaits of trials,
-/// and that the campaign's robot has all parameters of these laws.
+/// Returns the friction laws of a model after checking that the campaign's robot has all parameters of these laws.
 pub(crate) fn laws_of(config: &Config, campaign: &str, name: &str) -> Result<Laws, SetupError> {
-    let model = Model::new(name);
-    match config.model.get(&model) {
+    let laws = known_laws(config, name)?;
+    let robot = &config.campaign[campaign].robot;
+    config.check_laws(Path::new("--model"), robot, Model::new(name))?;
+    Ok(laws)
+}
+
+/// Returns the friction laws of a model after checking that it is not driven by the measured gaits of trials.
+fn known_laws(config: &Config, name: &str) -> Result<Laws, SetupError> {
+    match config.model.get(&Model::new(name)) {
         Some(found) if found.is_of_trials() => Err(format!(
             "--model: {name} is driven by the measured gaits of trials, so only `trilink fit` can use it"
         )
         .into()),
-        Some(found) => {
-            let robot = &config.campaign[campaign].robot;
-            config.check_laws(Path::new("--model"), robot, model)?;
-            Ok(found.laws())
-        }
+        Some(found) => Ok(found.laws()),
         None => Err(unknown_model(config, name)),
     }
 }

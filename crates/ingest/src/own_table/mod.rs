@@ -314,7 +314,9 @@ fn check(fitted: &[(usize, &TrialRow)], cells: &Cells, config: &Config, problems
         let found = if campaign.is_empty() { "nothing".into() } else { format!("`{campaign}`") };
         let rows = if count > 1 { format!(" in {count} rows") } else { String::new() };
         let meant = did_you_mean(campaign, campaigns.iter().copied());
-        let needed = format!("needed one of {}{meant}", campaigns.join(", "));
+        let needed = config
+            .chain_notice(campaign)
+            .unwrap_or_else(|| format!("needed one of {}{meant}", campaigns.join(", ")));
         problems.push((Some(row), format!("column `campaign`: found {found}{rows}, {needed}")));
     }
 }

@@ -1,0 +1,133 @@
+//! `simulate` for a campaign whose robot is a chain.
+
+use rayon::prelude::*;
+use trilink_base::text::known;
+use trilink_fit::simulate::{Angles, ChainAnswer, ChainSetup};
+
+use super::super::output::{note, say, write_json};
+use super::super::results::{check_ending, write_table};
+use super::super::table::Table;
+use super::super::terminal::Text;
+use super::super::{Context, Failure, Interrupted, Outcome};
+use super::{Simulate, models, table};
+use crate::template::fixed;
+
+/// Solves a campaign whose robot is a chain, and prints the motions.
+pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Failure> {
+    let Simulate { campaign, from_rest, trajectory, samples, format, .. } = command;
+    for (option, is_given) in [
+        ("--fitted", command.numbers.fitted),
+        ("--set", !command.numbers.set.is_empty()),
+        ("--sensitivities", command.sensitivities.sensitivities),
+        ("--page", command.page.is_some()),
+        ("--trajectory with --from-rest", trajectory.is_some() && *from_rest),
+    ] {
+        if is_given {
+            let message = "is not available for robots that are chains, such as that of campaign";
+            return Err(format!("{option}: {message} {campaign}").into());
+        }
+    }
+    if let Some(path) = trajectory {
+        check_ending(path, "--trajectory")?;
+    }
+    let models = models(&command.model, &context.config);
+    let setups = models
+        .iter()
+        .filter_map(|model| ChainSetup::new(&context.config, campaign, model).transpose());
+    let setups: Vec<ChainSetup> = setups.collect::<Result<_, _>>()?;
+    let omegas = command.omega.concat();
+    let all: Vec<(&ChainSetup, f64)> = setups
+        .iter()
+        .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
+        .collect();
+    let stage = context.progress.stage("simulate", all.len());
+    let answers: Vec<ChainAnswer> = all
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|(setup, omega_rad_s)| {
+            stage.check("frequencies")?;
+            let answer = setup.answer(omega_rad_s, *from_rest);
+            stage.tick();
+            Ok(answer)
+        })
+        .collect::<Result<_, Interrupted>>()?;
+    drop(stage);
+    if let (Some(path), Some(setup)) = (trajectory, setups.first()) {
+        let cycles = answers.iter().filter_map(|answer| {
+            let cycle = answer.setup.cycle(answer.omega_rad_s, *samples as usize).ok()?;
+            Some((answer.setup.model, answer.omega_rad_s, cycle))
+        });
+        let cycles: Vec<_> = cycles.collect();
+        let table = setup.trajectories(&cycles);
+        let absent = match answers.len() - cycles.len() {
+            0 => String::new(),
+            count => format!(
+                "; no motion was found at {count} frequencies, so the file has no rows for them"
+            ),
+        };
+        context.say(&format!("{}: {} samples{absent}", path.display(), table.len()));
+        write_table(path, table, &format!("{setups:?} {omegas:?} {samples}"))?;
+    }
+    if format.json {
+        write_json(&answers)?;
+    } else {
+        let legend = setups.first().map(legend).unwrap_or_default();
+        let references: Vec<&ChainAnswer> = answers.iter().collect();
+        if format.table(ChainAnswer::to_table(&references)) {
+            note!("{legend}");
+        } else {
+            print(&answers);
+            say!("{legend}");
+        }
+    }
+    Ok(Outcome::well_if(answers.iter().all(|answer| answer.motion.is_ok())))
+}
+
+/// Returns which link has which number in the names of the columns.
+fn legend(setup: &ChainSetup) -> String {
+    let links = setup.chain.numbering().into_iter().enumerate().map(|(number, link)| {
+        let link = &setup.chain.links[link];
+        let wheel = if link.wheel.is_some() { "" } else { " (no wheel)" };
+        format!("{number} = {}{wheel}", link.name)
+    });
+    let links: Vec<String> = links.collect();
+    format!("links: {}", links.join(", "))
+}
+
+/// Prints a line for each solution.
+fn print(answers: &[ChainAnswer]) {
+    let Some(first) = answers.first() else { return };
+    let lines: Vec<(&ChainAnswer, Vec<(String, f64)>)> =
+        answers.iter().map(|answer| (answer, answer.numbers(Angles::Free))).collect();
+    let mut table = Table::new(&lines)
+        .left("model", |(answer, _)| answer.setup.model.name())
+        .right("omega rad/s", |(answer, _)| answer.omega_rad_s.to_string());
+    for (i, (name, _)) in first.numbers(Angles::Free).into_iter().enumerate() {
+        let [length, ratio, angle] = table::DECIMALS;
+        let (heading, factor, decimals) = match name.as_str() {
+            "d_m" => ("d mm".to_owned(), 1e3, length),
+            "v_m_s" => ("v mm/s".to_owned(), 1e3, length),
+            "work_j_m" => ("work J/m".to_owned(), 1.0, ratio),
+            "floquet" | "work_j" | "cost_of_transport" => continue,
+            name => match name.strip_suffix("_rad") {
+                Some(name) => (format!("{name} deg"), 1_f64.to_degrees(), angle),
+                None => (name.to_owned(), 1.0, ratio),
+            },
+        };
+        table = table.right(&heading, |(_, numbers)| {
+            known([numbers[i].1], |[number]| fixed(factor * number, decimals))
+        });
+    }
+    table.prose("status", |(answer, _)| status(answer)).print();
+}
+
+fn status(answer: &ChainAnswer) -> Text {
+    let status = Text::status(answer.status());
+    match answer.reason() {
+        Some(reason) => status + ": " + reason,
+        None => {
+            status
+                + table::reach_in_words(answer.status(), answer.from_rest, answer.cycles_to_settle)
+        }
+    }
+}
