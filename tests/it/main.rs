@@ -8,6 +8,7 @@ mod another_robot;
 mod bad_input;
 mod branches;
 mod browser;
+mod chains;
 mod cli;
 mod compare;
 mod damage;
