@@ -167,8 +167,7 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     }
     let raw = folder.path().join("raw/demo");
     std::fs::create_dir_all(&raw).expect("a folder");
-    let list =
-        "[[trial]]\nid = \"a\"\nfile = \"a.csv\"\ncampaign = \"twistcar\"\nomega_rad_s = 1.0\n";
+    let list = "[[trial]]\nid = \"a\"\nkind = \"gait\"\nfile = \"a.csv\"\ncampaign = \"twistcar\"\nomega_rad_s = 1.0\n";
     std::fs::write(raw.join("trials.toml"), list).expect("a file");
     let check = text(&trilink(folder.path(), &["config", "check"]).stdout);
     let campaign = "campaign twistcar: robot twistcar, a chain of 2 links, gait twist";

@@ -259,6 +259,11 @@ impl Trial {
             }
             return error("campaign", found, &one_of(name, &config.campaign, PIPELINE));
         }
+        if !is_gait && config.chains.robot.contains_key(name) {
+            let needed =
+                "a robot with three links, because only `trilink simulate` supports chains";
+            return error("robot", found, needed);
+        }
         if !is_gait && !config.robot.contains_key(name) {
             return error("robot", found, &one_of(name, &config.robot, PIPELINE));
         }

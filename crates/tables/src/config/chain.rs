@@ -7,6 +7,7 @@ mod split;
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use trilink_base::named;
 use trilink_robot::{
     Chain, Drag, FreeJoint, Joint, JointCommand, Link, Model, Quantity, Rotor, TorqueCommand,
     Wheel, WheelFriction,
@@ -81,18 +82,18 @@ pub struct ChainJoint {
     pub rest_deg: Option<f64>,
 }
 
-/// Kind of joint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum JointKind {
-    /// The angle is commanded.
-    Driven,
-    /// Spring and damper.
-    Spring,
-    /// Spring and damper whose angle of rest is commanded.
-    Elastic,
-    /// The torque is commanded, in addition to that of a spring and a damper.
-    Torque,
+named! {
+    /// Kind of joint.
+    pub enum JointKind {
+        /// The angle is commanded.
+        Driven = "driven",
+        /// Spring and damper.
+        Spring = "spring",
+        /// Spring and damper whose angle of rest is commanded.
+        Elastic = "elastic",
+        /// The torque is commanded, in addition to that of a spring and a damper.
+        Torque = "torque",
+    }
 }
 
 /// Gait of a chain: commands of its joints, and of its rotors by the name of the link.

@@ -9,7 +9,7 @@ use trilink_robot::{Chain, Laws, MAX_LINKS, Model, Per, Quantity};
 
 use super::super::check::{Checker, NAME, is_valid_name};
 use super::super::{Config, ConfigError};
-use super::{ChainCampaign, ChainGait, ChainRobot, CommandConfig, JointKind};
+use super::{ChainCampaign, ChainGait, ChainJoint, ChainRobot, CommandConfig, JointKind};
 
 /// Keys of a link that describe its wheel, apart from its place.
 const WHEEL: [&str; 9] = [
@@ -33,16 +33,6 @@ impl JointKind {
             Self::Driven => &[],
             Self::Elastic => &["stiffness_nm_rad", "damping_nm_s_rad"],
             Self::Spring | Self::Torque => &["stiffness_nm_rad", "damping_nm_s_rad", "rest_deg"],
-        }
-    }
-
-    /// Returns the name of the kind in the configuration.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Driven => "driven",
-            Self::Spring => "spring",
-            Self::Elastic => "elastic",
-            Self::Torque => "torque",
         }
     }
 }
@@ -93,7 +83,7 @@ impl Config {
                 check.that(command.is_none(), &key, &format_args!("a command"), &needed)?;
                 continue;
             };
-            let kind = joint.kind.name();
+            let kind = joint.kind;
             let (needed, is_right) = match joint.kind {
                 JointKind::Spring => ("no command", command.is_none()),
                 JointKind::Torque => {
@@ -190,59 +180,21 @@ impl ChainRobot {
         let needed = format!("{} joints, one fewer than links", count - 1);
         check.that(joints == count - 1, &key("joints"), &joints, &needed)?;
         let names = self.names();
-        for (number, (name, link)) in names.iter().zip(&self.links).enumerate() {
+        for number in 0..count {
+            let name = &names[number];
             check.that(is_valid_name(name), &key("links"), name, NAME)?;
             let needed = "links with different names: set `name` of each";
             check.that(!names[..number].contains(name), &key("links"), name, needed)?;
-            let of = |key: &str| link_key(robot, name, key);
-            let table = table_of(link);
-            check.numbers(&format!("robot.{robot}.links.{name}"), &table.clone().into())?;
-            for (joint, is_there, place) in [
-                ("front_joint_m", number > 0, "first"),
-                ("rear_joint_m", number + 1 < count, "last"),
-            ] {
-                let found = table.get(joint).map_or("nothing".to_owned(), Value::to_string);
-                let needed = match is_there {
-                    true => "the distance of the joint from the link's origin, m".to_owned(),
-                    false => format!("no such key, because the link is the {place} one"),
-                };
-                let is_right = table.contains_key(joint) == is_there;
-                check.that(is_right, &of(joint), &format_args!("{found}"), &needed)?;
-            }
-            for own in WHEEL.into_iter().filter(|_| link.wheel_m.is_none()) {
-                let needed = "wheel_m as well, the place of the wheel (0 for the link's origin)";
-                let found = table.get(own).map(Value::to_string).unwrap_or_default();
-                check.that(!table.contains_key(own), &of(own), &format_args!("{found}"), needed)?;
-            }
+            self.check_link(check, robot, name, number)?;
         }
-        let mut moving = self.links.iter().any(|link| link.rotor_inertia_kg_m2.is_some());
         for (number, joint) in (1..).zip(&self.joints) {
-            let kind = joint.kind.name();
-            let key = |key: &str| format!("robot.{robot}.joint{number}.{key}");
-            let mut table = table_of(joint);
-            table.remove("kind");
-            check.numbers(&format!("robot.{robot}.joint{number}"), &table.clone().into())?;
-            for (own, found) in &table {
-                let needed = format!(
-                    "no such key, because the joint's kind is \"{kind}\", which has {}",
-                    match joint.kind.keys() {
-                        [] => "none".to_owned(),
-                        keys => keys.join(", "),
-                    }
-                );
-                let is_right = joint.kind.keys().contains(&own.as_str());
-                check.that(is_right, &key(own), &format_args!("{found}"), &needed)?;
-            }
-            let is_stiff = joint.stiffness_nm_rad.is_some_and(|stiffness| stiffness > 0.0);
-            let is_right = joint.kind != JointKind::Elastic || is_stiff;
-            let needed = "the stiffness of the elastic drive, above 0";
-            let found = joint.stiffness_nm_rad.map_or("nothing".to_owned(), |k| k.to_string());
-            check.that(is_right, &key("stiffness_nm_rad"), &format_args!("{found}"), needed)?;
-            moving |= joint.kind != JointKind::Spring;
+            joint.check(check, &format!("robot.{robot}.joint{number}"))?;
         }
+        let moves = self.links.iter().any(|link| link.rotor_inertia_kg_m2.is_some())
+            || self.joints.iter().any(|joint| joint.kind != JointKind::Spring);
         let needed =
             "a joint of the kind \"driven\", \"elastic\" or \"torque\", or a link with a rotor";
-        check.that(moving, &key("joints"), &format_args!("springs alone"), needed)?;
+        check.that(moves, &key("joints"), &format_args!("springs alone"), needed)?;
         let known: BTreeMap<String, ()> = names.into_iter().map(|name| (name, ())).collect();
         if let Some(reference) = &self.reference {
             check.entry(&known, reference, &key("reference"))?;
@@ -254,6 +206,63 @@ impl ChainRobot {
         let length_m = self.to_chain(&ChainGait::default()).skid_length_m;
         let needed = "a length above 0, because the outer wheels are at their joints";
         check.that(length_m > 0.0, &key("skid_length_m"), &format_args!("nothing"), needed)
+    }
+
+    /// Checks the link with this name and index.
+    fn check_link(
+        &self,
+        check: &Checker,
+        robot: &str,
+        name: &str,
+        index: usize,
+    ) -> Result<(), ConfigError> {
+        let table = table_of(&self.links[index]);
+        check.numbers(&format!("robot.{robot}.links.{name}"), &table.clone().into())?;
+        let found = |key: &str| table.get(key).map_or("nothing".to_owned(), Value::to_string);
+        for (key, is_there, place) in [
+            ("front_joint_m", index > 0, "first"),
+            ("rear_joint_m", index + 1 < self.links.len(), "last"),
+        ] {
+            let needed = match is_there {
+                true => "the distance of the joint from the link's origin, m".to_owned(),
+                false => format!("no such key, because the link is the {place} one"),
+            };
+            let is_right = table.contains_key(key) == is_there;
+            let found = found(key);
+            check.that(is_right, &link_key(robot, name, key), &format_args!("{found}"), &needed)?;
+        }
+        let needed = "wheel_m as well, the place of the wheel (0 for the link's origin)";
+        let has_wheel = table.contains_key("wheel_m");
+        WHEEL.into_iter().filter(|_| !has_wheel).try_for_each(|key| {
+            let is_right = !table.contains_key(key);
+            let found = found(key);
+            check.that(is_right, &link_key(robot, name, key), &format_args!("{found}"), needed)
+        })
+    }
+}
+
+impl ChainJoint {
+    /// Checks a joint, whose key is `key`.
+    fn check(&self, check: &Checker, key: &str) -> Result<(), ConfigError> {
+        let Self { kind, stiffness_nm_rad, .. } = *self;
+        let mut table = table_of(self);
+        table.remove("kind");
+        check.numbers(key, &table.clone().into())?;
+        let known = match kind.keys() {
+            [] => "none".to_owned(),
+            keys => keys.join(", "),
+        };
+        let needed =
+            format!("no such key, because the joint's kind is \"{kind}\", which has {known}");
+        for (own, found) in &table {
+            let is_right = kind.keys().contains(&own.as_str());
+            check.that(is_right, &format!("{key}.{own}"), &format_args!("{found}"), &needed)?;
+        }
+        let is_stiff = stiffness_nm_rad.is_some_and(|stiffness| stiffness > 0.0);
+        let is_right = kind != JointKind::Elastic || is_stiff;
+        let found = stiffness_nm_rad.map_or("nothing".to_owned(), |k| k.to_string());
+        let needed = "the stiffness of the elastic drive, above 0";
+        check.that(is_right, &format!("{key}.stiffness_nm_rad"), &format_args!("{found}"), needed)
     }
 }
 
