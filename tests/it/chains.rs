@@ -124,6 +124,42 @@ fn columns_are_numbered_from_the_reference_link() {
 }
 
 #[test]
+fn sensitivities_to_the_numbers_of_a_chain_are_differences_of_its_motions() {
+    let folder = folder_of("passive-snake.toml");
+    let simulate = |options: &[&str]| -> Vec<Value> {
+        let common = ["simulate", "passive", "--model", "skid-roll", "--omega", "4", "--json"];
+        let output = succeed(folder.path(), &[&common[..], options].concat());
+        serde_json::from_str(&output).expect("an array")
+    };
+    let rows = simulate(&["--sensitivities"]);
+    for name in ["joint2.stiffness_nm_rad", "joint1.amplitude_deg"] {
+        let of = |row: &&Value| row["parameter"] == name && row["metric"] == "d_m";
+        let row = rows.iter().find(of).expect("a row");
+        let number = |key: &str| row[key].as_f64().expect("a number");
+        let value = number("parameter_value");
+        let step = 1e-3 * value;
+        let [low, high] = [value - step, value + step].map(|value| {
+            simulate(&["--set", &format!("{name}={value}")])[0]["d_m"].as_f64().expect("a number")
+        });
+        let known = (high - low) / (2.0 * step);
+        assert!((number("derivative") / known - 1.0).abs() < 1e-4, "{row}, {known}");
+    }
+}
+
+#[test]
+fn the_transient_of_a_chain_comes_before_its_steady_cycle() {
+    let folder = folder_of("twistcar.toml");
+    let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4"];
+    let options = ["--samples", "16", "--from-rest", "--trajectory", "rest.parquet"];
+    succeed(folder.path(), &[&simulate[..], &options].concat());
+    let table = Table::read(&folder.path().join("rest.parquet")).expect("a table");
+    let answer = succeed(folder.path(), &[&simulate[..], &["--json"]].concat());
+    let answers: Vec<Value> = serde_json::from_str(&answer).expect("an array");
+    let cycles = answers[0]["cycles_to_settle"].as_u64().expect("a number") as usize;
+    assert_eq!(table.len(), 16 * (cycles + 1) + 1);
+}
+
+#[test]
 fn options_and_commands_that_do_not_support_chains_say_so() {
     let folder = folder_of("twistcar.toml");
     let refused = |arguments: &[&str], expected: &str| {
@@ -134,17 +170,22 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     };
     let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4"];
     for (options, named) in [
-        (&["--set", "mass0_kg=1"][..], "--set"),
-        (&["--fitted", "--bands"], "--fitted"),
+        (&["--fitted", "--bands"][..], "--fitted"),
         (&["--page", "motion.html"], "--page"),
-        (&["--sensitivities"], "--sensitivities"),
-        (&["--from-rest", "--trajectory", "a.csv"], "--trajectory with --from-rest"),
+        (&["--sensitivities", "--monte-carlo"], "--monte-carlo"),
     ] {
         let message = format!(
             "{named}: is not available for robots that are chains, such as that of campaign twistcar"
         );
         let status = refused(&[&simulate[..], options].concat(), &message);
         assert_eq!(status, Some(2), "{options:?}");
+    }
+    for (setting, expected) in [
+        ("rear.mas_kg=1", "the robot has no number `rear.mas_kg`; did you mean `rear.mass_kg`?"),
+        ("rear.mass_kg=-1", "`mass_kg` of link `rear` must be a positive number, not -1"),
+        ("rear.mass_kg=heavy", "found `heavy`, needed a number"),
+    ] {
+        refused(&[&simulate[..], &["--set", setting]].concat(), expected);
     }
     refused(
         &["simulate", "twistcar", "--model", "skid-rol", "--omega", "4"],

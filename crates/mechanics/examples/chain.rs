@@ -1,4 +1,4 @@
-//! Motions of a snake of six links whose joints all are driven by a travelling wave, and of one of four links whose last
+//! Motions of a snake of six links whose joints are all driven by a travelling wave, and of one of four links whose last
 //! joint follows on a spring: displacement per cycle, and the time that a solution takes.
 
 use std::time::Instant;

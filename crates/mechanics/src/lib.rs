@@ -104,18 +104,32 @@ pub enum MotionError {
         "this motion follows from eq. 3 of the paper and has no dynamic states, so there is no branch to trace"
     )]
     Determined,
-    #[error("the gait commands no joint, so the robot does not move")]
+    #[error("the gait moves no joint and no rotor, so the robot does not move")]
     NotDriven,
     #[error("the offset, amplitude and phase of the commanded joints were not measured")]
     GaitUnknown,
-    #[error("{0}")]
-    Chain(trilink_robot::ChainError),
+    #[error(transparent)]
+    Chain(#[from] trilink_robot::ChainError),
     #[error(
-        "{wheels} wheels that cannot skid leave no motion to {velocities} velocities (those of the robot, and the \
-         rates of its joints that are not driven): give {} more joints a spring, or take wheels away",
+        "nothing resists the motion: no wheel has friction and no link has drag, so it has no steady state"
+    )]
+    NotResisted,
+    #[error(
+        "{wheels} wheels that cannot skid constrain only {velocities} velocities (three of the robot, and one for each joint \
+         that is not driven): free {} more of the joints, or take wheels away",
         wheels - velocities
     )]
     Overconstrained { wheels: usize, velocities: usize },
+    #[error(
+        "the constraints of the wheels that cannot skid depend on each other in the mean shape, so the motion that they \
+         allow is not determined: let the wheels skid, bend the chain, free joints, or take wheels away"
+    )]
+    Dependent,
+    #[error(
+        "no skid-free motion exists: at phase {phase_rad:.4} rad the constraints of the wheels depend on each other, so that \
+         velocities would be unbounded"
+    )]
+    Unbounded { phase_rad: f64 },
     #[error("cancelled")]
     Cancelled,
 }
@@ -128,8 +142,14 @@ impl MotionError {
     /// Returns the status to report for a motion that was not found for this reason.
     pub fn status(&self) -> MotionStatus {
         match self {
-            Self::Singular { .. } => MotionStatus::Singular,
-            Self::GaitUnknown => MotionStatus::Failed,
+            Self::Singular { .. } | Self::Unbounded { .. } | Self::Dependent => {
+                MotionStatus::Singular
+            }
+            Self::GaitUnknown
+            | Self::Chain(_)
+            | Self::NotDriven
+            | Self::NotResisted
+            | Self::Overconstrained { .. } => MotionStatus::Failed,
             _ => MotionStatus::Diverged,
         }
     }

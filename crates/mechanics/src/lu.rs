@@ -3,8 +3,8 @@
 //! A system has one block of equations per stage, with a few unknowns each. The number of unknowns is a
 //! compile-time constant, which makes this faster than a general library. Neither rows nor blocks are
 //! permuted: the collocation rule is coercive and masses and friction are positive, so the pivots are
-//! positive for elements that are short enough to be accurate. If a pivot vanishes, the results are not
-//! finite.
+//! positive for elements that are short enough to be accurate; equations with constraints come in an order in which pivots
+//! are large. If a pivot vanishes, the results are not finite.
 //!
 //! Reference: E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, 2nd ed.,
 //! Springer 1996, section IV.14.

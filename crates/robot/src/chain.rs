@@ -7,6 +7,7 @@
 use std::fmt;
 
 use serde::Serialize;
+use trilink_base::named;
 
 use super::{Gait, JointCommand, Laws, Pose, Robot, SkidLaw};
 
@@ -32,9 +33,9 @@ pub struct Chain {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Link {
     pub name: String,
-    /// Distance of the joint to the next link ahead, measured forwards from the origin, m; unused in the first link.
+    /// Distance from the origin forwards to the joint with the link ahead, m; unused in the first link.
     pub front_joint_m: f64,
-    /// Distance of the joint to the next link behind, measured backwards from the origin, m; unused in the last link.
+    /// Distance from the origin backwards to the joint with the link behind, m; unused in the last link.
     pub rear_joint_m: f64,
     /// Place of the centre of mass, m.
     pub com_m: f64,
@@ -110,6 +111,22 @@ pub enum Joint {
     Free(FreeJoint),
 }
 
+impl Joint {
+    /// Returns the command of the angle, or that of the angle at which the spring is relaxed.
+    pub fn command(&self) -> &JointCommand {
+        match self {
+            Self::Driven(command) | Self::Free(FreeJoint { target: command, .. }) => command,
+        }
+    }
+
+    /// Returns mutable access to [`Joint::command`].
+    pub fn command_mut(&mut self) -> &mut JointCommand {
+        match self {
+            Self::Driven(command) | Self::Free(FreeJoint { target: command, .. }) => command,
+        }
+    }
+}
+
 /// Joint with the torque `-k (phi - target) - c phi' + torque`: on a spring if the target is constant, elastically
 /// driven if it is a command.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -139,66 +156,69 @@ impl TorqueCommand {
     }
 }
 
-/// Number in the description of a chain, with respect to which its motion can be differentiated.
+/// Number in the description of a chain, with respect to which its motion can be differentiated. Links and joints are
+/// given by their indices from front to rear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ChainNumber {
-    /// Number of a link, given the link's index from front to rear.
     Link(usize, LinkNumber),
-    /// Number of a joint, given the joint's index from front to rear.
+    /// Number of the command of a link's rotor.
+    Rotor(usize, CommandNumber),
     Joint(usize, JointNumber),
+    /// Number of the command of a joint, or of the angle at which its spring is relaxed.
+    Command(usize, CommandNumber),
 }
 
-/// Number of a [`Link`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum LinkNumber {
-    FrontJoint,
-    RearJoint,
-    Com,
-    Mass,
-    Inertia,
-    DragAlong,
-    DragAcross,
-    DragTurning,
-    RotorInertia,
-    Rotor(CommandNumber),
-    WheelPlace,
-    WheelSteer,
-    Skid,
-    Roll,
-    SkidDry,
-    SkidStatic,
-    Stribeck,
-    SkidPower,
-    SkidExponent,
-    RollDry,
-    Transition,
+named! {
+    /// Number of a [`Link`]. Its name is its key in the configuration (of the robot for the transition and Stribeck
+    /// speeds), where angles are in degrees.
+    pub enum LinkNumber {
+        FrontJoint = "front_joint_m",
+        RearJoint = "rear_joint_m",
+        Com = "com_m",
+        Mass = "mass_kg",
+        Inertia = "inertia_kg_m2",
+        DragAlong = "drag_along_kg_s",
+        DragAcross = "drag_across_kg_s",
+        DragTurning = "drag_turning_nm_s_rad",
+        RotorInertia = "rotor_inertia_kg_m2",
+        WheelPlace = "wheel_m",
+        WheelSteer = "steer_deg",
+        Skid = "skid_kg_s",
+        Roll = "roll_kg_s",
+        SkidDry = "skid_dry_n",
+        SkidStatic = "skid_static_n",
+        Stribeck = "stribeck_m_s",
+        SkidPower = "skid_power_n",
+        SkidExponent = "skid_exponent",
+        RollDry = "roll_dry_n",
+        Transition = "transition_m_s",
+    }
 }
 
-/// Number of a [`Joint`]; that of a driven joint is one of its command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum JointNumber {
-    Command(CommandNumber),
-    Stiffness,
-    Damping,
-    TorqueMean,
-    TorqueAmplitude,
-    TorquePhase,
+named! {
+    /// Number of a [`FreeJoint`]. Its name is like its key in the configuration, where angles are in degrees.
+    pub enum JointNumber {
+        Stiffness = "stiffness_nm_rad",
+        Damping = "damping_nm_s_rad",
+        TorqueMean = "mean_nm",
+        TorqueAmplitude = "torque_nm",
+        TorquePhase = "torque_phase_deg",
+    }
 }
 
-/// Number of a [`JointCommand`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum CommandNumber {
-    Offset,
-    Amplitude,
-    Phase,
-    SecondInPhase,
-    SecondQuadrature,
+named! {
+    /// Number of a [`JointCommand`]. Its name is like its key in the configuration, where angles are in degrees; but the
+    /// second harmonic is given by its components in phase and in quadrature.
+    pub enum CommandNumber {
+        Offset = "offset_deg",
+        Amplitude = "amplitude_deg",
+        Phase = "phase_deg",
+        SecondInPhase = "second_in_phase_deg",
+        SecondQuadrature = "second_quadrature_deg",
+    }
 }
 
 impl CommandNumber {
-    const ALL: [Self; 5] =
-        [Self::Offset, Self::Amplitude, Self::Phase, Self::SecondInPhase, Self::SecondQuadrature];
-
     fn of(self, command: &mut JointCommand) -> Option<&mut f64> {
         let second = command.second.as_mut();
         Some(match self {
@@ -212,29 +232,6 @@ impl CommandNumber {
 }
 
 impl LinkNumber {
-    const ALL: [Self; 20] = [
-        Self::FrontJoint,
-        Self::RearJoint,
-        Self::Com,
-        Self::Mass,
-        Self::Inertia,
-        Self::DragAlong,
-        Self::DragAcross,
-        Self::DragTurning,
-        Self::RotorInertia,
-        Self::WheelPlace,
-        Self::WheelSteer,
-        Self::Skid,
-        Self::Roll,
-        Self::SkidDry,
-        Self::SkidStatic,
-        Self::Stribeck,
-        Self::SkidPower,
-        Self::SkidExponent,
-        Self::RollDry,
-        Self::Transition,
-    ];
-
     fn of(self, link: &mut Link) -> Option<&mut f64> {
         let wheel = link.wheel.as_mut();
         Some(match self {
@@ -247,7 +244,6 @@ impl LinkNumber {
             Self::DragAcross => &mut link.drag.across_kg_s,
             Self::DragTurning => &mut link.drag.turning_nm_s_rad,
             Self::RotorInertia => &mut link.rotor.as_mut()?.inertia_kg_m2,
-            Self::Rotor(number) => number.of(&mut link.rotor.as_mut()?.angle)?,
             Self::WheelPlace => &mut wheel?.place_m,
             Self::WheelSteer => &mut wheel?.steer_rad,
             Self::Skid => &mut wheel?.friction.skid_kg_s,
@@ -265,20 +261,35 @@ impl LinkNumber {
 
 impl JointNumber {
     fn of(self, joint: &mut Joint) -> Option<&mut f64> {
-        match (self, joint) {
-            (Self::Command(number), Joint::Driven(command)) => number.of(command),
-            (Self::Command(number), Joint::Free(free)) => number.of(&mut free.target),
-            (_, Joint::Driven(_)) => None,
-            (Self::Stiffness, Joint::Free(free)) => Some(&mut free.stiffness_nm_rad),
-            (Self::Damping, Joint::Free(free)) => Some(&mut free.damping_nm_s_rad),
-            (Self::TorqueMean, Joint::Free(free)) => Some(&mut free.torque.mean_nm),
-            (Self::TorqueAmplitude, Joint::Free(free)) => Some(&mut free.torque.amplitude_nm),
-            (Self::TorquePhase, Joint::Free(free)) => Some(&mut free.torque.phase_rad),
-        }
+        let Joint::Free(FreeJoint { stiffness_nm_rad, damping_nm_s_rad, torque, .. }) = joint
+        else {
+            return None;
+        };
+        Some(match self {
+            Self::Stiffness => stiffness_nm_rad,
+            Self::Damping => damping_nm_s_rad,
+            Self::TorqueMean => &mut torque.mean_nm,
+            Self::TorqueAmplitude => &mut torque.amplitude_nm,
+            Self::TorquePhase => &mut torque.phase_rad,
+        })
     }
 }
 
 impl ChainNumber {
+    /// Returns the name of the number within its link, joint or command, with the unit in which it is shown.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Link(_, number) => number.name(),
+            Self::Joint(_, number) => number.name(),
+            Self::Rotor(_, number) | Self::Command(_, number) => number.name(),
+        }
+    }
+
+    /// Returns the factor that converts a value in the unit of [`ChainNumber::key`] to the SI unit.
+    pub fn in_si(self) -> f64 {
+        if self.key().ends_with("_deg") { 1_f64.to_radians() } else { 1.0 }
+    }
+
     /// Returns the exponent with which the number scales with frequency: if every number is multiplied by the ratio of
     /// two frequencies raised to its own exponent, the motion as a function of phase is the same at both.
     pub fn power_of_omega(self) -> i32 {
@@ -306,6 +317,10 @@ pub enum ChainError {
     Joints { links: usize, joints: usize },
     #[error("there is no link {reference} (counted from 0) that could be the reference link")]
     Reference { reference: usize },
+    #[error("the frequency must be a positive number, not {0} rad/s")]
+    Frequency(String),
+    #[error("the chain has no number `{0}` there")]
+    NoNumber(&'static str),
     #[error("{name} must be a {}number, not {value}", kind.adjective())]
     Number { name: String, value: String, kind: NumberKind },
 }
@@ -412,29 +427,43 @@ impl Chain {
     pub fn number_mut(&mut self, number: ChainNumber) -> Option<&mut f64> {
         match number {
             ChainNumber::Link(link, number) => number.of(self.links.get_mut(link)?),
+            ChainNumber::Rotor(link, number) => {
+                number.of(&mut self.links.get_mut(link)?.rotor.as_mut()?.angle)
+            }
             ChainNumber::Joint(joint, number) => number.of(self.joints.get_mut(joint)?),
+            ChainNumber::Command(joint, number) => {
+                number.of(self.joints.get_mut(joint)?.command_mut())
+            }
         }
     }
 
     /// Returns all numbers of the chain: of its links, then of its joints.
     pub fn numbers(&self) -> Vec<ChainNumber> {
-        let of_rotor = CommandNumber::ALL.map(LinkNumber::Rotor);
-        let of_link = LinkNumber::ALL.into_iter().chain(of_rotor);
-        let links = (0..self.links.len())
-            .flat_map(|link| of_link.clone().map(move |number| ChainNumber::Link(link, number)));
-        let others = [
-            JointNumber::Stiffness,
-            JointNumber::Damping,
-            JointNumber::TorqueMean,
-            JointNumber::TorqueAmplitude,
-            JointNumber::TorquePhase,
-        ];
-        let of_joint = CommandNumber::ALL.map(JointNumber::Command).into_iter().chain(others);
+        let links = (0..self.links.len()).flat_map(|link| {
+            let of_link = LinkNumber::ALL.map(|number| ChainNumber::Link(link, number));
+            let of_rotor = CommandNumber::ALL.map(|number| ChainNumber::Rotor(link, number));
+            of_link.into_iter().chain(of_rotor)
+        });
         let joints = (0..self.joints.len()).flat_map(|joint| {
-            of_joint.clone().map(move |number| ChainNumber::Joint(joint, number))
+            let own = JointNumber::ALL.map(|number| ChainNumber::Joint(joint, number));
+            let of_command = CommandNumber::ALL.map(|number| ChainNumber::Command(joint, number));
+            own.into_iter().chain(of_command)
         });
         let mut chain = self.clone();
         links.chain(joints).filter(|number| chain.number_mut(*number).is_some()).collect()
+    }
+
+    /// Returns the name of a number: the name of its link, or `joint1` and so on, then the key in the configuration,
+    /// such as `front.mass_kg`, `front.rotor.amplitude_deg` or `joint2.stiffness_nm_rad`.
+    pub fn number_name(&self, number: ChainNumber) -> String {
+        let key = number.key();
+        match number {
+            ChainNumber::Link(link, _) => format!("{}.{key}", self.links[link].name),
+            ChainNumber::Rotor(link, _) => format!("{}.rotor.{key}", self.links[link].name),
+            ChainNumber::Joint(joint, _) | ChainNumber::Command(joint, _) => {
+                format!("joint{}.{key}", joint + 1)
+            }
+        }
     }
 
     /// Returns the indices of the links in the order in which their columns are numbered: the reference link is 0, and
@@ -471,36 +500,48 @@ impl Chain {
     /// Returns the angle of a joint before the motion begins, rad: that of its command at phase 0, or that at which its
     /// spring is then relaxed.
     pub fn rest_angle_rad(&self, joint: usize) -> f64 {
-        match &self.joints[joint] {
-            Joint::Driven(command) | Joint::Free(FreeJoint { target: command, .. }) => {
-                command.derivative(0, 0.0)
-            }
-        }
+        self.joints[joint].command().derivative(0, 0.0)
+    }
+
+    /// Returns the mean angle of a joint's command, or of that at which its spring is relaxed, rad.
+    pub fn mean_angle_rad(&self, joint: usize) -> f64 {
+        self.joints[joint].command().offset_rad
     }
 
     /// Returns the chain with all joint commands at their means.
     #[must_use]
     pub fn at_mean_shape(&self) -> Self {
         let mut chain = self.clone();
-        for joint in &mut chain.joints {
-            let (Joint::Driven(command) | Joint::Free(FreeJoint { target: command, .. })) = joint;
+        for command in chain.joints.iter_mut().map(Joint::command_mut) {
             *command = JointCommand::new(command.offset_rad, 0.0, 0.0);
         }
         chain
     }
 
-    /// Returns whether anything drives the chain: a joint's command, a torque, or a rotor.
+    /// Returns whether anything drives the chain periodically: a joint's command, a torque, or a rotor.
     pub fn is_driven(&self) -> bool {
+        let moves = |command: &JointCommand| command.half_range_rad() > 0.0;
         let of_joints = self.joints.iter().any(|joint| match joint {
-            Joint::Driven(_) => true,
+            Joint::Driven(command) => moves(command),
             Joint::Free(FreeJoint { stiffness_nm_rad, target, torque, .. }) => {
-                let moves = target.amplitude_rad != 0.0 || target.second.is_some();
-                torque.amplitude_nm != 0.0
-                    || torque.mean_nm != 0.0
-                    || *stiffness_nm_rad > 0.0 && moves
+                torque.amplitude_nm != 0.0 || *stiffness_nm_rad > 0.0 && moves(target)
             }
         });
-        of_joints || self.links.iter().any(|link| link.rotor.is_some())
+        let of_rotors = self.links.iter().filter_map(|link| link.rotor.as_ref());
+        of_joints || of_rotors.map(|rotor| &rotor.angle).any(moves)
+    }
+
+    /// Returns whether anything resists the chain's motion over the ground.
+    pub fn is_resisted(&self) -> bool {
+        self.links.iter().any(|link| {
+            let Drag { along_kg_s, across_kg_s, turning_nm_s_rad } = link.drag;
+            let of_wheel = link.wheel.is_some_and(|Wheel { friction, .. }| {
+                let viscous = friction.skid_kg_s + friction.roll_kg_s;
+                let dry = friction.skid_dry_n + friction.skid_static_n + friction.roll_dry_n;
+                viscous + dry + friction.skid_power_n > 0.0
+            });
+            of_wheel || along_kg_s + across_kg_s + turning_nm_s_rad > 0.0
+        })
     }
 
     /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half a period,

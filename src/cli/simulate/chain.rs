@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 use trilink_base::text::known;
-use trilink_fit::simulate::{Angles, ChainAnswer, ChainSetup};
+use trilink_fit::simulate::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
 
 use super::super::output::{note, say, write_json};
 use super::super::results::{check_ending, write_table};
-use super::super::table::Table;
+use super::super::table::{Table, short};
 use super::super::terminal::Text;
 use super::super::{Context, Failure, Interrupted, Outcome};
 use super::{Simulate, models, table};
@@ -17,10 +17,8 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
     let Simulate { campaign, from_rest, trajectory, samples, format, .. } = command;
     for (option, is_given) in [
         ("--fitted", command.numbers.fitted),
-        ("--set", !command.numbers.set.is_empty()),
-        ("--sensitivities", command.sensitivities.sensitivities),
+        ("--monte-carlo", command.sensitivities.draws_at_random()),
         ("--page", command.page.is_some()),
-        ("--trajectory with --from-rest", trajectory.is_some() && *from_rest),
     ] {
         if is_given {
             let message = "is not available for robots that are chains, such as that of campaign";
@@ -34,12 +32,18 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
     let setups = models
         .iter()
         .filter_map(|model| ChainSetup::new(&context.config, campaign, model).transpose());
-    let setups: Vec<ChainSetup> = setups.collect::<Result<_, _>>()?;
+    let mut setups: Vec<ChainSetup> = setups.collect::<Result<_, _>>()?;
+    for setup in &mut setups {
+        command.numbers.set.iter().try_for_each(|setting| setup.set(setting))?;
+    }
     let omegas = command.omega.concat();
     let all: Vec<(&ChainSetup, f64)> = setups
         .iter()
         .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
         .collect();
+    if command.sensitivities.sensitivities {
+        return sensitivities(command, context, &all);
+    }
     let stage = context.progress.stage("simulate", all.len());
     let answers: Vec<ChainAnswer> = all
         .into_par_iter()
@@ -54,7 +58,7 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
     drop(stage);
     if let (Some(path), Some(setup)) = (trajectory, setups.first()) {
         let cycles = answers.iter().filter_map(|answer| {
-            let cycle = answer.setup.cycle(answer.omega_rad_s, *samples as usize).ok()?;
+            let cycle = answer.setup.sample_motion(answer, *from_rest, *samples as usize).ok()?;
             Some((answer.setup.model, answer.omega_rad_s, cycle))
         });
         let cycles: Vec<_> = cycles.collect();
@@ -66,7 +70,7 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
             ),
         };
         context.say(&format!("{}: {} samples{absent}", path.display(), table.len()));
-        write_table(path, table, &format!("{setups:?} {omegas:?} {samples}"))?;
+        write_table(path, table, &format!("{setups:?} {omegas:?} {from_rest} {samples}"))?;
     }
     if format.json {
         write_json(&answers)?;
@@ -81,6 +85,62 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
         }
     }
     Ok(Outcome::well_if(answers.iter().all(|answer| answer.motion.is_ok())))
+}
+
+/// Computes the sensitivities of the motions to all numbers of the chain, prints them, and writes the requested table.
+fn sensitivities(
+    command: &Simulate,
+    context: &Context,
+    all: &[(&ChainSetup, f64)],
+) -> Result<Outcome, Failure> {
+    let Simulate { campaign, sensitivities, format, .. } = command;
+    let files = &sensitivities.files;
+    if files.figure.is_some() {
+        return Err("--figure: is not available for robots that are chains".into());
+    }
+    files.check()?;
+    let mut outcome = Outcome::Well;
+    let mut motions: Vec<Vec<ChainSensitivity>> = Vec::new();
+    for (setup, omega_rad_s) in all {
+        match setup.sensitivities(*omega_rad_s) {
+            Ok(rows) => motions.push(rows),
+            Err(error) => {
+                note!("{campaign} {} at {omega_rad_s} rad/s: {error}", setup.model);
+                outcome = Outcome::NeedsAttention;
+            }
+        }
+    }
+    let rows = motions.concat();
+    files.write(context, &rows, &format!("{all:?}"), "rows")?;
+    if !format.rows(&rows) {
+        motions.iter().for_each(|rows| print_elasticities(rows));
+    }
+    Ok(outcome)
+}
+
+/// Prints the elasticities of the metrics of one motion, the number with the largest first.
+fn print_elasticities(rows: &[ChainSensitivity]) {
+    let Some(first) = rows.first() else { return };
+    say!(
+        "{} at {} rad/s: elasticities (relative change of a metric per relative change of a number)",
+        first.model,
+        first.omega_rad_s
+    );
+    let mut numbers: Vec<&[ChainSensitivity]> =
+        rows.chunk_by(|a, b| a.parameter == b.parameter).collect();
+    let size = |rows: &[ChainSensitivity]| {
+        let sizes = rows.iter().map(|row| row.elasticity.abs());
+        sizes.filter(|size| size.is_finite()).fold(0.0, f64::max)
+    };
+    numbers.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let mut table = Table::new(&numbers)
+        .left("number", |rows| rows[0].parameter.clone())
+        .right("value", |rows| short(rows[0].parameter_value));
+    for (i, row) in numbers[0].iter().enumerate() {
+        table = table
+            .right(&row.metric, |rows| known([rows[i].elasticity], |[number]| fixed(number, 4)));
+    }
+    table.print();
 }
 
 /// Returns which link has which number in the names of the columns.

@@ -24,7 +24,13 @@ pub(super) struct Sensitivities {
     #[arg(value_parser = clap::value_parser!(u32).range(1_000..=1_000_000))]
     monte_carlo: Option<u32>,
     #[command(flatten)]
-    files: Files,
+    pub files: Files,
+}
+
+impl Sensitivities {
+    pub(super) fn draws_at_random(&self) -> bool {
+        self.monte_carlo.is_some()
+    }
 }
 
 impl Simulate {

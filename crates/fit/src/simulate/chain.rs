@@ -5,13 +5,36 @@ use std::path::Path;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 use trilink_mechanics::{
-    ChainMotion, ChainProblem, ChainSample, FromRest, MotionError, MotionStatus, REFERENCE_ACCURACY,
+    ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest, MotionError, MotionStatus,
+    REFERENCE_ACCURACY,
 };
-use trilink_robot::{Chain, GRAVITY_M_S2, Joint, Laws, Model};
-use trilink_tables::config::Config;
-use trilink_tables::{Column, Columns, Table};
+use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
+use trilink_tables::config::{Config, did_you_mean};
+use trilink_tables::{Column, Columns, Table, rows};
 
+use super::trajectory::UNSETTLED_CYCLES;
 use super::{SetupError, keys_of, known_laws};
+
+rows! {
+    /// Sensitivity of a metric of a chain's motion to a number of the chain: row of the table that
+    /// `simulate --sensitivities` writes.
+    pub struct ChainSensitivity {
+        pub model: Model,
+        pub omega_rad_s: f64,
+        /// Name of the number, as in the option `--set` of `simulate`.
+        pub parameter: String,
+        /// Value of the number, in the unit that its name states.
+        pub parameter_value: f64,
+        /// Name of the metric, as in table columns.
+        pub metric: String,
+        /// Value of the metric, in the unit that the metric's name states.
+        pub metric_value: f64,
+        /// Derivative of the metric with respect to the number, in the unit of the metric per unit of the number.
+        pub derivative: f64,
+        /// Relative change in the metric per relative change in the number; missing if either value is zero.
+        pub elasticity: f64,
+    }
+}
 
 /// Chain and gait of a campaign with the friction laws of a model.
 #[derive(Debug, Clone)]
@@ -41,6 +64,91 @@ impl ChainSetup {
         let gait = toml::Table::try_from(config.chain_gait(&names.gait));
         let [parameters, gait] = [parameters, gait].map(|table| keys_of(&table.ok()));
         Ok(Some(Self { chain, laws, model, parameters: parameters?, gait: gait? }))
+    }
+
+    /// Applies a setting `NAME=VALUE` of a number of the chain, in the unit of its name.
+    ///
+    /// # Errors
+    /// Returns an error if the chain has no such number, or if the value is not one that it can have.
+    pub fn set(&mut self, setting: &str) -> Result<(), SetupError> {
+        let (name, value) = setting
+            .split_once('=')
+            .ok_or_else(|| format!("--set: found `{setting}`, needed NAME=VALUE"))?;
+        let names = self.chain.numbers().into_iter();
+        let names: Vec<(String, ChainNumber)> =
+            names.map(|number| (self.chain.number_name(number), number)).collect();
+        let Some((_, number)) = names.iter().find(|(known, _)| known == name) else {
+            let hint = did_you_mean(name, names.iter().map(|(known, _)| known.as_str()));
+            return Err(format!("--set {setting}: the robot has no number `{name}`{hint}").into());
+        };
+        let parsed: f64 = value
+            .parse()
+            .map_err(|_| format!("--set {setting}: found `{value}`, needed a number"))?;
+        if let Some(value) = self.chain.number_mut(*number) {
+            *value = parsed * number.in_si();
+        }
+        self.chain.check().map_err(|error| format!("--set {setting}: {error}"))?;
+        Ok(())
+    }
+
+    /// Returns the sensitivities of the motion at a frequency to all numbers of the chain: one row for each number on
+    /// which the motion depends and each metric.
+    ///
+    /// # Errors
+    /// Returns an error if the model has no periodic solution.
+    pub fn sensitivities(&self, omega_rad_s: f64) -> Result<Vec<ChainSensitivity>, MotionError> {
+        let problem = self.problem(omega_rad_s);
+        let numbers = self.chain.numbers();
+        let (motion, slopes) = problem.derivatives(REFERENCE_ACCURACY, &numbers)?;
+        let values = self.metrics(&motion.metrics, motion.work_j);
+        let mut rows = Vec::new();
+        for (number, slopes) in numbers.iter().zip(&slopes) {
+            let slopes = self.metrics(&slopes.metrics, slopes.work_j);
+            let in_si = number.in_si();
+            let si = self.chain.clone().number_mut(*number).copied().unwrap_or(f64::NAN);
+            if slopes.iter().all(|(_, slope)| *slope == 0.0) {
+                continue;
+            }
+            for ((metric, value), (_, slope)) in values.iter().zip(slopes) {
+                let elasticity = slope * si / value;
+                rows.push(ChainSensitivity {
+                    model: self.model,
+                    omega_rad_s,
+                    parameter: self.chain.number_name(*number),
+                    parameter_value: si / in_si,
+                    metric: metric.clone(),
+                    metric_value: *value,
+                    derivative: slope * in_si,
+                    elasticity: if si != 0.0 && elasticity.is_finite() {
+                        elasticity
+                    } else {
+                        f64::NAN
+                    },
+                });
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Returns the metrics that have a derivative, by the names of their columns.
+    fn metrics(&self, metrics: &ChainMetrics, work_j: f64) -> Vec<(String, f64)> {
+        let mut values = vec![
+            ("d_m".to_owned(), metrics.d_m),
+            ("v_m_s".to_owned(), metrics.v_m_s),
+            ("dtheta_rad".to_owned(), metrics.dtheta_rad),
+        ];
+        for (number, link) in self.chain.numbering().into_iter().enumerate() {
+            if self.laws.skids() && self.chain.links[link].wheel.is_some() {
+                values.push((format!("sigma{number}"), metrics.sigma[link]));
+            }
+        }
+        for (i, joint) in self.chain.joints.iter().enumerate() {
+            if matches!(joint, Joint::Free(_)) {
+                values.push((format!("alpha{}_rad", i + 1), metrics.alpha_rad[i]));
+            }
+        }
+        values.push(("work_j".to_owned(), work_j));
+        values
     }
 
     /// Returns the problem to solve at a frequency.
@@ -76,12 +184,23 @@ impl ChainSetup {
         ChainAnswer { setup: self, omega_rad_s, motion, from_rest, cycles_to_settle }
     }
 
-    /// Samples one steady-state cycle at `samples + 1` times.
+    /// Samples a motion at `samples` times per cycle: one steady-state cycle, or, if `from_rest`, all cycles from rest up
+    /// to the steady state and one more.
     ///
     /// # Errors
     /// Returns an error if the model has no periodic solution.
-    pub fn cycle(&self, omega_rad_s: f64, samples: usize) -> Result<Vec<ChainSample>, MotionError> {
-        self.problem(omega_rad_s).cycle(REFERENCE_ACCURACY, samples)
+    pub fn sample_motion(
+        &self,
+        answer: &ChainAnswer,
+        from_rest: bool,
+        samples: usize,
+    ) -> Result<Vec<ChainSample>, MotionError> {
+        let problem = self.problem(answer.omega_rad_s);
+        if !from_rest {
+            return problem.cycle(REFERENCE_ACCURACY, samples);
+        }
+        let cycles = answer.cycles_to_settle.map_or(UNSETTLED_CYCLES, |cycles| cycles + 1);
+        problem.cycles_from_rest(cycles, samples)
     }
 
     /// Returns the table of cycles of this chain with their models and frequencies. Columns number links as
@@ -178,7 +297,9 @@ impl ChainAnswer<'_> {
             }
         }
         let work_j = of(&|motion| motion.work_j);
-        let work_j_m = of(&|motion| if motion.metrics.d_m > 0.0 { work_j / motion.metrics.d_m } else { f64::NAN });
+        let work_j_m = of(&|motion| {
+            if motion.metrics.d_m > 0.0 { work_j / motion.metrics.d_m } else { f64::NAN }
+        });
         let mass_kg: f64 = chain.links.iter().map(|link| link.mass_kg).sum();
         numbers.extend([
             ("floquet".to_owned(), of(&|motion| motion.floquet.unwrap_or(f64::NAN))),

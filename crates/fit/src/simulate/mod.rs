@@ -23,7 +23,7 @@ use crate::bands::without_resample;
 use crate::{Alternatives, MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
-pub use chain::{Angles, ChainAnswer, ChainSetup};
+pub use chain::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};

@@ -8,7 +8,7 @@ use trilink_tables::TrajectoryRow;
 use super::Answer;
 
 /// Number of cycles to simulate from rest if the motion does not reach a steady state.
-const UNSETTLED_CYCLES: usize = 50;
+pub(super) const UNSETTLED_CYCLES: usize = 50;
 
 /// Samples a motion: one steady-state cycle, or, if `from_rest`, all cycles from rest up to the steady state and one
 /// more.

@@ -1,18 +1,17 @@
 //! Equations of motion of a chain of clusters: force balance with its Jacobian, by recursion along the tree of clusters.
 //!
-//! All vectors are along the axes of the reference link. With `R` the rotation of cluster c, `W` its turning rate and
-//! `A` the acceleration of its origin, the points of the cluster and of those that hang on it contribute to d'Alembert's
-//! principle, besides `A` times their mass, the force `g = carried(moment)` ([`Moving::carried`]); its rotation is
-//! balanced by the torque
+//! All vectors are along the axes of the reference link. By d'Alembert's principle, the inertia force of a cluster is `m A
+//! + g`, with the acceleration `A` of its origin, the mass `m` of it and of all clusters that hang on it, and `g =
+//! carried(moment)` ([`Moving::carried`]). The torque about its origin is
 //!
 //! ```text
 //! M x A + J W' + 2 D W + K + sum over children Q x G
 //! ```
 //!
-//! with the first moment M, the moment of inertia J, half its rate D and the spin K of [`ClusterNode`], the place Q of
-//! a child's joint and the sum G of `g` over all clusters beyond that joint. In these terms the forces and their
-//! derivatives with respect to the velocity of the reference link and the turning rates of all clusters are products of
-//! two vectors; sums over the clusters beyond each joint convert them to joint rates.
+//! with the turning rate W, the first moment M, the moment of inertia J, half its rate D and the spin K of
+//! [`ClusterNode`], the place Q of a child's joint, and the sum G of `g` over all clusters beyond that joint. In these
+//! terms the derivatives with respect to the velocity of the reference link and the turning rates of all clusters are
+//! inner products or moments of two vectors; sums over the clusters beyond each joint convert them to joint rates.
 
 use trilink_robot::{Dry, Friction, MAX_LINKS, Number, WheelFriction};
 
@@ -53,10 +52,6 @@ pub(crate) struct Balance<T, const C: usize, const D: usize> {
     pub dforce_dvelocity: [[T; D]; D],
     /// `dforce_dphi[c][i]`: derivative of force i with respect to the angle of the free joint of cluster c.
     pub dforce_dphi: [[T; D]; C],
-    /// Accelerations of the clusters' origins, m/s^2.
-    pub acceleration: [Vector<T>; C],
-    /// Derivatives of [`Balance::acceleration`], relative to the parent, with respect to the parent's turning rate.
-    pub dacceleration_drate: [Vector<T>; C],
 }
 
 /// Chain of `C` clusters: its equations of motion.
@@ -92,10 +87,10 @@ impl<const C: usize> System<C> {
         std::iter::successors(parent(c), move |[above, _]| parent(*above))
     }
 
-    /// Returns whether cluster `c` is `joint` or hangs on it.
+    /// Returns whether cluster `c` is cluster `b` or hangs on it.
     #[inline(always)]
-    pub(super) fn is_beyond(&self, joint: usize, c: usize) -> bool {
-        self.path(c).any(|[_, own]| own == joint)
+    pub(super) fn is_beyond(&self, b: usize, c: usize) -> bool {
+        self.path(c).any(|[_, own]| own == b)
     }
 
     #[inline(always)]
@@ -181,7 +176,7 @@ impl<const C: usize> System<C> {
         resistances
     }
 
-    /// Returns the power dissipated by the linear resistance of a cluster of one link, W.
+    /// Returns the power dissipated by drag on a cluster without commanded motion, W.
     pub(super) fn drag_loss_w(
         &self,
         c: usize,
@@ -211,17 +206,12 @@ impl<const C: usize> System<C> {
             mass: [[zero; D]; D],
             dforce_dvelocity: [[zero; D]; D],
             dforce_dphi: [[zero; D]; C],
-            acceleration: [[acceleration[0] - r * v, acceleration[1] + r * u]; C],
-            dacceleration_drate: [[zero; 2]; C],
         };
-        let Balance {
-            force,
-            mass,
-            dforce_dvelocity: slopes,
-            dforce_dphi,
-            acceleration: origins,
-            dacceleration_drate: dhung,
-        } = &mut balance;
+        // Accelerations of the clusters' origins, and their derivatives, relative to the parent, with respect to the
+        // parent's turning rate.
+        let mut origins = [[acceleration[0] - r * v, acceleration[1] + r * u]; C];
+        let mut dhung = [[zero; 2]; C];
+        let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = &mut balance;
         let total = T::splat(self.clusters.all[0].mass_beyond_kg);
         mass[0][0] = total;
         mass[1][1] = total;
@@ -302,7 +292,7 @@ impl<const C: usize> System<C> {
             }
         }
         self.by_joints(&mut balance);
-        let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi, .. } = &mut balance;
+        let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = &mut balance;
         // The rotation of the reference link accelerates all masses alike.
         for i in 0..D {
             let [along, across] = [mass[i][0], mass[i][1]];
@@ -370,20 +360,15 @@ impl<const C: usize> System<C> {
     /// and the rates of the free joints.
     #[inline(always)]
     fn by_joints<T: Number, const D: usize>(&self, balance: &mut Balance<T, C, D>) {
-        let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi, .. } = balance;
+        let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = balance;
         for c in (1..C).rev() {
             let cluster = &self.clusters.all[c];
             let [own, above] = [2 + c, 2 + cluster.parent];
             let sign = T::splat(cluster.sign);
-            let fold = |values: &mut [T; D]| {
-                let value = values[own];
-                values[above] += value;
-                values[own] = sign * value;
-            };
-            fold(force);
-            dforce_dphi.iter_mut().for_each(fold);
+            self.fold(c, force);
+            dforce_dphi.iter_mut().for_each(|column| self.fold(c, column));
             for matrix in [&mut *mass, &mut *slopes] {
-                matrix.iter_mut().for_each(fold);
+                matrix.iter_mut().for_each(|row| self.fold(c, row));
                 for j in 0..D {
                     let value = matrix[own][j];
                     matrix[above][j] += value;
@@ -395,6 +380,16 @@ impl<const C: usize> System<C> {
             let sign = T::splat(self.clusters.all[c].sign);
             dforce_dphi[c].iter_mut().for_each(|force| *force = sign * *force);
         }
+    }
+
+    /// Converts the entry of a row from the turning rate of cluster `c` to the rate of its free joint, after those of all
+    /// clusters that hang on it.
+    #[inline(always)]
+    fn fold<T: Number, const D: usize>(&self, c: usize, row: &mut [T; D]) {
+        let cluster = &self.clusters.all[c];
+        let value = row[2 + c];
+        row[2 + cluster.parent] += value;
+        row[2 + c] = T::splat(cluster.sign) * value;
     }
 
     /// Returns, for a wheel, the row whose product with the velocities is its skid velocity (without that of the
@@ -410,12 +405,7 @@ impl<const C: usize> System<C> {
         let [x, y] = axle;
         let mut row = [T::splat(0.0); D];
         self.spread_force(cluster, posture, &[x, y, moment(state.place, axle)], &mut row);
-        for c in (1..C).rev() {
-            let one = &self.clusters.all[c];
-            let value = row[2 + c];
-            row[2 + one.parent] += value;
-            row[2 + c] = T::splat(one.sign) * value;
-        }
+        (1..C).rev().for_each(|c| self.fold(c, &mut row));
         row
     }
 }

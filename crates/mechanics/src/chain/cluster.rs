@@ -219,7 +219,7 @@ impl Clusters {
         Self { chain, omega_rad_s, all, is_linear }
     }
 
-    /// Returns the sums of the first `C` clusters, of which there must be as many, at a phase.
+    /// Returns the sums of all clusters, of which there must be `C`, at a phase.
     #[inline(always)]
     pub(super) fn nodes<T: Number, const C: usize>(&self, phase_rad: T) -> [ClusterNode<T>; C] {
         let zero = T::splat(0.0);

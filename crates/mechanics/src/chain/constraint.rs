@@ -14,6 +14,7 @@ use super::cluster::Clusters;
 use super::plane::{inner, normal, scaled, sum};
 use crate::chain::ChainProblem;
 use crate::reduced::Residual;
+use crate::{MotionError, Result};
 
 /// Constraints of the wheels of a chain with `D` velocities.
 #[derive(Debug, Clone)]
@@ -27,15 +28,15 @@ pub(super) struct Constraints<const D: usize> {
     order: Vec<usize>,
 }
 
-/// Square matrix, the product of a unit lower triangular matrix and one whose rows are orthogonal.
-struct Triangular<T, const N: usize> {
+/// Square matrix as the product of a unit lower triangular matrix and one whose rows are orthogonal.
+struct RowOrthogonal<T, const N: usize> {
     lower: [[T; N]; N],
     rows: [[T; N]; N],
     /// Reciprocals of the squared lengths of the rows.
     per_square: [T; N],
 }
 
-impl<T: Number, const N: usize> Triangular<T, N> {
+impl<T: Number, const N: usize> RowOrthogonal<T, N> {
     /// Factors a matrix by the modified Gram-Schmidt method.
     #[inline(always)]
     fn new(mut rows: [[T; N]; N]) -> Self {
@@ -83,8 +84,12 @@ fn product<T: Number, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
 
 impl<const D: usize> Constraints<D> {
     /// Chooses the rows `E` at the mean shape, in which all commands are at their means. If the chain is straight there,
-    /// the first row is the velocity along it.
-    pub(super) fn new<const C: usize>(problem: &ChainProblem) -> Self {
+    /// the first row is the velocity along it. Far from this shape `A` can be singular although `W` is not.
+    ///
+    /// # Errors
+    /// Returns an error if the constraints depend on each other in the mean shape.
+    pub(super) fn new<const C: usize>(problem: &ChainProblem) -> Result<Self> {
+        const DEPENDENT: f64 = 1e-9;
         const STRAIGHT: f64 = 1e-12;
         let mean = problem.chain.at_mean_shape();
         let length_m = mean.skid_length_m;
@@ -106,6 +111,13 @@ impl<const D: usize> Constraints<D> {
             }
         }
         let constraints = matrix.rows(0, count).into_owned();
+        // Where the constraints alone determine the motion, single shapes may be singular.
+        if count > 0 && (C > 1 || count < D) {
+            let sizes = constraints.singular_values();
+            if sizes.min() <= DEPENDENT * sizes.max() {
+                return Err(MotionError::Dependent);
+            }
+        }
         let mut speeds = Vec::new();
         if count < D && (0..count).all(|i| matrix[(i, 0)].abs() < STRAIGHT) {
             matrix[(count, 0)] = 1.0;
@@ -132,10 +144,10 @@ impl<const D: usize> Constraints<D> {
         for speed in &mut speeds {
             speed[2..].iter_mut().for_each(|entry| *entry *= length_m);
         }
-        Self { count, speeds, order }
+        Ok(Self { count, speeds, order })
     }
 
-    /// Returns the wheels along the axes of the reference link, and the factored matrix `A`.
+    /// Returns the wheels along the axes of the reference link, and the rows of `A`.
     #[inline(always)]
     fn matrix<T: Number, const C: usize>(
         &self,
@@ -158,7 +170,18 @@ impl<const D: usize> Constraints<D> {
         (wheels, rows)
     }
 
-    /// Returns the velocities at which no wheel skids and those along the null space vanish, given the posture at rest.
+    /// Returns the determinant of the matrix `A`.
+    pub(super) fn determinant<const C: usize>(
+        &self,
+        system: &System<C>,
+        node: &Node<f64, C>,
+        posture: &Posture<f64, C>,
+    ) -> f64 {
+        let (_, rows) = self.matrix(system, node, posture);
+        DMatrix::from_fn(D, D, |i, j| rows[i][j]).determinant()
+    }
+
+    /// Returns the velocities for which `W w = -b` and `E w = 0`, given the posture at rest.
     pub(super) fn rest_velocities<const C: usize>(
         &self,
         system: &System<C>,
@@ -167,23 +190,18 @@ impl<const D: usize> Constraints<D> {
     ) -> [f64; D] {
         let (wheels, rows) = self.matrix(system, node, posture);
         let right = std::array::from_fn(|i| if i < self.count { -wheels[i].skid_m_s } else { 0.0 });
-        Triangular::new(rows).solve(right)
-    }
-
-    /// Returns the skid velocities of the wheels, m/s; zero beyond their number.
-    pub(super) fn skid_m_s<const C: usize>(
-        &self,
-        system: &System<C>,
-        node: &Node<f64, C>,
-        posture: &Posture<f64, C>,
-    ) -> [f64; D] {
-        let (wheels, _) = self.matrix(system, node, posture);
-        std::array::from_fn(|i| if i < self.count { wheels[i].skid_m_s } else { 0.0 })
+        RowOrthogonal::new(rows).solve(right)
     }
 
     /// Returns the index of the constraint that is row `row` of the residual; `None` if the row is one of motion.
     pub(super) fn constraint(&self, row: usize) -> Option<usize> {
         self.order[row].checked_sub(self.speeds.len())
+    }
+
+    /// Returns the row of the residual that is the first equation of motion; `None` if there is none.
+    pub(super) fn row_of_motion(&self) -> Option<usize> {
+        let equations = (!self.speeds.is_empty()).then_some(&self.order)?;
+        equations.iter().position(|equation| *equation == 0)
     }
 
     /// Replaces the first `D` rows of a residual by the equations of motion along the null space, and the constraints.
@@ -199,7 +217,7 @@ impl<const D: usize> Constraints<D> {
         let zero = T::splat(0.0);
         let one = T::splat(1.0);
         let (wheels, rows) = self.matrix(system, node, posture);
-        let matrix = Triangular::new(rows);
+        let matrix = RowOrthogonal::new(rows);
         // Constraint forces, then the forces along the null space.
         let supplied = matrix.solve_transposed(&balance.force);
         for (row, &equation) in self.order.iter().enumerate() {

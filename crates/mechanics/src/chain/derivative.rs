@@ -3,25 +3,25 @@
 //! A change in a number changes the steady motion by the solution of the linearised periodic problem, whose matrix is
 //! that of Newton's method. Its right-hand side is the derivative of the residuals with respect to the number at
 //! constant states; the derivative of the metrics follows along the change in the motion. Both are central differences
-//! of formulas, without an iteration, and good to about ten digits.
+//! of explicit expressions at fixed states, good to about ten digits; nothing is solved again.
 
-use trilink_robot::ChainNumber;
+use trilink_robot::{ChainError, ChainNumber};
 
 use super::model::Model;
 use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of};
+use crate::Result;
 use crate::cycle::{Cycle, measure};
 use crate::element::Linearisation;
 use crate::method::Collocation;
 use crate::orbit::PeriodicOrbit;
 use crate::path::Path;
-use crate::{MotionError, Result};
 
 /// Derivatives of a chain's motion, per unit of a number.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainSlopes {
     /// Of the metrics.
     pub metrics: ChainMetrics,
-    /// Of the work of the actuators over a cycle, J.
+    /// Of the work of the actuators over a cycle, J: that of the loss, which is equal.
     pub work_j: f64,
 }
 
@@ -78,11 +78,13 @@ impl Differentiate<'_> {
     ) -> Result<ChainSlopes> {
         let mut problem = self.problem.clone();
         let Some(value) = problem.chain.number_mut(number).copied() else {
-            return Err(MotionError::Unsolved);
+            return Err(ChainError::NoNumber(number.key()).into());
         };
         let step = step_of(value, &problem, number);
         let mut at = |value: f64| {
-            problem.chain.number_mut(number).into_iter().for_each(|number| *number = value);
+            if let Some(number) = problem.chain.number_mut(number) {
+                *number = value;
+            }
             model.with_problem(problem.effective())
         };
         let models = [at(value - step), at(value + step)];
@@ -105,20 +107,22 @@ impl Differentiate<'_> {
     }
 }
 
-/// Returns the step of the central differences for a number with the given value. Equations and metrics are smooth in
-/// all numbers, over the number itself for those that are scales, otherwise over the robot's size or a radian.
+/// Returns the step of the central differences for a number with the given value: relative to the robot's size for places,
+/// to at least a tenth of a radian for angles, and to the number itself or, if it is zero, to the size that it would have
+/// if it were to matter for all others.
 fn step_of(value: f64, problem: &ChainProblem, number: ChainNumber) -> f64 {
     use trilink_robot::LinkNumber as L;
     const RELATIVE: f64 = 2e-5;
+    let ChainProblem { chain, omega_rad_s, .. } = problem;
+    let length_m = chain.skid_length_m;
+    let mass_kg: f64 = chain.links.iter().map(|link| link.mass_kg).sum();
+    let frequency = omega_rad_s.powi(number.power_of_omega());
     let scale = match number {
-        ChainNumber::Link(_, L::FrontJoint | L::RearJoint | L::Com | L::WheelPlace) => {
-            problem.chain.skid_length_m
-        }
-        ChainNumber::Link(_, L::WheelSteer | L::Rotor(_)) | ChainNumber::Joint(..) => {
-            value.abs().max(0.1)
-        }
-        _ if value == 0.0 => 1.0,
-        _ => value.abs(),
+        ChainNumber::Link(_, L::FrontJoint | L::RearJoint | L::Com | L::WheelPlace) => length_m,
+        _ if number.key().ends_with("_deg") => value.abs().max(0.1),
+        _ if value != 0.0 => value.abs(),
+        ChainNumber::Joint(..) => mass_kg * length_m.powi(2) * frequency,
+        _ => mass_kg * frequency,
     };
     RELATIVE * scale
 }

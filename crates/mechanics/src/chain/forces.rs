@@ -118,7 +118,7 @@ impl Motion {
             .map(|(state, (cluster, _))| system.skid_row(&posture, state, *cluster))
             .collect();
         let mut lateral = vec![0.0; count];
-        if !laws.skids() {
+        if !laws.skids() && count > 0 {
             // Rows without an actuator; the others stay zero.
             let free = (0..D).filter(|row| !is_driven[*row]);
             let mut columns = DMatrix::<f64>::zeros(D, count);
@@ -134,24 +134,14 @@ impl Motion {
             let constraints = (0..count).map(|i| rows[i][2 + c] * lateral[i]);
             torque_nm[joint_of(c)] = supplied[2 + c] - constraints.sum::<f64>();
         }
-        // Constraints do no work, so the driven joints supply what is left, even where constraint forces are unbounded.
+        // Constraints do no work, so the driven joints supply what springs and torques do not.
         let [u, v, turning] = self.body;
         let of_body = supplied[0] * u + supplied[1] * v + supplied[2] * turning;
         let of_joints = (1..L).map(|c| {
             let [_, rate, _] = self.joints[joint_of(c)];
             (supplied[2 + c] - own_torques[2 + c]) * rate
         });
-        power_w += if lateral.iter().all(|force| force.is_finite()) {
-            (1..L)
-                .filter(|c| is_driven[2 + c])
-                .map(|c| {
-                    let joint = joint_of(c);
-                    torque_nm[joint] * self.joints[joint][1]
-                })
-                .sum::<f64>()
-        } else {
-            of_body + of_joints.sum::<f64>()
-        };
+        power_w += of_body + of_joints.sum::<f64>();
         let missing = vec![f64::NAN; chain.links.len()];
         let mut sample = ChainSample {
             time_s: 0.0,
@@ -185,8 +175,8 @@ impl Motion {
                 let rate = omega_rad_s * rotor.angle.derivative(1, self.phase_rad);
                 let relative = omega_rad_s.powi(2) * rotor.angle.derivative(2, self.phase_rad);
                 let turning = (1..L)
-                    .filter(|joint| system.is_beyond(*joint, c))
-                    .map(|joint| system.clusters.all[joint].sign * accelerations[joint])
+                    .filter(|b| system.is_beyond(*b, c))
+                    .map(|b| system.clusters.all[b].sign * accelerations[b])
                     .sum::<f64>();
                 power_w += rotor.inertia_kg_m2 * (self.dbody[2] + turning + relative) * rate;
             }

@@ -1,7 +1,7 @@
 //! Motions of chains of two to eight links.
 //!
 //! In reading order: `plane`, vectors and moving points; `cluster`, the links between which all joints are driven;
-//! `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states; `forces`; `derivative`.
+//! `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states; `response`, their initial guess; `forces`; `derivative`.
 
 mod balance;
 mod cluster;
@@ -10,11 +10,12 @@ mod derivative;
 mod forces;
 mod model;
 mod plane;
+mod response;
 
 use std::f64::consts::TAU;
 
 use trilink_robot::metrics::MotionStatus;
-use trilink_robot::{Chain, ChainNumber, Joint, Laws};
+use trilink_robot::{Chain, ChainError, ChainNumber, Joint, Laws, WheelFriction};
 
 pub use derivative::ChainSlopes;
 pub use forces::ChainSample;
@@ -107,6 +108,11 @@ struct Sampled {
     samples: usize,
 }
 
+struct FromRest {
+    cycles: usize,
+    samples: usize,
+}
+
 impl Task for Solve {
     type Output = ChainMotion;
 
@@ -161,6 +167,17 @@ impl Task for Sampled {
         let mut method = Collocation { model, orbit: &mut orbit };
         method.find(false, self.accuracy)?;
         trajectory::cycle(&method.model, &method.orbit.mesh, self.samples)
+    }
+}
+
+impl Task for FromRest {
+    type Output = Vec<ChainSample>;
+
+    fn run<const N: usize, const C: usize, const D: usize>(
+        self,
+        model: Model<N, C, D>,
+    ) -> Result<Vec<ChainSample>> {
+        trajectory::from_rest(&model, self.cycles, self.samples)
     }
 }
 
@@ -239,6 +256,14 @@ impl ChainProblem {
         self.with(Sampled { accuracy, samples })
     }
 
+    /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the end.
+    ///
+    /// # Errors
+    /// Returns an error if the description of the chain is wrong, or if the motion cannot be integrated.
+    pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<ChainSample>> {
+        self.with(FromRest { cycles, samples })
+    }
+
     /// Solves for the steady-state motion as [`ChainProblem::solve`] does, and for its derivatives with respect to numbers
     /// of the chain, in SI units.
     ///
@@ -257,49 +282,61 @@ impl ChainProblem {
         !self.laws.skids() && self.chain.free_joints() == 0 && self.chain.wheels() >= 3
     }
 
-    fn with_transition_scaled(&self, factor: f64) -> Self {
+    /// Returns the problem with changed friction coefficients of the wheels.
+    fn with_friction(&self, change: impl Fn(WheelFriction) -> WheelFriction) -> Self {
         let mut problem = self.clone();
-        let wheels = problem.chain.links.iter_mut().filter_map(|link| link.wheel.as_mut());
-        wheels.for_each(|wheel| wheel.friction.transition_m_s *= factor);
+        for wheel in problem.chain.links.iter_mut().filter_map(|link| link.wheel.as_mut()) {
+            wheel.friction = change(wheel.friction);
+        }
         problem
     }
 
+    fn with_transition_scaled(&self, factor: f64) -> Self {
+        self.with_friction(|wheel| WheelFriction {
+            transition_m_s: factor * wheel.transition_m_s,
+            ..wheel
+        })
+    }
+
     fn with_friction_scaled(&self, factor: f64) -> Self {
-        let mut problem = self.clone();
-        let wheels = problem.chain.links.iter_mut().filter_map(|link| link.wheel.as_mut());
-        wheels.for_each(|wheel| wheel.friction = wheel.friction.scaled(factor));
-        problem
+        self.with_friction(|wheel| wheel.scaled(factor))
     }
 
     /// Returns the problem with the coefficients that its friction laws do not use set to zero.
     fn effective(&self) -> Self {
-        let mut problem = self.clone();
-        let wheels = problem.chain.links.iter_mut().filter_map(|link| link.wheel.as_mut());
-        wheels.for_each(|wheel| wheel.friction = wheel.friction.effective(self.laws));
-        problem
+        self.with_friction(|wheel| wheel.effective(self.laws))
     }
 
     /// Runs a task with the equations of motion for the numbers of free joints and wheels.
     fn with<T: Task>(&self, task: T) -> Result<T::Output> {
-        self.chain.check().map_err(MotionError::Chain)?;
+        self.chain.check()?;
+        if !(self.omega_rad_s > 0.0 && self.omega_rad_s.is_finite()) {
+            return Err(ChainError::Frequency(self.omega_rad_s.to_string()).into());
+        }
         if !self.chain.is_driven() {
             return Err(MotionError::NotDriven);
         }
         let problem = self.effective();
+        if self.laws.skids() && !problem.chain.is_resisted() {
+            return Err(MotionError::NotResisted);
+        }
         let free = problem.chain.free_joints();
         let wheels = problem.chain.wheels();
         if !self.laws.skids() && wheels > 3 + free {
             return Err(MotionError::Overconstrained { wheels, velocities: 3 + free });
         }
         match free {
-            0 => task.run::<3, 1, 3>(Model::new(problem)),
-            1 => task.run::<5, 2, 4>(Model::new(problem)),
-            2 => task.run::<7, 3, 5>(Model::new(problem)),
-            3 => task.run::<9, 4, 6>(Model::new(problem)),
-            4 => task.run::<11, 5, 7>(Model::new(problem)),
-            5 => task.run::<13, 6, 8>(Model::new(problem)),
-            6 => task.run::<15, 7, 9>(Model::new(problem)),
-            _ => task.run::<17, 8, 10>(Model::new(problem)),
+            0 => {
+                let model = Model::<3, 1, 3>::new(problem);
+                task.run(model.and_then(|model| model.check_bounded().map(|()| model))?)
+            }
+            1 => task.run::<5, 2, 4>(Model::new(problem)?),
+            2 => task.run::<7, 3, 5>(Model::new(problem)?),
+            3 => task.run::<9, 4, 6>(Model::new(problem)?),
+            4 => task.run::<11, 5, 7>(Model::new(problem)?),
+            5 => task.run::<13, 6, 8>(Model::new(problem)?),
+            6 => task.run::<15, 7, 9>(Model::new(problem)?),
+            _ => task.run::<17, 8, 10>(Model::new(problem)?),
         }
     }
 }

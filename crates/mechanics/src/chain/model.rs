@@ -1,4 +1,7 @@
-//! Equations of motion of a chain in minimal states.
+//! Equations of motion of a chain: ordinary differential equations in minimal states or, where wheels cannot skid, a
+//! system with algebraic equations of index 1.
+
+use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 use trilink_robot::{Joint, MAX_LINKS, Number, Pose};
@@ -8,7 +11,10 @@ use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
 use super::constraint::Constraints;
 use super::forces::{ChainSample, Motion};
+use super::response::Response;
+use crate::radau::bisect;
 use crate::reduced::{MAX_TRACKED, Reduced, Residual};
+use crate::{MotionError, Result};
 
 /// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then the
 /// rates and then the angles of the free joints, in the order of the clusters: `N` = 2 `C` + 1 states for `C` clusters
@@ -22,9 +28,13 @@ pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
 
 impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     /// Creates the equations for a problem whose unused coefficients are zero.
-    pub(super) fn new(problem: ChainProblem) -> Self {
-        let constraints = (!problem.laws.skids()).then(|| Constraints::new::<C>(&problem));
-        Self::with_constraints(problem, constraints)
+    ///
+    /// # Errors
+    /// Returns an error if the constraints of the wheels depend on each other.
+    pub(super) fn new(problem: ChainProblem) -> Result<Self> {
+        let constraints =
+            (!problem.laws.skids()).then(|| Constraints::new::<C>(&problem)).transpose()?;
+        Ok(Self::with_constraints(problem, constraints))
     }
 
     fn with_constraints(problem: ChainProblem, constraints: Option<Constraints<D>>) -> Self {
@@ -34,9 +44,60 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         Self { problem, system: System::new(clusters), constraints }
     }
 
+    /// Returns the row of the residual that is the equation of motion along the reference link or, where wheels cannot skid,
+    /// along the first direction in which the chain can move; `None` if it cannot.
+    pub(super) fn forward_row(&self) -> Option<usize> {
+        match &self.constraints {
+            None => Some(0),
+            Some(constraints) => constraints.row_of_motion(),
+        }
+    }
+
     /// Returns the same equations for another problem, whose chain has the same joints and wheels.
     pub(super) fn with_problem(&self, problem: ChainProblem) -> Self {
         Self::with_constraints(problem, self.constraints.clone())
+    }
+
+    /// Checks that velocities are bounded at all phases if no joint is free and there are as many constraints as
+    /// velocities. Where the constraints depend on each other, the velocities are bounded if the commands meet a condition
+    /// (eq. 5 of the paper); otherwise they grow with the reciprocal of the distance in phase.
+    pub(super) fn check_bounded(&self) -> Result<()> {
+        const PHASES: u32 = 720;
+        const BISECTIONS: usize = 30;
+        const NEAR_RAD: [f64; 2] = [1e-2, 1e-4];
+        const MAX_GROWTH: f64 = 10.0;
+        const DEPENDENT: f64 = 1e-9;
+        let Some(constraints) = self.constraints.as_ref().filter(|_| C == 1) else { return Ok(()) };
+        if self.system.wheels.len() < D {
+            return Ok(());
+        }
+        let at_rest = |phase_rad: f64| {
+            let node = self.node(phase_rad);
+            (node, self.kinematics(&node, &[0.0; N]))
+        };
+        let determinant = |phase_rad: f64| {
+            let (node, posture) = at_rest(phase_rad);
+            constraints.determinant(&self.system, &node, &posture)
+        };
+        let phases_rad = (0..=PHASES).map(|i| TAU * (f64::from(i) + 0.5) / f64::from(PHASES));
+        let known: Vec<(f64, f64)> =
+            phases_rad.map(|phase_rad| (phase_rad, determinant(phase_rad))).collect();
+        let largest = known.iter().fold(0.0_f64, |largest, (_, size)| largest.max(size.abs()));
+        if largest <= DEPENDENT * self.problem.chain.skid_length_m {
+            return Err(MotionError::Dependent);
+        }
+        for pair in known.windows(2).filter(|pair| pair[0].1 * pair[1].1 <= 0.0) {
+            let phase_rad = bisect(determinant, pair[0].0, pair[1].0, BISECTIONS);
+            let [far, near] = NEAR_RAD.map(|near_rad| {
+                let (node, posture) = at_rest(phase_rad + near_rad);
+                let velocities = constraints.rest_velocities(&self.system, &node, &posture);
+                velocities.into_iter().fold(0.0_f64, |largest, one| largest.max(one.abs()))
+            });
+            if near > MAX_GROWTH * far {
+                return Err(MotionError::Unbounded { phase_rad });
+            }
+        }
+        Ok(())
     }
 
     #[inline(always)]
@@ -110,6 +171,12 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
 
     fn with_friction_scaled(&self, factor: f64) -> Self {
         self.with_problem(self.problem.with_friction_scaled(factor))
+    }
+
+    fn guess(&self) -> impl Fn(f64) -> [f64; N] {
+        let rest = self.at_rest();
+        let response = (C > 1).then(|| Response::find(self)).flatten();
+        move |phase_rad| response.as_ref().map_or(rest, |response| response.at(phase_rad))
     }
 
     #[inline(always)]
@@ -230,8 +297,9 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
                 for c in 1..C {
                     moved[D + c - 1] += sign * step_s * y[2 + c];
                 }
-                let node = self.node(phase_rad + sign * STEP_RAD);
-                constraints.skid_m_s(&self.system, &node, &self.kinematics(&node, &moved))
+                let phase_rad = phase_rad + sign * STEP_RAD;
+                let node = self.node(phase_rad);
+                self.skid_m_s(phase_rad, &self.kinematics(&node, &moved))
             });
             for row in 0..D {
                 if let Some(i) = constraints.constraint(row) {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
-use trilink_mechanics::{ChainProblem, FORCES_ACCURACY, Problem, REFERENCE_ACCURACY};
+use trilink_mechanics::{ChainProblem, FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY};
 use trilink_robot::{
     Chain, ChainNumber, Drag, FreeJoint, Gait, Joint, JointCommand, Laws, Link, Robot, RollLaw,
     Rotor, SkidLaw, TorqueCommand, Wheel, WheelFriction,
@@ -102,6 +102,31 @@ fn reference_motions_of_chains_agree_to_1e_6() {
     }
 }
 
+/// The transient from rest settles into the steady motion, and both are sampled alike.
+#[test]
+fn transients_of_chains_settle_into_the_steady_motion() {
+    let text = include_str!("../fixtures/chains.json");
+    let cases: BTreeMap<String, Value> = serde_json::from_str(text).unwrap();
+    for name in ["four-one-spring", "four-no-skid-two-springs", "three-elastic"] {
+        let case = &cases[name];
+        let laws = if case["can_skid"] == true { Laws::SKID_ROLL } else { Laws::NO_SKID_ROLL };
+        let problem = ChainProblem { chain: chain(case), laws, omega_rad_s: 3.9 };
+        let steady = problem.cycle(REFERENCE_ACCURACY, 24).unwrap();
+        let reached = problem.cycles_from_rest(40, 24).unwrap();
+        for (steady, reached) in steady.iter().zip(&reached[39 * 24..]) {
+            let pairs = [
+                (steady.body[0], reached.body[0]),
+                (steady.phi_rad[1], reached.phi_rad[1]),
+                (steady.torque_nm[0], reached.torque_nm[0]),
+                (steady.power_w, reached.power_w),
+            ];
+            for (steady, reached) in pairs {
+                assert!((steady - reached).abs() < 1e-5, "{name}: {pairs:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_three_link_robot_is_a_chain() {
     let gaits = [Gait::symmetric(), Gait::skewed(), Gait::passive_symmetric()];
@@ -110,10 +135,13 @@ fn the_three_link_robot_is_a_chain() {
     {
         for laws in [Laws::SKID_ROLL, Laws::COULOMB, Laws::NO_SKID_ROLL] {
             let problem = Problem { robot: robot.clone(), gait, laws, omega_rad_s: 3.9 };
-            let Ok(known) = problem.solve(REFERENCE_ACCURACY) else { continue };
+            let known = problem.solve(REFERENCE_ACCURACY);
             let chain = robot.chain(&gait);
-            let found =
-                ChainProblem { chain, laws, omega_rad_s: 3.9 }.solve(REFERENCE_ACCURACY).unwrap();
+            let found = ChainProblem { chain, laws, omega_rad_s: 3.9 }.solve(REFERENCE_ACCURACY);
+            let (Ok(known), Ok(found)) = (&known, &found) else {
+                assert!(known.is_err() && found.is_err(), "{known:?}, {found:?}");
+                continue;
+            };
             let [middle, front, rear] = known.metrics.sigma;
             let pairs = [
                 (found.metrics.d_m, known.metrics.d_m),
@@ -371,4 +399,57 @@ fn derivatives_by_every_number_agree_with_differences() {
         }
     }
     assert!(compared > 250, "{compared}");
+}
+
+#[test]
+fn chains_without_a_steady_motion_are_named() {
+    let driven = Joint::Driven(JointCommand::new(0.0, 0.4, 0.0));
+    let car = twistcar(0.1, 0.1, 0.01, driven);
+    let solve = |chain: Chain, laws: Laws| {
+        let problem = ChainProblem { chain, laws, omega_rad_s: 3.0 };
+        problem.solve(REFERENCE_ACCURACY).map(|motion| motion.metrics.d_m)
+    };
+    let with = |change: &dyn Fn(&mut Chain)| {
+        let mut chain = car.clone();
+        change(&mut chain);
+        chain
+    };
+    let no_wheels = with(&|chain| chain.links.iter_mut().for_each(|link| link.wheel = None));
+    assert!(matches!(solve(no_wheels.clone(), Laws::SKID_ROLL), Err(MotionError::NotResisted)));
+    // Without wheels there is nothing that cannot skid; drag alone resists.
+    let mut dragged = no_wheels.clone();
+    dragged.links[1].drag = Drag { along_kg_s: 0.1, across_kg_s: 2.0, turning_nm_s_rad: 0.01 };
+    let [constrained, free] =
+        [Laws::NO_SKID_ROLL, Laws::SKID_ROLL].map(|laws| solve(dragged.clone(), laws).unwrap());
+    assert!((constrained - free).abs() < 1e-9, "{constrained} {free}");
+
+    let still = with(&|chain| *chain.joints[0].command_mut() = JointCommand::default());
+    assert!(matches!(solve(still, Laws::SKID_ROLL), Err(MotionError::NotDriven)));
+    let heavy = with(&|chain| chain.links[0].mass_kg = f64::NAN);
+    assert!(matches!(solve(heavy, Laws::SKID_ROLL), Err(MotionError::Chain(_))));
+
+    // Each time the axles of three driven links meet in one point, velocities are unbounded unless the commands fit.
+    let three = |offset_rad: f64| {
+        let robot = Robot::kinematic().chain(&Gait::symmetric());
+        let mut chain = robot.clone();
+        chain.joints[0].command_mut().offset_rad = offset_rad;
+        chain
+    };
+    assert!(solve(three(0.0), Laws::NO_SKID_ROLL).unwrap() > 0.1);
+    assert!(matches!(solve(three(0.2), Laws::NO_SKID_ROLL), Err(MotionError::Unbounded { .. })));
+    let mut five = three(0.0);
+    five.links.extend([five.links[2].clone(), five.links[2].clone()]);
+    five.joints.extend([driven, driven]);
+    assert!(matches!(
+        solve(five.clone(), Laws::NO_SKID_ROLL),
+        Err(MotionError::Overconstrained { wheels: 5, velocities: 3 })
+    ));
+    // Wheels on driven joints alone have no motion, however many free links without wheels follow.
+    let mut tail = five.links[2].clone();
+    tail.wheel = None;
+    five.links.extend([tail.clone(), tail]);
+    let spring =
+        FreeJoint { stiffness_nm_rad: 0.1, damping_nm_s_rad: 0.01, ..FreeJoint::default() };
+    five.joints.extend([Joint::Free(spring), Joint::Free(spring)]);
+    assert!(matches!(solve(five, Laws::NO_SKID_ROLL), Err(MotionError::Dependent)));
 }
