@@ -118,8 +118,8 @@ pub fn order_links(
 /// Returns the sum of squared deviations of the first harmonics of both joint angles from the command, rad^2.
 fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> f64 {
     let Ok(driven) = command.estimate_phase(phi_rad) else { return f64::INFINITY };
-    let squares = phi_rad.iter().zip(command.gait.joints).filter_map(|(phi_rad, joint)| {
-        let joint = joint?;
+    let squares = phi_rad.iter().zip(command.joints).filter_map(|(phi_rad, joint)| {
+        let joint = (*joint)?;
         let found = Harmonics::fit(phi_rad, driven.moving.clone(), &driven.phase, GAIT_HARMONICS)?;
         let amplitude = found.amplitude(1);
         let turn = found.phase_rad() - joint.phase_rad;
