@@ -121,6 +121,8 @@ checks! {
     /// Checks that the file has all markers of the layout. The value is the number of missing markers; links with three
     /// others do without one.
     MissingMarkers = "W030 missing-markers", limit 0.0;
+    /// Checks that no marker lacks only one or two of its coordinates, and no rigid body only a part of its pose.
+    IncompletePositions = "W031 incomplete-positions", limit 0.0;
     /// Checks that the joints do not follow the gait of another campaign.
     OtherCampaign = "E002 other-campaign";
     /// Checks that no other trial has the same marker file.

@@ -56,7 +56,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     let end = path.end;
     let wheels = model.wheels();
     let mut skid_squared = [0.0; MAX_LINKS];
-    for (pack, leg) in path.legs.iter().enumerate().filter(|_| R::SKIDS) {
+    for (pack, leg) in path.legs.iter().enumerate().filter(|_| model.skids()) {
         let mut sums = [Lanes::default(); MAX_LINKS];
         let phases_rad = mesh.phases_rad(pack);
         for j in 0..STAGES {

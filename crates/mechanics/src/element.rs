@@ -186,6 +186,30 @@ impl<T: Number> Linearisation<T> {
         }
     }
 
+    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which the two models differ by
+    /// `difference`, at the phases of the stages.
+    #[inline(always)]
+    pub(crate) fn differentiate<const N: usize, R: Reduced<N>>(
+        &mut self,
+        pack: usize,
+        [low, high]: [&R; 2],
+        phases_rad: &[T; STAGES],
+        element: &Element<N, R, T>,
+        difference: f64,
+    ) {
+        let size = R::UNKNOWNS * STAGES;
+        let step = &mut self.step[pack * size..][..size];
+        for j in 0..STAGES {
+            let dy = element.rate(j);
+            let [low, high] = [low, high].map(|model| {
+                model.residual(&model.node(phases_rad[j]), &element.stages[j], &dy).value
+            });
+            for i in 0..R::UNKNOWNS {
+                step[j * R::UNKNOWNS + i] = (low[i] - high[i]) * T::splat(1.0 / difference);
+            }
+        }
+    }
+
     /// Solves for the Newton step of the elements in pack `pack` (one per SIMD lane of `T`), with the current
     /// factors.
     #[inline(always)]

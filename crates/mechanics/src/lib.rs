@@ -61,7 +61,9 @@ use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 
 pub use branch::{Branch, BranchPoint, branches};
-pub use chain::{ChainAttractor, ChainMotion, ChainProblem, ChainSample};
+pub use chain::{
+    ChainAttractor, ChainMetrics, ChainMotion, ChainProblem, ChainSample, ChainSlopes,
+};
 pub use orbit::Effort;
 pub use reduced::Derivatives;
 pub use sharp::SharpLimit;
@@ -114,10 +116,6 @@ pub enum MotionError {
         wheels - velocities
     )]
     Overconstrained { wheels: usize, velocities: usize },
-    #[error(
-        "the wheels that cannot skid leave more than {speeds} directions of motion: let the wheels skid, or add wheels"
-    )]
-    Underconstrained { speeds: usize },
     #[error("cancelled")]
     Cancelled,
 }

@@ -39,6 +39,16 @@ impl<const N: usize> States<N> {
         }
     }
 
+    /// Adds a multiple of a change.
+    pub(crate) fn add(&mut self, factor: f64, change: &Self) {
+        (0..N).for_each(|i| self.start[i] += factor * change.start[i]);
+        let factor = Lanes::splat(factor);
+        let changes = change.packs.iter().flatten();
+        for (y, change) in self.packs.iter_mut().flatten().zip(changes) {
+            (0..N).for_each(|i| y[i] += factor * change[i]);
+        }
+    }
+
     /// Returns the states at the stages of element `k`.
     pub(crate) fn stages_of(&self, k: usize) -> Stages<N> {
         self.packs[k / LANES].map(|stage| stage.map(|y| y.lane(k % LANES)))

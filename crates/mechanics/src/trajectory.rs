@@ -5,7 +5,6 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{SMatrix, SVector};
 use trilink_robot::{ContactForces, Friction, Pose, dot, roll_rows, rotated, skid_rows};
 
 use super::element::{Element, Linearisation, Stages, integrate_poses, interpolate, solve_element};
@@ -182,24 +181,7 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     /// Appends the sample for the given time, state and pose.
     fn push(&mut self, time_s: f64, state: &[f64; N], pose: Pose) {
         let node = self.model.node(self.omega_rad_s * time_s);
-        let rates = rates(self.model, &node, state);
+        let rates = self.model.rates(self.omega_rad_s * time_s, &node, state);
         self.samples.push(self.model.sample(time_s, pose, &node, state, &rates));
     }
-}
-
-/// Returns the time derivatives of the states, for which the equations of motion are a linear system; NaN if the system
-/// is singular.
-fn rates<const N: usize, R: Reduced<N>>(
-    model: &R,
-    node: &R::Node<f64>,
-    state: &[f64; N],
-) -> [f64; N] {
-    let residual = model.residual(node, state, &[0.0; N]);
-    let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.rate_jacobian[i][j]);
-    let mut right = SVector::<f64, N>::from_fn(|i, _| -residual.value[i]);
-    for angle in R::UNKNOWNS..N {
-        matrix[(angle, angle)] = 1.0;
-        right[angle] = state[angle - R::ANGLES];
-    }
-    matrix.try_inverse().map_or([f64::NAN; N], |inverse| (inverse * right).into())
 }

@@ -23,6 +23,9 @@ pub struct Recording {
     pub rows_without_frame: usize,
     /// Number of rows with more cells than the header has columns; the excess cells are ignored.
     pub rows_too_long: usize,
+    /// Number of frames, by marker, in which a text file has only a part of the marker's coordinates, or of the pose of a
+    /// rigid body (counted at its first point); such a marker or body counts as occluded.
+    pub incomplete: Vec<usize>,
     /// Notes on missing or contradictory metadata in the file and on the values used instead.
     pub doubts: Vec<String>,
     /// Positions by row, then marker: X, Y, Z, or three NaN where the marker is occluded.
@@ -44,9 +47,10 @@ impl Recording {
         Self {
             rate_hz,
             frames,
-            labels,
             rows_without_frame: 0,
             rows_too_long: 0,
+            incomplete: vec![0; labels.len()],
+            labels,
             doubts: Vec::new(),
             positions_mm,
         }
@@ -68,6 +72,7 @@ impl Recording {
         let rows = 0..self.frames.len();
         Self {
             labels: kept.iter().map(|&marker| self.labels[marker].clone()).collect(),
+            incomplete: kept.iter().map(|&marker| self.incomplete[marker]).collect(),
             positions_mm: rows
                 .flat_map(|row| kept.iter().map(move |&marker| (row, marker)))
                 .map(|(row, marker)| self.position_mm(row, marker))
@@ -84,7 +89,8 @@ impl Recording {
             positions_mm.push(MISSING);
         }
         let labels = self.labels.into_iter().chain([label]).collect();
-        Self { labels, positions_mm, ..self }
+        let incomplete = self.incomplete.into_iter().chain([0]).collect();
+        Self { labels, incomplete, positions_mm, ..self }
     }
 
     /// Returns the recording reduced to frames whose numbers are multiples of `stride`, renumbered and with the frame
@@ -97,6 +103,7 @@ impl Recording {
             rate_hz: self.rate_hz.map(|rate_hz| rate_hz / stride as f64),
             frames: kept.iter().map(|&row| self.frames[row] / stride).collect(),
             labels: self.labels.clone(),
+            incomplete: self.incomplete.clone(),
             doubts: self.doubts.clone(),
             positions_mm: kept.iter().flat_map(|&row| self.row_mm(row)).copied().collect(),
             ..*self

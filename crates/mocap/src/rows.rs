@@ -30,6 +30,7 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
     let mut positions_mm: Vec<[f64; 3]> = Vec::with_capacity(rows * markers);
     let mut rows_without_frame = 0;
     let mut rows_too_long = 0;
+    let mut incomplete = vec![0; markers];
     // The column of frame numbers is the first, except in tables of other programs.
     let frame_column = header.columns.iter().position(|column| *column == Column::Frame);
     let has_frame_numbers = frame_column.is_some();
@@ -91,10 +92,7 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         }
         ends = Some((ends.map_or(cells, |(first, _)| first), cells));
         positions_mm.resize(start + markers, MISSING);
-        let rest = row.positions(&mut positions_mm[start..])?;
-        for &(first, rotation) in &header.bodies {
-            row.pose(rotation, first as usize, &mut positions_mm[start + first as usize..])?;
-        }
+        let rest = row.positions(&mut positions_mm[start..], &mut incomplete)?;
         rows_too_long += usize::from(!dialect.is_blank(rest));
     }
     if let Some((first, last)) = ends {
@@ -130,6 +128,7 @@ pub(super) fn parse(text: &[u8], unit: LengthUnit) -> Result<Recording, FileProb
         labels,
         rows_without_frame,
         rows_too_long,
+        incomplete,
         doubts,
         positions_mm,
     };
@@ -223,65 +222,76 @@ impl Row<'_> {
     }
 
     /// Stores the positions in the row and returns the cells beyond the table's columns. Empty cells and cells that are
-    /// cut off are missing values; a marker that lacks any coordinate is missing as a whole.
-    fn positions(&self, positions_mm: &mut [[f64; 3]]) -> Result<&[u8], FileProblem> {
+    /// cut off are missing values; a marker or body that lacks any of its numbers is missing as a whole and, if it has
+    /// others, counted as incomplete.
+    fn positions(
+        &self,
+        positions_mm: &mut [[f64; 3]],
+        incomplete: &mut [usize],
+    ) -> Result<&[u8], FileProblem> {
         let mut rest = self.cells;
+        let mm = self.header.unit.mm();
         for (i, column) in self.header.columns.iter().enumerate() {
-            match *column {
-                Column::Axis(marker, axis) => {
-                    let (value, length) = self.cell(i, rest, self.header.unit.mm())?;
-                    positions_mm[marker as usize][usize::from(axis)] = value;
-                    rest = &rest[length..];
+            let target = match *column {
+                Column::Axis(marker, axis) => Some((marker as usize, axis, mm)),
+                Column::Rotation(body, part) => {
+                    Some((body as usize + 1 + usize::from(part / 3), part % 3, 1.0))
                 }
-                Column::Rotation(body, component) => {
-                    let (value, length) = self.cell(i, rest, 1.0)?;
-                    let component = usize::from(component);
-                    positions_mm[body as usize + 1 + component / 3][component % 3] = value;
-                    rest = &rest[length..];
-                }
-                _ => rest = &rest[self.header.dialect.cell_end(rest)..],
-            }
+                _ => None,
+            };
+            let length = if let Some((point, axis, unit)) = target {
+                let (value, length) = self.cell(i, rest, unit)?;
+                positions_mm[point][usize::from(axis)] = value;
+                length
+            } else {
+                self.header.dialect.cell_end(rest)
+            };
+            rest = &rest[length..];
             match rest.split_first() {
                 Some((_, after)) => rest = after,
                 None => break,
             }
         }
+        for &(first, rotation) in &self.header.bodies {
+            let first = first as usize;
+            let is_incomplete = self.pose(rotation, first, &mut positions_mm[first..])?;
+            incomplete[first] += usize::from(is_incomplete);
+        }
         // Qualisys writes zeros for an occluded marker.
         let zeros_are_missing = self.header.system == System::Qualisys;
-        let mut bodies = self.header.bodies.iter().map(|(first, _)| *first as usize).peekable();
-        let mut index = 0;
-        while index < positions_mm.len() {
-            let position = &mut positions_mm[index];
-            let is_missing = position.iter().any(|x| x.is_nan());
-            if is_missing || zeros_are_missing && *position == [0.0; 3] {
+        for (position, incomplete) in positions_mm.iter_mut().zip(incomplete) {
+            if position.iter().any(|x| x.is_nan()) {
+                *incomplete += usize::from(position.iter().any(|x| !x.is_nan()));
+                *position = MISSING;
+            } else if zeros_are_missing && *position == [0.0; 3] {
                 *position = MISSING;
             }
-            // The components of a rotation follow.
-            index += if bodies.next_if_eq(&index).is_some() { body::POINTS } else { 1 };
         }
         Ok(rest)
     }
 
     /// Replaces the pose of a rigid body, its position and the components of its rotation, by the positions of the
     /// body's points; three NaN each if a part of the pose is missing. `first` is the index of the body's first label.
+    /// Returns whether the row has only a part of the pose.
     fn pose(
         &self,
         rotation: Rotation,
         first: usize,
         positions_mm: &mut [[f64; 3]],
-    ) -> Result<(), FileProblem> {
+    ) -> Result<bool, FileProblem> {
         let Some((points, _)) = positions_mm.split_first_chunk_mut::<{ body::POINTS }>() else {
-            return Ok(());
+            return Ok(false);
         };
         let [origin_mm, rows @ ..] = *points;
         let mut components = [0.0; 9];
         components.copy_from_slice(rows.as_flattened());
         let needed = &components[..rotation.components()];
+        let mut numbers = origin_mm.iter().chain(needed);
         // Systems write zeros for a body that they did not find; no measured position is exactly zero.
-        let is_missing = origin_mm[0].is_nan() || origin_mm == [0.0; 3];
-        if is_missing || needed.iter().any(|x| x.is_nan()) {
+        let is_untracked = origin_mm == [0.0; 3];
+        if is_untracked || numbers.clone().any(|x| x.is_nan()) {
             *points = [MISSING; body::POINTS];
-            return Ok(());
+            return Ok(!is_untracked && numbers.any(|x| !x.is_nan()));
         }
         let Some(axes) = rotation.axes(&components) else {
             let found = format!(
@@ -293,7 +303,7 @@ impl Row<'_> {
             return Err(FileProblem::in_line(self.line, found, needed));
         };
         *points = body::points(origin_mm, &axes);
-        Ok(())
+        Ok(false)
     }
 
     /// Parses the number at the start of `rest` and multiplies it by `unit` (NaN for an empty cell). Also returns the

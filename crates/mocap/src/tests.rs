@@ -138,6 +138,8 @@ fn missing_is_missing_and_zero_is_zero() {
     ];
     assert_eq!(rows(&file), expected);
     assert_eq!(file.frames, [1, 2, 3, 4, 5]);
+    // M1 has two coordinates in frame 2, M2 one in frame 3.
+    assert_eq!(file.incomplete, [1, 1]);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use trilink_base::files::relative;
 use trilink_plot::Print;
 use trilink_robot::{Gait, Model, Robot};
 use trilink_tables::config::{
-    Campaign, Compare, Config, Markers, Models, Paths, Report, RobotConfig, SigmaKind,
+    Campaign, Compare, Config, Markers, Models, Paths, Report, RobotConfig, SigmaKind, Smoothing,
 };
 
 use super::looks::ModelLook;
@@ -63,6 +63,11 @@ impl ReportInput {
     /// Returns the maximum number of trial pages, not counting those that were explicitly requested.
     pub fn trial_pages(&self) -> usize {
         self.shown.report.trial_pages
+    }
+
+    /// Returns the method by which the ingest smooths the coordinates.
+    pub fn smoothing(&self) -> Smoothing {
+        self.shown.ingest.smoothing
     }
 
     /// Returns the width and font size of printed figures.

@@ -5,7 +5,7 @@ use std::path::Path;
 use trilink_mechanics::Pose;
 use trilink_tables::{
     Clock, Coordinates, CycleRow, Fill, FrameTexts, Frames as _, LABELS_APART, PoseFrames, Reader,
-    StoreError, WheelFrames, WheelVelocities, poses_path, wheels_path,
+    StoreError, WheelFrames, WheelVelocities, WheelVelocityErrors, poses_path, wheels_path,
 };
 
 /// Number of frames that numerical differentiation needs on each side of a frame, beyond those of the moving average.
@@ -31,6 +31,8 @@ pub(crate) struct Recording {
     pub roll_m_s: [Vec<f64>; 3],
     /// Skid velocities of the wheels; NaN where the moving average is incomplete.
     pub skid_m_s: [Vec<f64>; 3],
+    /// Standard errors of both; `None` if the smoothing gives none.
+    pub velocity_errors: Option<WheelVelocityErrors>,
     /// Gait cycles; empty for trials that are not of kind `gait`.
     pub cycles: Vec<CycleRow>,
     /// Description of the problem if the tables do not match each other or their frames are out of order.
@@ -113,6 +115,10 @@ impl Recording {
             corrected: poses.corrected.into_array_or(FrameTexts::default()),
             roll_m_s: roll_m_s.into_array_or(missing.clone()).map(of_frames),
             skid_m_s: skid_m_s.into_array_or(missing).map(of_frames),
+            velocity_errors: wheels.errors.map(|errors| WheelVelocityErrors {
+                roll_m_s: errors.roll_m_s.into_iter().map(of_frames).collect(),
+                skid_m_s: errors.skid_m_s.into_iter().map(of_frames).collect(),
+            }),
             cycles: reader.cycles_if_there(derived, trial)?.unwrap_or_default(),
             problem: (!has_same_frames).then(|| {
                 format!(

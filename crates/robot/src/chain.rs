@@ -139,6 +139,164 @@ impl TorqueCommand {
     }
 }
 
+/// Number in the description of a chain, with respect to which its motion can be differentiated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ChainNumber {
+    /// Number of a link, given the link's index from front to rear.
+    Link(usize, LinkNumber),
+    /// Number of a joint, given the joint's index from front to rear.
+    Joint(usize, JointNumber),
+}
+
+/// Number of a [`Link`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LinkNumber {
+    FrontJoint,
+    RearJoint,
+    Com,
+    Mass,
+    Inertia,
+    DragAlong,
+    DragAcross,
+    DragTurning,
+    RotorInertia,
+    Rotor(CommandNumber),
+    WheelPlace,
+    WheelSteer,
+    Skid,
+    Roll,
+    SkidDry,
+    SkidStatic,
+    Stribeck,
+    SkidPower,
+    SkidExponent,
+    RollDry,
+    Transition,
+}
+
+/// Number of a [`Joint`]; that of a driven joint is one of its command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum JointNumber {
+    Command(CommandNumber),
+    Stiffness,
+    Damping,
+    TorqueMean,
+    TorqueAmplitude,
+    TorquePhase,
+}
+
+/// Number of a [`JointCommand`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum CommandNumber {
+    Offset,
+    Amplitude,
+    Phase,
+    SecondInPhase,
+    SecondQuadrature,
+}
+
+impl CommandNumber {
+    const ALL: [Self; 5] =
+        [Self::Offset, Self::Amplitude, Self::Phase, Self::SecondInPhase, Self::SecondQuadrature];
+
+    fn of(self, command: &mut JointCommand) -> Option<&mut f64> {
+        let second = command.second.as_mut();
+        Some(match self {
+            Self::Offset => &mut command.offset_rad,
+            Self::Amplitude => &mut command.amplitude_rad,
+            Self::Phase => &mut command.phase_rad,
+            Self::SecondInPhase => &mut second?.in_phase_rad,
+            Self::SecondQuadrature => &mut second?.quadrature_rad,
+        })
+    }
+}
+
+impl LinkNumber {
+    const ALL: [Self; 20] = [
+        Self::FrontJoint,
+        Self::RearJoint,
+        Self::Com,
+        Self::Mass,
+        Self::Inertia,
+        Self::DragAlong,
+        Self::DragAcross,
+        Self::DragTurning,
+        Self::RotorInertia,
+        Self::WheelPlace,
+        Self::WheelSteer,
+        Self::Skid,
+        Self::Roll,
+        Self::SkidDry,
+        Self::SkidStatic,
+        Self::Stribeck,
+        Self::SkidPower,
+        Self::SkidExponent,
+        Self::RollDry,
+        Self::Transition,
+    ];
+
+    fn of(self, link: &mut Link) -> Option<&mut f64> {
+        let wheel = link.wheel.as_mut();
+        Some(match self {
+            Self::FrontJoint => &mut link.front_joint_m,
+            Self::RearJoint => &mut link.rear_joint_m,
+            Self::Com => &mut link.com_m,
+            Self::Mass => &mut link.mass_kg,
+            Self::Inertia => &mut link.inertia_kg_m2,
+            Self::DragAlong => &mut link.drag.along_kg_s,
+            Self::DragAcross => &mut link.drag.across_kg_s,
+            Self::DragTurning => &mut link.drag.turning_nm_s_rad,
+            Self::RotorInertia => &mut link.rotor.as_mut()?.inertia_kg_m2,
+            Self::Rotor(number) => number.of(&mut link.rotor.as_mut()?.angle)?,
+            Self::WheelPlace => &mut wheel?.place_m,
+            Self::WheelSteer => &mut wheel?.steer_rad,
+            Self::Skid => &mut wheel?.friction.skid_kg_s,
+            Self::Roll => &mut wheel?.friction.roll_kg_s,
+            Self::SkidDry => &mut wheel?.friction.skid_dry_n,
+            Self::SkidStatic => &mut wheel?.friction.skid_static_n,
+            Self::Stribeck => &mut wheel?.friction.stribeck_m_s,
+            Self::SkidPower => &mut wheel?.friction.skid_power_n,
+            Self::SkidExponent => &mut wheel?.friction.skid_exponent,
+            Self::RollDry => &mut wheel?.friction.roll_dry_n,
+            Self::Transition => &mut wheel?.friction.transition_m_s,
+        })
+    }
+}
+
+impl JointNumber {
+    fn of(self, joint: &mut Joint) -> Option<&mut f64> {
+        match (self, joint) {
+            (Self::Command(number), Joint::Driven(command)) => number.of(command),
+            (Self::Command(number), Joint::Free(free)) => number.of(&mut free.target),
+            (_, Joint::Driven(_)) => None,
+            (Self::Stiffness, Joint::Free(free)) => Some(&mut free.stiffness_nm_rad),
+            (Self::Damping, Joint::Free(free)) => Some(&mut free.damping_nm_s_rad),
+            (Self::TorqueMean, Joint::Free(free)) => Some(&mut free.torque.mean_nm),
+            (Self::TorqueAmplitude, Joint::Free(free)) => Some(&mut free.torque.amplitude_nm),
+            (Self::TorquePhase, Joint::Free(free)) => Some(&mut free.torque.phase_rad),
+        }
+    }
+}
+
+impl ChainNumber {
+    /// Returns the exponent with which the number scales with frequency: if every number is multiplied by the ratio of
+    /// two frequencies raised to its own exponent, the motion as a function of phase is the same at both.
+    pub fn power_of_omega(self) -> i32 {
+        use LinkNumber as L;
+        match self {
+            Self::Link(_, L::DragAlong | L::DragAcross | L::DragTurning | L::Skid | L::Roll)
+            | Self::Link(_, L::Stribeck | L::Transition)
+            | Self::Joint(_, JointNumber::Damping) => 1,
+            Self::Link(_, L::SkidDry | L::SkidStatic | L::SkidPower | L::RollDry)
+            | Self::Joint(
+                _,
+                JointNumber::Stiffness | JointNumber::TorqueMean | JointNumber::TorqueAmplitude,
+            ) => 2,
+            _ => 0,
+        }
+    }
+}
+
 /// Reason why a chain cannot be simulated.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ChainError {
@@ -248,6 +406,35 @@ impl Chain {
             command.to_array().into_iter().try_for_each(|number| of(Finite, number, "angle"))?;
         }
         Ok(())
+    }
+
+    /// Returns access to a number, in SI units; `None` if the chain does not have it.
+    pub fn number_mut(&mut self, number: ChainNumber) -> Option<&mut f64> {
+        match number {
+            ChainNumber::Link(link, number) => number.of(self.links.get_mut(link)?),
+            ChainNumber::Joint(joint, number) => number.of(self.joints.get_mut(joint)?),
+        }
+    }
+
+    /// Returns all numbers of the chain: of its links, then of its joints.
+    pub fn numbers(&self) -> Vec<ChainNumber> {
+        let of_rotor = CommandNumber::ALL.map(LinkNumber::Rotor);
+        let of_link = LinkNumber::ALL.into_iter().chain(of_rotor);
+        let links = (0..self.links.len())
+            .flat_map(|link| of_link.clone().map(move |number| ChainNumber::Link(link, number)));
+        let others = [
+            JointNumber::Stiffness,
+            JointNumber::Damping,
+            JointNumber::TorqueMean,
+            JointNumber::TorqueAmplitude,
+            JointNumber::TorquePhase,
+        ];
+        let of_joint = CommandNumber::ALL.map(JointNumber::Command).into_iter().chain(others);
+        let joints = (0..self.joints.len()).flat_map(|joint| {
+            of_joint.clone().map(move |number| ChainNumber::Joint(joint, number))
+        });
+        let mut chain = self.clone();
+        links.chain(joints).filter(|number| chain.number_mut(*number).is_some()).collect()
     }
 
     /// Returns the indices of the links in the order in which their columns are numbered: the reference link is 0, and

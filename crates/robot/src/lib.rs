@@ -43,8 +43,8 @@ mod quantity;
 
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
 pub use chain::{
-    Chain, ChainError, Drag, FreeJoint, Joint, Link, MAX_JOINTS, MAX_LINKS, NumberKind, Rotor,
-    TorqueCommand, Wheel, WheelFriction,
+    Chain, ChainError, ChainNumber, CommandNumber, Drag, FreeJoint, Joint, JointNumber, Link,
+    LinkNumber, MAX_JOINTS, MAX_LINKS, NumberKind, Rotor, TorqueCommand, Wheel, WheelFriction,
 };
 pub use command::{JointCommand, MAX_TURNS, SecondHarmonic, Turns};
 pub use friction::{Dry, Friction, Viscous};

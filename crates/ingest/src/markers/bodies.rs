@@ -150,14 +150,17 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     use super::*;
+    use crate::markers::rigid::LinkPose;
 
-    #[test]
-    fn points_are_moved_to_where_the_noise_of_the_pose_is_that_of_markers() {
+    /// Returns the pose of the link in a row before and after the points of a body are moved, whose frame is turned by
+    /// `turn` (roll, pitch and yaw, rad) against the frame of the link.
+    fn before_and_after([roll, pitch, turn]: [f64; 3]) -> [LinkPose; 2] {
         const ROWS: usize = 4000;
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
         // Noise of 0.1 mm about a point at (20, -10) from the origin, and of 2 mrad; the equivalent markers are at 50 mm.
         let (place_mm, turn_rad, centre) = (0.1, 2e-3, [20.0, -10.0]);
+        let axes = |yaw: f64| body::turned([(2, yaw + turn), (1, pitch), (0, roll)]);
         let pose = |row: usize, noise: [f64; 3]| {
             let yaw = 0.4 * (0.05 * row as f64).sin() + turn_rad * noise[2];
             let back = rotated(yaw, centre);
@@ -167,31 +170,44 @@ mod tests {
                 x + fixed[0] - back[0] + place_mm * noise[0],
                 y + fixed[1] - back[1] + place_mm * noise[1],
             ];
-            body::points([at[0], at[1], 60.0], &body::turned([(2, yaw), (1, 0.0), (0, 0.0)]))
+            body::points([at[0], at[1], 60.0], &axes(yaw))
         };
         let positions_mm =
             (0..ROWS).flat_map(|row| pose(row, [noise(), noise(), noise()])).collect();
         let labels = (0..POINTS).map(|i| body::point_label("body", i)).collect();
         let mut file =
             Recording::new(Some(120.0), (0..ROWS as i64).collect(), labels, positions_mm);
-        let placed = body::points([5.0, 6.0, 60.0], &body::turned([(2, 0.0), (1, 0.0), (0, 0.0)]));
+        let placed = body::points([5.0, 6.0, 60.0], &axes(0.0));
         let markers = placed.iter().enumerate().map(|(column, [x, y, z])| LinkMarker {
             column,
             local_position_mm: [*x, *y],
             height_mm: *z,
         });
         let mut layout: Layout = vec![markers.collect(), Vec::new(), Vec::new()];
-        let before = LinkFit::from_row(file.row_mm(77), &layout[0]).pose().unwrap();
+        let pose = |file: &Recording, layout: &Layout| {
+            LinkFit::from_row(file.row_mm(77), &layout[0]).pose().unwrap()
+        };
+        let before = pose(&file, &layout);
         balance(&mut file, &mut layout);
-        let after = LinkFit::from_row(file.row_mm(77), &layout[0]).pose().unwrap();
-        assert!((before.theta_rad - after.theta_rad).abs() < 1e-12);
-        assert!((0..2).all(|i| (before.origin_mm[i] - after.origin_mm[i]).abs() < 1e-9));
-        let radius_mm = (after.moments.turning_mm2 / 4.0).sqrt();
-        assert!((radius_mm / 50.0 - 1.0).abs() < 0.05, "{radius_mm}");
-        let centre_mm = after.moments.centre_mm;
-        assert!(
-            (centre_mm[0] - 25.0).abs() < 2.0 && (centre_mm[1] + 4.0).abs() < 2.0,
-            "{centre_mm:?}"
-        );
+        [before, pose(&file, &layout)]
+    }
+
+    #[test]
+    fn points_are_moved_to_where_the_noise_of_the_pose_is_that_of_markers() {
+        let [aligned, _] = before_and_after([0.0; 3]);
+        let yaw = 30.0_f64.to_radians();
+        for turn in [[0.0; 3], [0.0, 0.0, yaw], [0.3, -0.5, yaw]] {
+            let poses = before_and_after(turn);
+            for pose in poses {
+                assert!((pose.theta_rad - aligned.theta_rad).abs() < 1e-12, "{turn:?}");
+                let difference_mm = [0, 1].map(|i| pose.origin_mm[i] - aligned.origin_mm[i]);
+                assert!(difference_mm.iter().all(|x| x.abs() < 1e-9), "{turn:?} {difference_mm:?}");
+            }
+            let moments = poses[1].moments;
+            let radius_mm = (moments.turning_mm2 / 4.0).sqrt();
+            assert!((radius_mm / 50.0 - 1.0).abs() < 0.05, "{turn:?} {radius_mm}");
+            let [x, y] = moments.centre_mm;
+            assert!((x - 25.0).abs() < 2.0 && (y + 4.0).abs() < 2.0, "{turn:?} {x} {y}");
+        }
     }
 }

@@ -145,17 +145,11 @@ mod tests {
                 series.push(change(coordinates.collect()));
             }
         }
-        Recording {
-            rate_hz: Some(120.0),
-            frames: (1..=FRAMES as i64).collect(),
-            labels: ["A", "B", "C"].map(str::to_owned).into(),
-            rows_without_frame: 0,
-            rows_too_long: 0,
-            doubts: Vec::new(),
-            positions_mm: (0..FRAMES)
-                .flat_map(|i| [0, 3, 6].map(|first| [0, 1, 2].map(|axis| series[first + axis][i])))
-                .collect(),
-        }
+        let labels = ["A", "B", "C"].map(str::to_owned).into();
+        let positions_mm = (0..FRAMES)
+            .flat_map(|i| [0, 3, 6].map(|first| [0, 1, 2].map(|axis| series[first + axis][i])))
+            .collect();
+        Recording::new(Some(120.0), (1..=FRAMES as i64).collect(), labels, positions_mm)
     }
 
     /// Returns the slow-noise ratio of the recording's three markers.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use trilink_base::body;
 use trilink_mocap::Recording;
 use trilink_statistics::{mean, seen};
 use trilink_tables::TrialRow;
@@ -81,6 +82,7 @@ pub(crate) fn tracking_checks(
         );
         findings.push(Finding::at_most(Check::LongRows, rows, long));
     }
+    findings.extend(incomplete_check(file, layout));
     findings.extend(header_check(file));
     findings.extend(label_checks(tracked, file, layout, frames));
     findings.push(tilt_check(&tracked.constant.tilt));
@@ -108,6 +110,20 @@ fn noise_check(ratio: f64) -> Finding {
     // An undetermined ratio is not reported as a fault.
     let is_white = ratio.is_nan() || ratio <= limit;
     Finding::new(Check::Filtered, is_white, ratio, limit, message)
+}
+
+/// Checks for markers and bodies of which the file has only some cells; returns `None` if there are none.
+fn incomplete_check(file: &Recording, layout: &Layout) -> Option<Finding> {
+    let columns = layout.iter().flatten().map(|marker| marker.column);
+    let columns: Vec<usize> = columns.filter(|&column| file.incomplete[column] > 0).collect();
+    let count = columns.iter().map(|&column| file.incomplete[column]).sum::<usize>() as f64;
+    let names: Vec<&str> = columns.iter().map(|&column| body::name(&file.labels[column])).collect();
+    let found = match count {
+        1.0 => "1 position is incomplete and counts".to_owned(),
+        _ => format!("{count} positions are incomplete and count"),
+    };
+    let message = format!("{found} as occluded: `{}`", names.join("`, `"));
+    (count > 0.0).then(|| Finding::at_most(Check::IncompletePositions, count, message))
 }
 
 /// Checks the file's metadata; returns `None` if they are complete and consistent.

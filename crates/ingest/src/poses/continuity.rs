@@ -334,15 +334,9 @@ mod tests {
             at += moved;
             [at, 0.0, 30.0]
         };
-        Recording {
-            rate_hz: Some(120.0),
-            frames: (1..=moves_mm.len() as i64).collect(),
-            labels: vec!["M1".to_owned()],
-            rows_without_frame: 0,
-            rows_too_long: 0,
-            doubts: Vec::new(),
-            positions_mm: moves_mm.iter().map(position).collect(),
-        }
+        let positions_mm = moves_mm.iter().map(position).collect();
+        let frames = (1..=moves_mm.len() as i64).collect();
+        Recording::new(Some(120.0), frames, vec!["M1".to_owned()], positions_mm)
     }
 
     #[test]

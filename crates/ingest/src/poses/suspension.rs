@@ -195,15 +195,8 @@ mod tests {
         for i in (4 * 1000..4 * 1240).filter(|i| i % 4 < 2) {
             positions_mm[i] = [f64::NAN; 3];
         }
-        Recording {
-            rate_hz: Some(RATE_HZ),
-            frames: (0..ROWS as i64).collect(),
-            labels: (0..markers().len()).map(|i| i.to_string()).collect(),
-            rows_without_frame: 0,
-            rows_too_long: 0,
-            doubts: Vec::new(),
-            positions_mm,
-        }
+        let labels = (0..markers().len()).map(|i| i.to_string()).collect();
+        Recording::new(Some(RATE_HZ), (0..ROWS as i64).collect(), labels, positions_mm)
     }
 
     /// Returns the RMS errors in the link's axle position, mm, and heading, rad, before and after the correction.

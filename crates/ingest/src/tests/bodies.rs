@@ -1,6 +1,9 @@
 //! Trials whose files have the poses of the links instead of markers.
 
+use trilink_base::body;
+use trilink_mocap::{LengthUnit, read_markers};
 use trilink_synth::{Format, body_layout};
+use trilink_tables::config::Markers;
 
 use super::*;
 
@@ -101,4 +104,70 @@ fn a_body_that_the_file_does_not_have_is_named_and_an_alias_stands_for_it() {
     trials[0].aliases.insert("Object1".to_owned(), "front".to_owned());
     let row = &check_trial(folder.path(), &trials[0], &config).trials[0];
     assert_eq!(row.status, TrialStatus::Ok, "{}", row.message);
+}
+
+#[test]
+fn a_body_whose_frame_is_turned_against_its_link_gives_the_same_motion() {
+    let mut config = Config::default();
+    config.campaign.retain(|name, _| name == "kinematic-skewed");
+    let folder = tempfile::tempdir().unwrap();
+    let format = Format::Tracker;
+    let recipe = Recipe { omegas_rad_s: vec![3.9], format, ..Recipe::new(5) };
+    let trial = &synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap()[0];
+    let aligned = body_layout(&config.markers);
+    config.markers = aligned.clone();
+    let expected = check_trial(folder.path(), trial, &config).trials[0].clone();
+    let path = folder.path().join(&trial.file);
+    let recording = read_markers(&path, LengthUnit::Mm).unwrap();
+    for [roll_deg, pitch_deg, yaw_deg] in [[0.0, 0.0, 30.0], [15.0, -30.0, 30.0]] {
+        let mut layout = serde_json::to_value(&aligned).unwrap();
+        for link in layout.as_object_mut().unwrap().values_mut() {
+            for numbers in link.as_object_mut().unwrap().values_mut() {
+                for (to, angle_deg) in [3, 4, 5].into_iter().zip([roll_deg, pitch_deg, yaw_deg]) {
+                    numbers[to] = angle_deg.into();
+                }
+            }
+        }
+        let [roll, pitch, yaw] = [roll_deg, pitch_deg, yaw_deg].map(f64::to_radians);
+        let turn = body::turned([(2, yaw), (1, pitch), (0, roll)]);
+        let mut turned = recording.clone();
+        for first in recording.bodies() {
+            for row in 0..recording.frames.len() {
+                let (origin_mm, link) = recording.pose(row, first);
+                let along = |own: [f64; 3], i: usize| (0..3).map(|k| own[k] * link[k][i]).sum();
+                let axes = turn.map(|own| [0, 1, 2].map(|i| along(own, i)));
+                let at = row * recording.labels.len() + first;
+                turned.positions_mm[at..at + body::POINTS]
+                    .copy_from_slice(&body::points(origin_mm, &axes));
+            }
+        }
+        fs::write(&path, format.encode(&trial.id, &turned)).unwrap();
+        let untold = check_trial(folder.path(), trial, &config).trials[0].status;
+        assert_eq!(untold, TrialStatus::Failed, "the layout is that of the aligned frames");
+        let told = Config {
+            markers: serde_json::from_value::<Markers>(layout).unwrap(),
+            ..config.clone()
+        };
+        let row = &check_trial(folder.path(), trial, &told).trials[0];
+        assert_eq!((row.status, row.cycles), (expected.status, expected.cycles), "{}", row.message);
+        for (name, found, expected, se) in [
+            ("d", row.metrics.d_m, expected.metrics.d_m, expected.metrics_se.d_m),
+            (
+                "alpha1",
+                row.metrics.alpha1_rad,
+                expected.metrics.alpha1_rad,
+                expected.metrics_se.alpha1_rad,
+            ),
+            (
+                "dtheta",
+                row.metrics.dtheta_rad,
+                expected.metrics.dtheta_rad,
+                expected.metrics_se.dtheta_rad,
+            ),
+        ] {
+            println!("{name} {found} {expected} +- {se}");
+            // The poses are equal to their written digits.
+            assert!((found - expected).abs() < 0.05 * se, "{name}: {found} {expected} +- {se}");
+        }
+    }
 }

@@ -166,7 +166,7 @@ impl Case {
     /// Returns the names of the metrics with their true values and those of a row: displacement, rotation, skid ratios
     /// and amplitudes; `sigma` are the skid ratios by link.
     fn metrics(&self, row: &TrialRow, sigma: &[Estimate]) -> Vec<(String, f64, Estimate)> {
-        let motion = self.problem().solve(REFERENCE_ACCURACY).unwrap();
+        let motion = self.problem().solve(REFERENCE_ACCURACY).unwrap().metrics;
         let (means, errors) = (&row.metrics, &row.metrics_se);
         let of = |value: f64, se: f64| Estimate { value, se };
         let mut metrics = vec![

@@ -246,6 +246,31 @@ fn short_gaps_are_filled_and_long_ones_left_out() {
     assert!((long.cycles[8].metrics.d_m - whole.cycles[8].metrics.d_m).abs() < 1e-5);
 }
 
+#[test]
+fn a_marker_without_all_of_its_coordinates_is_occluded_and_named() {
+    let (recording, trial) = symmetric(3.9);
+    let text = recording.export();
+    // In three frames the second marker, `M2`, lacks its Y.
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let mut changed = 0;
+    for line in lines.iter_mut().skip(1000) {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if changed < 3 && cells.len() > 8 && !cells[6].is_empty() {
+            cells[6] = "";
+            changed += 1;
+            *line = cells.join(",");
+        }
+    }
+    assert_eq!(changed, 3);
+    let whole = process_text(&text, &trial).unwrap();
+    assert!(whole.checks.iter().all(|check| !check.check.starts_with("W031")));
+    let cut = process_text(&lines.join("\n"), &trial).unwrap();
+    let check = check_of(&cut, "W031");
+    assert_eq!(check.message, "3 positions are incomplete and count as occluded: `Robot:M2`");
+    assert_eq!((check.value, cut.row.status), (3.0, TrialStatus::Flagged));
+    assert!(cut.row.coverage < whole.row.coverage);
+}
+
 /// The poses of the other links stay identical bit for bit if every link is fitted separately; if the links are fitted
 /// together, such that they meet at their joints, these poses change by less than can be measured.
 #[test]

@@ -19,12 +19,12 @@ use trilink_robot::{Dry, Friction, MAX_LINKS, Number, WheelFriction};
 use super::cluster::{ClusterNode, Clusters, WheelNode, velocity_of};
 use super::plane::{Moving, Vector, inner, moment, normal, rotated, scaled, sum};
 
-/// Joint commands at one time, with the sums over the links of each of `C` clusters and, under friction that is not
-/// linear, the wheels (`W` = [`MAX_LINKS`], otherwise 0).
+/// Joint commands at one time, with the sums over the links of each of `C` clusters and the wheels, which are zero if
+/// their friction is part of the clusters' linear resistance.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Node<T, const C: usize, const W: usize> {
+pub(crate) struct Node<T, const C: usize> {
     pub clusters: [ClusterNode<T>; C],
-    pub wheels: [WheelNode<T>; W],
+    pub wheels: [WheelNode<T>; MAX_LINKS],
 }
 
 /// Rotations and velocities of the clusters.
@@ -61,25 +61,26 @@ pub(crate) struct Balance<T, const C: usize, const D: usize> {
 
 /// Chain of `C` clusters: its equations of motion.
 #[derive(Debug, Clone)]
-pub(crate) struct System<const C: usize, const W: usize> {
+pub(crate) struct System<const C: usize> {
     pub clusters: Clusters,
     /// Cluster and friction coefficients of each wheel from front to rear.
     pub wheels: Vec<(usize, WheelFriction)>,
 }
 
-impl<const C: usize, const W: usize> System<C, W> {
+impl<const C: usize> System<C> {
     pub(super) fn new(clusters: Clusters) -> Self {
-        debug_assert_eq!((clusters.all.len(), clusters.is_linear), (C, W == 0));
+        debug_assert_eq!(clusters.all.len(), C);
         let wheels = clusters.wheel_friction();
         Self { clusters, wheels }
     }
 
     #[inline(always)]
-    pub(super) fn node<T: Number>(&self, phase_rad: T) -> Node<T, C, W> {
-        let mut wheels = [WheelNode::zero(); W];
-        if W > 0 {
-            wheels.copy_from_slice(&self.clusters.wheels(phase_rad)[..W]);
-        }
+    pub(super) fn node<T: Number>(&self, phase_rad: T) -> Node<T, C> {
+        let wheels = if self.clusters.is_linear {
+            [WheelNode::zero(); MAX_LINKS]
+        } else {
+            self.clusters.wheels(phase_rad)
+        };
         Node { clusters: self.clusters.nodes(phase_rad), wheels }
     }
 
@@ -157,13 +158,14 @@ impl<const C: usize, const W: usize> System<C, W> {
     #[inline(always)]
     fn resistances<T: Number>(
         &self,
-        node: &Node<T, C, W>,
+        node: &Node<T, C>,
         posture: &Posture<T, C>,
     ) -> [([T; 3], [[T; 3]; 3]); C] {
         let mut resistances: [([T; 3], [[T; 3]; 3]); C] = std::array::from_fn(|c| {
             node.clusters[c].resist(posture.turn[c], posture.velocity[c], posture.rate[c])
         });
-        for (wheel, (cluster, friction)) in node.wheels.iter().zip(&self.wheels) {
+        let wheels = if self.clusters.is_linear { &[][..] } else { &self.wheels };
+        for (wheel, (cluster, friction)) in node.wheels.iter().zip(wheels) {
             let state = self.wheel(posture, wheel, *cluster);
             let (force, slopes) = &mut resistances[*cluster];
             let mut add = |direction: Vector<T>, [resistance, slope]: [T; 2]| {
@@ -183,7 +185,7 @@ impl<const C: usize, const W: usize> System<C, W> {
     pub(super) fn drag_loss_w(
         &self,
         c: usize,
-        node: &Node<f64, C, W>,
+        node: &Node<f64, C>,
         posture: &Posture<f64, C>,
     ) -> f64 {
         let [x, y] = posture.velocity[c];
@@ -197,7 +199,7 @@ impl<const C: usize, const W: usize> System<C, W> {
     #[inline(always)]
     pub(super) fn balance<T: Number, const D: usize>(
         &self,
-        node: &Node<T, C, W>,
+        node: &Node<T, C>,
         posture: &Posture<T, C>,
         acceleration: &[T; D],
     ) -> Balance<T, C, D> {
@@ -428,6 +430,3 @@ pub(crate) struct WheelState<T> {
     pub roll_m_s: T,
     pub skid_m_s: T,
 }
-
-/// Number of wheels in the nodes of systems whose friction is not linear.
-pub(crate) const DRY_WHEELS: usize = MAX_LINKS;

@@ -78,21 +78,15 @@ pub(super) struct ClusterNode<T> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WheelNode<T> {
     pub direction: Vector<T>,
-    /// Place of the wheel.
     pub place: Vector<T>,
-    /// Velocity of the wheel.
+    /// Velocity of the wheel in the cluster's frame, m/s.
     pub rate: Vector<T>,
-    /// Turning rate of the link relative to the cluster, rad/s.
-    pub turning: T,
-    /// Acceleration of the wheel.
-    pub acceleration: Vector<T>,
 }
 
 impl<T: Number> WheelNode<T> {
     pub(super) fn zero() -> Self {
-        let zero = T::splat(0.0);
-        let none = [zero; 2];
-        Self { direction: none, place: none, rate: none, turning: zero, acceleration: none }
+        let none = [T::splat(0.0); 2];
+        Self { direction: none, place: none, rate: none }
     }
 }
 
@@ -295,14 +289,9 @@ impl Clusters {
         for cluster in &self.all {
             cluster.walk(phase_rad, self.omega_rad_s, |_, member, heading, origin| {
                 if let Some(wheel) = self.chain.links[member.link].wheel {
-                    let Moving { at, rate, acceleration } = heading.ahead(origin, wheel.place_m);
-                    wheels[self.wheel_of(member.link)] = WheelNode {
-                        direction: steered(heading, wheel.steer_rad),
-                        place: at,
-                        rate,
-                        turning: heading.rate,
-                        acceleration,
-                    };
+                    let Moving { at, rate, .. } = heading.ahead(origin, wheel.place_m);
+                    wheels[self.wheel_of(member.link)] =
+                        WheelNode { direction: steered(heading, wheel.steer_rad), place: at, rate };
                 }
             });
         }

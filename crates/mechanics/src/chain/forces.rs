@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use trilink_robot::{Chain, Dry, FreeJoint, Friction, Joint, Pose};
 
 use super::ChainProblem;
-use super::balance::{DRY_WHEELS, System};
+use super::balance::System;
 use super::cluster::Clusters;
 
 /// State of a chain and the forces on it at one time.
@@ -74,7 +74,7 @@ impl Motion {
             joints: vec![Joint::Free(FreeJoint::default()); chain.joints.len()],
             ..chain.clone()
         };
-        let system: System<L, DRY_WHEELS> = System::new(Clusters::new(loose, *omega_rad_s, false));
+        let system: System<L> = System::new(Clusters::new(loose, *omega_rad_s, false));
         let node = system.node(self.phase_rad);
         let joint_of = |c: usize| system.clusters.all[c].joint;
         let of_joints = |k: usize| -> [f64; L] {

@@ -390,7 +390,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.bounds_before.clear();
         self.bounds_before.reserve(MAX_ELEMENTS + 1);
         self.bounds_before.extend_from_slice(&self.mesh.bounds);
-        if R::IS_LINEAR {
+        if model.is_linear() {
             self.mesh.divide_equally(count);
         } else {
             self.equidistribute(count);

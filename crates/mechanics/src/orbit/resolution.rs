@@ -38,7 +38,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             let [tails, lower, sizes] = &mut largest;
             let pack_tails = weighted(highest, &starts, &values);
             let pack_lower = weighted(lowest, &starts, &values);
-            if R::IS_LINEAR {
+            if model.is_linear() {
                 keep_largest(tails, &pack_tails);
                 keep_largest(lower, &pack_lower);
             } else {
@@ -51,14 +51,14 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             values.iter().for_each(|values| keep_largest(sizes, values));
         }
         let [mut tails, mut lower, sizes] = largest.map(|largest| largest.map(largest_lane));
-        if !R::IS_LINEAR {
+        if !model.is_linear() {
             [tails, lower, _] = largest.map(|sums| sums.map(sum_of_lanes));
         }
         let errors: [f64; MAX_TRACKED] = std::array::from_fn(|i| {
             let decay = if tails[i] < lower[i] { tails[i] / lower[i] } else { 1.0 };
             tails[i] * decay * decay
         });
-        if !R::IS_LINEAR {
+        if !model.is_linear() {
             self.roughness.clear();
             for k in 0..self.mesh.count {
                 let tails = self.tails[k / LANES].map(|tail| tail.lane(k % LANES).abs());

@@ -15,6 +15,7 @@ mod skid;
 pub(super) use passive_no_skid::PassiveNoSkid;
 pub(super) use skid::Skid;
 
+use nalgebra::{SMatrix, SVector};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
     ByParameter, Dry, Friction, Gait, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Robot,
@@ -163,12 +164,6 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Number of unknowns per stage of a collocation element.
     const UNKNOWNS: usize = if Self::INTEGRATED { N - Self::ANGLES } else { N };
 
-    /// Whether the wheels can skid.
-    const SKIDS: bool;
-
-    /// Whether every friction force is proportional to the wheel's velocity in the direction of the force.
-    const IS_LINEAR: bool;
-
     /// Number of quantities that [`Reduced::tracked`] returns; the others are zero.
     const TRACKED: usize;
 
@@ -180,6 +175,12 @@ pub(super) trait Reduced<const N: usize>: Clone {
 
     /// State of the robot and the forces on it at one time, for the caller.
     type Sample;
+
+    /// Returns whether the wheels can skid.
+    fn skids(&self) -> bool;
+
+    /// Returns whether every friction force is proportional to the wheel's velocity in the direction of the force.
+    fn is_linear(&self) -> bool;
 
     fn omega_rad_s(&self) -> f64;
 
@@ -252,6 +253,19 @@ pub(super) trait Reduced<const N: usize>: Clone {
         dy: &[f64; N],
     ) -> Self::Sample;
 
+    /// Returns the time derivatives of the states at a phase, for which the equations of motion are a linear system; NaN if
+    /// the system is singular.
+    fn rates(&self, _: f64, node: &Self::Node<f64>, y: &[f64; N]) -> [f64; N] {
+        let residual = self.residual(node, y, &[0.0; N]);
+        let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.rate_jacobian[i][j]);
+        let mut right = SVector::<f64, N>::from_fn(|i, _| -residual.value[i]);
+        for angle in Self::UNKNOWNS..N {
+            matrix[(angle, angle)] = 1.0;
+            right[angle] = y[angle - Self::ANGLES];
+        }
+        matrix.try_inverse().map_or([f64::NAN; N], |inverse| (inverse * right).into())
+    }
+
     /// Returns, for each state, the factor (1 or -1) by which it is multiplied after half a period of a motion with
     /// half-period symmetry; `None` if the motion cannot have this symmetry.
     fn half_period_signs(&self) -> Option<[f64; N]>;
@@ -276,6 +290,9 @@ pub(super) trait ThreeLink<const N: usize>: Reduced<N, Sample = Sample> {
 
     /// Number of commanded joints.
     const COMMANDED: usize;
+
+    /// Whether the wheels can skid.
+    const SKIDS: bool;
 
     /// Returns the problem that the equations describe.
     fn problem(&self) -> &Problem;
@@ -358,11 +375,20 @@ pub(super) trait ThreeLink<const N: usize>: Reduced<N, Sample = Sample> {
 /// Implements what the equations of motion of the three-link robot have in common.
 macro_rules! of_three_links {
     ($states:expr) => {
-        const IS_LINEAR: bool = F::IS_LINEAR;
         const TRACKED: usize = 7;
 
         type State<T: Number> = KinematicState<T>;
         type Sample = Sample;
+
+        #[inline(always)]
+        fn skids(&self) -> bool {
+            Self::SKIDS
+        }
+
+        #[inline(always)]
+        fn is_linear(&self) -> bool {
+            F::IS_LINEAR
+        }
 
         fn omega_rad_s(&self) -> f64 {
             self.problem.omega_rad_s

@@ -296,7 +296,6 @@ impl<F: Friction> PassiveNoSkid<F> {
 impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
     of_three_links!(2);
 
-    const SKIDS: bool = false;
     const INTEGRATED: bool = false;
     const ANGLES: usize = 1;
     type Node<T: Number> = ConstrainedNode<T>;
@@ -366,6 +365,7 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
 impl<F: Friction> ThreeLink<2> for PassiveNoSkid<F> {
     const ROBOT_VARIABLES: usize = F::ROLL.len() + 2;
     const COMMANDED: usize = 1;
+    const SKIDS: bool = false;
 
     fn of<T: Number>(state: &KinematicState<T>) -> &KinematicState<T> {
         state

@@ -101,7 +101,6 @@ impl<const N: usize, F: Friction> Skid<N, F> {
 impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
     of_three_links!(N);
 
-    const SKIDS: bool = true;
     const INTEGRATED: bool = Self::IS_PASSIVE;
     const ANGLES: usize = Self::IS_PASSIVE as usize;
     type Node<T: Number> = CommandNode<T>;
@@ -168,6 +167,7 @@ impl<const N: usize, F: Friction> Reduced<N> for Skid<N, F> {
 impl<const N: usize, F: Friction> ThreeLink<N> for Skid<N, F> {
     const ROBOT_VARIABLES: usize = Self::WHEEL_PARAMETERS + if Self::IS_PASSIVE { 2 } else { 0 };
     const COMMANDED: usize = if Self::IS_PASSIVE { 1 } else { 2 };
+    const SKIDS: bool = true;
 
     fn of<T: Number>(state: &KinematicState<T>) -> &KinematicState<T> {
         state

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
-use trilink_mechanics::{ChainProblem, Problem, REFERENCE_ACCURACY};
+use trilink_mechanics::{ChainProblem, FORCES_ACCURACY, Problem, REFERENCE_ACCURACY};
 use trilink_robot::{
-    Chain, Drag, FreeJoint, Gait, Joint, JointCommand, Laws, Link, Robot, TorqueCommand, Wheel,
-    WheelFriction,
+    Chain, ChainNumber, Drag, FreeJoint, Gait, Joint, JointCommand, Laws, Link, Robot, RollLaw,
+    Rotor, SkidLaw, TorqueCommand, Wheel, WheelFriction,
 };
 
 fn number(value: &Value, key: &str) -> f64 {
@@ -81,17 +83,17 @@ fn reference_motions_of_chains_agree_to_1e_6() {
                     "{name} at {omega_rad_s} rad/s: {what} = {found}, not {known}"
                 );
             };
-            near("d", found.d_m, number(known, "d_m"), 1e-8);
-            near("dtheta", found.dtheta_rad, number(known, "dtheta_rad"), 1e-8);
+            near("d", found.metrics.d_m, number(known, "d_m"), 1e-8);
+            near("dtheta", found.metrics.dtheta_rad, number(known, "dtheta_rad"), 1e-8);
             for (link, sigma) in known["sigma"].as_array().unwrap().iter().enumerate() {
                 match sigma.as_f64() {
-                    Some(known) => near("sigma", found.sigma[link], known, 1e-8),
-                    None => assert!(found.sigma[link].is_nan()),
+                    Some(known) => near("sigma", found.metrics.sigma[link], known, 1e-8),
+                    None => assert!(found.metrics.sigma[link].is_nan()),
                 }
             }
             // The extremes of the derivation are those of some hundred samples, so that they fall short.
             for (joint, alpha) in known["alpha_rad"].as_array().unwrap().iter().enumerate() {
-                let excess = found.alpha_rad[joint] / alpha.as_f64().unwrap() - 1.0;
+                let excess = found.metrics.alpha_rad[joint] / alpha.as_f64().unwrap() - 1.0;
                 assert!((-1e-6..1e-4).contains(&excess), "{name} at {omega_rad_s} rad/s: {excess}");
             }
             assert!(found.floquet.is_none_or(|modulus| modulus < 1.0));
@@ -114,12 +116,12 @@ fn the_three_link_robot_is_a_chain() {
                 ChainProblem { chain, laws, omega_rad_s: 3.9 }.solve(REFERENCE_ACCURACY).unwrap();
             let [middle, front, rear] = known.metrics.sigma;
             let pairs = [
-                (found.d_m, known.metrics.d_m),
-                (found.dtheta_rad, known.metrics.dtheta_rad),
-                (found.sigma[0], front),
-                (found.sigma[1], middle),
-                (found.sigma[2], rear),
-                (found.alpha_rad[0], known.metrics.alpha1_rad),
+                (found.metrics.d_m, known.metrics.d_m),
+                (found.metrics.dtheta_rad, known.metrics.dtheta_rad),
+                (found.metrics.sigma[0], front),
+                (found.metrics.sigma[1], middle),
+                (found.metrics.sigma[2], rear),
+                (found.metrics.alpha_rad[0], known.metrics.alpha1_rad),
                 (found.work_j, known.work_j),
                 (found.floquet.unwrap_or(0.0), known.floquet.unwrap_or(0.0)),
             ];
@@ -129,4 +131,174 @@ fn the_three_link_robot_is_a_chain() {
             }
         }
     }
+}
+
+/// Returns a random chain of the given number of links with joints, wheels, drags and rotors of every kind, whose
+/// wheels, if they cannot skid, leave it one or two directions of motion.
+fn random_chain(rng: &mut ChaCha8Rng, links: usize, can_skid: bool) -> Chain {
+    let mut between = |low: f64, high: f64| {
+        low + (high - low) * (rng.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let mut made: Vec<Link> = (0..links)
+        .map(|_| {
+            let mass_kg = between(0.2, 1.0);
+            Link {
+                name: String::new(),
+                front_joint_m: between(0.08, 0.14),
+                rear_joint_m: between(0.08, 0.14),
+                com_m: between(-0.03, 0.03),
+                mass_kg,
+                inertia_kg_m2: mass_kg * between(1e-3, 4e-3),
+                wheel: Some(Wheel {
+                    place_m: between(-0.02, 0.02),
+                    steer_rad: between(-0.1, 0.1),
+                    friction: WheelFriction {
+                        skid_kg_s: between(40.0, 150.0),
+                        roll_kg_s: between(0.2, 0.6),
+                        skid_dry_n: between(0.5, 2.0),
+                        skid_static_n: between(0.5, 2.0),
+                        stribeck_m_s: 0.02,
+                        skid_power_n: between(0.2, 1.0),
+                        skid_exponent: between(0.6, 1.4),
+                        roll_dry_n: between(0.01, 0.1),
+                        transition_m_s: 0.01,
+                    },
+                }),
+                drag: Drag {
+                    along_kg_s: between(0.01, 0.2),
+                    across_kg_s: between(0.01, 2.0),
+                    turning_nm_s_rad: between(1e-4, 0.01),
+                },
+                rotor: (between(0.0, 1.0) < 0.15).then(|| Rotor {
+                    inertia_kg_m2: 2e-4,
+                    angle: JointCommand::new(0.0, between(0.5, 2.0), between(-3.0, 3.0)),
+                }),
+            }
+        })
+        .collect();
+    let joints: Vec<Joint> = (1..links)
+        .map(|joint| {
+            let command =
+                JointCommand::new(between(-0.2, 0.2), between(0.2, 0.5), between(-3.0, 3.0));
+            let free = FreeJoint {
+                stiffness_nm_rad: between(0.2, 0.6),
+                damping_nm_s_rad: between(0.005, 0.02),
+                target: JointCommand::new(between(-0.1, 0.1), 0.0, 0.0),
+                torque: TorqueCommand::default(),
+            };
+            let torque = TorqueCommand {
+                mean_nm: between(-0.01, 0.01),
+                amplitude_nm: between(0.02, 0.08),
+                phase_rad: between(-3.0, 3.0),
+            };
+            match (between(0.0, 4.0), joint) {
+                (..1.0, 2..) => Joint::Free(free),
+                (..2.0, 2..) => Joint::Free(FreeJoint { target: command, ..free }),
+                (..3.0, 2..) => Joint::Free(FreeJoint { torque, ..free }),
+                _ => Joint::Driven(command),
+            }
+        })
+        .collect();
+    let free = joints.iter().filter(|joint| matches!(joint, Joint::Free(_))).count();
+    if !can_skid {
+        // Wheels in a row of driven joints soon leave no motion.
+        let removed = links.saturating_sub(1 + free);
+        made.iter_mut().take(removed).for_each(|link| link.wheel = None);
+    }
+    Chain { links: made, joints, reference: (links - 1) / 2, skid_length_m: 0.11 }
+}
+
+const LAWS: [Laws; 6] = [
+    Laws::SKID_ROLL,
+    Laws::COULOMB,
+    Laws::COULOMB_VISCOUS,
+    Laws { skid: SkidLaw::StribeckViscous, roll: RollLaw::CoulombViscous },
+    Laws { skid: SkidLaw::Power, roll: RollLaw::Viscous },
+    Laws::NO_SKID_ROLL,
+];
+
+#[test]
+fn the_work_of_two_hundred_random_chains_is_dissipated() {
+    let mut rng = ChaCha8Rng::seed_from_u64(53);
+    let mut solved = 0;
+    for draw in 0..200 {
+        let laws = LAWS[draw % LAWS.len()];
+        let chain = random_chain(&mut rng, 2 + draw % 7, laws.skids());
+        let problem = ChainProblem { chain, laws, omega_rad_s: 2.0 + 0.02 * draw as f64 };
+        let Ok(found) = problem.solve(FORCES_ACCURACY) else { continue };
+        solved += 1;
+        let error = (found.work_j / found.loss_j - 1.0).abs();
+        assert!(error < 1e-9, "{draw}: {error:e}\n{problem:?}\n{found:?}");
+    }
+    // Newton's method does not find every motion without skid.
+    assert!(solved >= 195, "{solved}");
+}
+
+/// The step of the differences is so large that the errors of both motions do not matter.
+#[test]
+fn derivatives_by_every_number_agree_with_differences() {
+    const ACCURACY: f64 = 1e-12;
+    let mut rng = ChaCha8Rng::seed_from_u64(54);
+    let mut compared = 0;
+    for links in 2..=8 {
+        for laws in [LAWS[links % 5], Laws::NO_SKID_ROLL] {
+            let chain = random_chain(&mut rng, links, laws.skids());
+            let problem = ChainProblem { chain, laws, omega_rad_s: 3.0 };
+            let numbers: Vec<ChainNumber> =
+                problem.chain.numbers().into_iter().skip(links).step_by(2 * links).collect();
+            let Ok((motion, slopes)) = problem.derivatives(ACCURACY, &numbers) else { continue };
+            for (number, slopes) in numbers.iter().zip(&slopes) {
+                let mut changed = problem.clone();
+                let value = *changed.chain.number_mut(*number).unwrap();
+                let step = 1e-4 * if value == 0.0 { 0.1 } else { value.abs() };
+                let [low, high] = [-step, step].map(|step| {
+                    *changed.chain.number_mut(*number).unwrap() = value + step;
+                    changed.solve(ACCURACY)
+                });
+                let (Ok(low), Ok(high)) = (low, high) else { continue };
+                // Without skid, some of these chains have several motions, and either may be found.
+                if (low.metrics.d_m - motion.metrics.d_m)
+                    .abs()
+                    .max((high.metrics.d_m - motion.metrics.d_m).abs())
+                    > 0.01
+                {
+                    continue;
+                }
+                let last = links - 1;
+                let metrics = [
+                    ("d", slopes.metrics.d_m, low.metrics.d_m, high.metrics.d_m),
+                    (
+                        "dtheta",
+                        slopes.metrics.dtheta_rad,
+                        low.metrics.dtheta_rad,
+                        high.metrics.dtheta_rad,
+                    ),
+                    (
+                        "sigma",
+                        slopes.metrics.sigma[last],
+                        low.metrics.sigma[last],
+                        high.metrics.sigma[last],
+                    ),
+                    (
+                        "alpha",
+                        slopes.metrics.alpha_rad[0],
+                        low.metrics.alpha_rad[0],
+                        high.metrics.alpha_rad[0],
+                    ),
+                    ("work", slopes.work_j, low.loss_j, high.loss_j),
+                ];
+                for (metric, found, low, high) in metrics {
+                    let known = (high - low) / (2.0 * step);
+                    let noise = 10.0 * ACCURACY * high.abs().max(0.1) / step;
+                    let error = (found - known).abs();
+                    assert!(
+                        error <= 1e-6 * known.abs() + noise,
+                        "{links} links, {laws:?}, {number:?}: d({metric}) = {found}, not {known}"
+                    );
+                    compared += 1;
+                }
+            }
+        }
+    }
+    assert!(compared > 250, "{compared}");
 }

@@ -66,15 +66,10 @@ pub(super) fn parse(content: &[u8], unit: LengthUnit) -> Result<Recording, FileP
             positions_mm.push(position);
         }
     }
-    Ok(Recording {
-        rate_hz: contents.rate_hz,
-        frames: (contents.first_frame..).take(contents.layout.frame_count).collect(),
-        labels: markers.into_iter().map(|(_, label)| label).collect(),
-        rows_without_frame: 0,
-        rows_too_long: 0,
-        doubts: contents.doubts,
-        positions_mm,
-    })
+    let frames = (contents.first_frame..).take(contents.layout.frame_count).collect();
+    let labels = markers.into_iter().map(|(_, label)| label).collect();
+    let recording = Recording::new(contents.rate_hz, frames, labels, positions_mm);
+    Ok(Recording { doubts: contents.doubts, ..recording })
 }
 
 /// Lists points and analog samples as if they were sections in a CSV export.

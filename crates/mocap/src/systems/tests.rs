@@ -514,8 +514,13 @@ fn rotations_of_rigid_bodies_are_read_in_every_representation() {
     let zeros = "1,0,0,0,0,0,0,0\n";
     let tracker = tracker("rad", 1.0);
     let head: String = tracker.split_inclusive('\n').take(5).collect();
-    for text in [lost, head + zeros] {
-        assert!(read(text.as_bytes()).unwrap().pose(0, 0).0[0].is_nan());
+    let rows = ["1,0,,,,,,\n", "1,0,0.1,,0.1,1,2,3\n", "1,0,0.1,0.1,0.1,1,,3\n"]
+        .map(|row| head.clone() + row);
+    let untracked = [lost, head + zeros].into_iter().chain(rows);
+    for (text, incomplete) in untracked.zip([0, 0, 0, 1, 1]) {
+        let file = read(text.as_bytes()).unwrap();
+        assert!(file.row_mm(0).as_flattened().iter().all(|x| x.is_nan()));
+        assert_eq!(file.incomplete, [incomplete, 0, 0, 0], "{text}");
     }
 }
 

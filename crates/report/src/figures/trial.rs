@@ -2,9 +2,11 @@
 
 use minijinja::context;
 use minijinja::value::Value;
+use trilink_base::numbers::significant;
 use trilink_mechanics::Pose;
 use trilink_plot::envelope;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
+use trilink_statistics::mean;
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{CycleRow, Fill, TrialRow};
 
@@ -78,7 +80,8 @@ pub(crate) fn figures(
         Figure::new(stem, texts(stem, values), &[], layout, panels)
     };
     let smoothing_window = trial.smoothing_window;
-    let values = context! { smoothing_window, unused => !unused.is_empty() };
+    let errors_mm_s = velocity_errors_mm_s(recording, &in_use);
+    let values = context! { smoothing_window, errors_mm_s, unused => !unused.is_empty() };
     let angles = figure("angles", values.clone(), Layout::Pairs, angles);
     let velocities = figure("velocities", values, Layout::Grid, wheels.collect());
     let residuals = panel("Residuals", "Residual (mm)", residuals);
@@ -91,6 +94,21 @@ pub(crate) fn figures(
     let own = [path(trial, recording, config), angles, velocities, cycles(trial, recording)];
     let all = motion.into_iter().chain(own).chain([reconstruction]);
     all.filter(|figure| !figure.is_empty()).collect()
+}
+
+/// Returns the RMS standard errors of the roll and skid velocities of all wheels in the used cycles, mm/s; `None` if they
+/// are unknown.
+fn velocity_errors_mm_s(
+    recording: &Recording,
+    in_use: &std::ops::RangeInclusive<f64>,
+) -> Option<[String; 2]> {
+    let errors = recording.velocity_errors.as_ref()?;
+    let rms_mm_s = [&errors.roll_m_s, &errors.skid_m_s].map(|of_wheels| {
+        let all = of_wheels.iter().flat_map(|errors| errors.iter().zip(&recording.time_s));
+        let used = all.filter(|(error, time_s)| in_use.contains(time_s) && !error.is_nan());
+        1e3 * mean(used.map(|(error_m_s, _)| error_m_s * error_m_s)).sqrt()
+    });
+    rms_mm_s.iter().all(|rms| rms.is_finite()).then(|| rms_mm_s.map(|rms| significant(rms, 2)))
 }
 
 fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure {
@@ -223,9 +241,37 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
 
 #[cfg(test)]
 mod tests {
-    use trilink_tables::Columns as _;
+    use trilink_tables::{Columns as _, WheelVelocityErrors};
 
     use super::*;
+
+    #[test]
+    fn the_caption_of_kalman_smoothed_velocities_states_their_errors() {
+        let errors =
+            |m_s: f64| [vec![9.0, m_s, m_s], vec![9.0, m_s, f64::NAN], vec![9.0, m_s, m_s]];
+        let caption = |skid_m_s: f64| -> String {
+            let of = WheelVelocityErrors {
+                roll_m_s: errors(1.5e-3).into(),
+                skid_m_s: errors(skid_m_s).into(),
+            };
+            let time_s = vec![0.0, 1.0, 2.0];
+            let recording = Recording { time_s, velocity_errors: Some(of), ..Recording::default() };
+            let errors_mm_s = velocity_errors_mm_s(&recording, &(0.5..=2.0));
+            let values = context! { smoothing_window => 0, errors_mm_s, unused => true };
+            let [_, caption] = texts("velocities", values);
+            caption
+        };
+        assert_eq!(
+            caption(8e-4),
+            "Velocities are smoothed by the Kalman smoother; RMS of their standard errors in the used cycles: roll 1.5, \
+             skid 0.80 mm/s. Shaded: outside the used cycles, and where necessary off the scale."
+        );
+        assert_eq!(
+            caption(f64::NAN),
+            "Velocities are smoothed by the Kalman smoother; their standard errors are unknown. Shaded: outside the used \
+             cycles, and where necessary off the scale."
+        );
+    }
 
     #[test]
     fn times_outside_the_used_cycles_are_shaded() {

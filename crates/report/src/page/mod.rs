@@ -19,7 +19,7 @@ pub(crate) use trial::{html as trial_html, neighbours};
 
 use trilink_base::files::relative;
 use trilink_plot::Figure;
-use trilink_tables::config::SigmaKind;
+use trilink_tables::config::{SigmaKind, Smoothing};
 use trilink_tables::{CheckRow, CommonCause, Severity, TrialRow, TrialStatus};
 
 use super::Changes;
@@ -132,6 +132,7 @@ pub(crate) fn html(
         trials_folded => listed(folded),
         wheels => WHEELS,
         debiased => input.sigma == SigmaKind::Debiased,
+        kalman => input.smoothing() == Smoothing::Kalman,
         truth => truth.map(|truth| truth::compare(truth, tables)),
         scorecard => Serde(scores),
         of_the_paper => !scores.is_empty(),

@@ -32,16 +32,9 @@ fn record(change: impl Fn(usize, &mut [[f64; 3]; 3])) -> (Recording, Vec<LinkMar
         change(frame, &mut row);
         positions_mm.extend(row);
     }
-    let file = Recording {
-        rate_hz: Some(120.0),
-        labels: ["F1", "F2", "F3"].map(str::to_owned).into(),
-        frames: (100..).take(FRAMES).collect(),
-        positions_mm,
-        rows_without_frame: 0,
-        rows_too_long: 0,
-        doubts: Vec::new(),
-    };
-    (file, markers)
+    let labels = ["F1", "F2", "F3"].map(str::to_owned).into();
+    let frames = (100..).take(FRAMES).collect();
+    (Recording::new(Some(120.0), frames, labels, positions_mm), markers)
 }
 
 fn truth(frame: usize) -> LinkPose {

@@ -1,0 +1,124 @@
+//! Derivatives of a chain's steady motion with respect to the numbers that describe it.
+//!
+//! A change in a number changes the steady motion by the solution of the linearised periodic problem, whose matrix is
+//! that of Newton's method. Its right-hand side is the derivative of the residuals with respect to the number at
+//! constant states; the derivative of the metrics follows along the change in the motion. Both are central differences
+//! of formulas, without an iteration, and good to about ten digits.
+
+use trilink_robot::ChainNumber;
+
+use super::model::Model;
+use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of};
+use crate::cycle::{Cycle, measure};
+use crate::element::Linearisation;
+use crate::method::Collocation;
+use crate::orbit::PeriodicOrbit;
+use crate::path::Path;
+use crate::{MotionError, Result};
+
+/// Derivatives of a chain's motion, per unit of a number.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainSlopes {
+    /// Of the metrics.
+    pub metrics: ChainMetrics,
+    /// Of the work of the actuators over a cycle, J.
+    pub work_j: f64,
+}
+
+impl ChainSlopes {
+    fn between([low, high]: &[(ChainMetrics, f64); 2], step: f64) -> Self {
+        let slope = |low: f64, high: f64| (high - low) / (2.0 * step);
+        let each = |low: &[f64], high: &[f64]| {
+            low.iter().zip(high).map(|(low, high)| slope(*low, *high)).collect()
+        };
+        let ((low, low_j), (high, high_j)) = (low, high);
+        Self {
+            metrics: ChainMetrics {
+                d_m: slope(low.d_m, high.d_m),
+                v_m_s: slope(low.v_m_s, high.v_m_s),
+                dtheta_rad: slope(low.dtheta_rad, high.dtheta_rad),
+                sigma: each(&low.sigma, &high.sigma),
+                alpha_rad: each(&low.alpha_rad, &high.alpha_rad),
+            },
+            work_j: slope(*low_j, *high_j),
+        }
+    }
+}
+
+pub(super) struct Differentiate<'a> {
+    pub problem: &'a ChainProblem,
+    pub accuracy: f64,
+    pub numbers: &'a [ChainNumber],
+}
+
+impl Task for Differentiate<'_> {
+    type Output = (ChainMotion, Vec<ChainSlopes>);
+
+    fn run<const N: usize, const C: usize, const D: usize>(
+        self,
+        model: Model<N, C, D>,
+    ) -> Result<Self::Output> {
+        let mut orbit = PeriodicOrbit::default();
+        let mut method = Collocation { model, orbit: &mut orbit };
+        let (cycle, _) = method.find(false, self.accuracy)?;
+        let motion = motion_of(&mut method, &cycle)?;
+        let Collocation { model, orbit } = method;
+        orbit.cover_whole_periods(&model)?;
+        let slopes = self.numbers.iter().map(|number| self.slope(&model, orbit, *number));
+        Ok((motion, slopes.collect::<Result<_>>()?))
+    }
+}
+
+impl Differentiate<'_> {
+    fn slope<const N: usize, const C: usize, const D: usize>(
+        &self,
+        model: &Model<N, C, D>,
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        number: ChainNumber,
+    ) -> Result<ChainSlopes> {
+        let mut problem = self.problem.clone();
+        let Some(value) = problem.chain.number_mut(number).copied() else {
+            return Err(MotionError::Unsolved);
+        };
+        let step = step_of(value, &problem, number);
+        let mut at = |value: f64| {
+            problem.chain.number_mut(number).into_iter().for_each(|number| *number = value);
+            model.with_problem(problem.effective())
+        };
+        let models = [at(value - step), at(value + step)];
+        let [low, high] = &models;
+        orbit.change(low, high, 2.0 * step)?;
+        let motions = [(low, -step), (high, step)].map(|(model, step)| {
+            let mut mesh = orbit.mesh.clone();
+            mesh.states.add(step, orbit.last_change());
+            mesh.lay_out(model);
+            let mut path = Path::default();
+            path.follow(model, &mesh);
+            let cycle: Cycle<N> = measure(model, &mesh, &path, &mut Linearisation::default());
+            let mut changed = PeriodicOrbit::default();
+            changed.mesh = mesh;
+            let method = Collocation { model: model.clone(), orbit: &mut changed };
+            let [_, loss_j] = method.work_and_loss_j();
+            (metrics_of(model, &cycle), loss_j)
+        });
+        Ok(ChainSlopes::between(&motions, step))
+    }
+}
+
+/// Returns the step of the central differences for a number with the given value. Equations and metrics are smooth in
+/// all numbers, over the number itself for those that are scales, otherwise over the robot's size or a radian.
+fn step_of(value: f64, problem: &ChainProblem, number: ChainNumber) -> f64 {
+    use trilink_robot::LinkNumber as L;
+    const RELATIVE: f64 = 2e-5;
+    let scale = match number {
+        ChainNumber::Link(_, L::FrontJoint | L::RearJoint | L::Com | L::WheelPlace) => {
+            problem.chain.skid_length_m
+        }
+        ChainNumber::Link(_, L::WheelSteer | L::Rotor(_)) | ChainNumber::Joint(..) => {
+            value.abs().max(0.1)
+        }
+        _ if value == 0.0 => 1.0,
+        _ => value.abs(),
+    };
+    RELATIVE * scale
+}

@@ -1,0 +1,270 @@
+//! Equations of motion of a chain in minimal states.
+
+use nalgebra::{DMatrix, DVector};
+use trilink_robot::{Joint, MAX_LINKS, Number, Pose};
+
+use super::ChainProblem;
+use super::balance::{Node, Posture, System};
+use super::cluster::Clusters;
+use super::constraint::Constraints;
+use super::forces::{ChainSample, Motion};
+use crate::reduced::{MAX_TRACKED, Reduced, Residual};
+
+/// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then the
+/// rates and then the angles of the free joints, in the order of the clusters: `N` = 2 `C` + 1 states for `C` clusters
+/// and `D` = `C` + 2 velocities. Where the wheels cannot skid, constraints replace some of the equations of motion.
+#[derive(Debug, Clone)]
+pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
+    pub problem: ChainProblem,
+    pub system: System<C>,
+    constraints: Option<Constraints<D>>,
+}
+
+impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
+    /// Creates the equations for a problem whose unused coefficients are zero.
+    pub(super) fn new(problem: ChainProblem) -> Self {
+        let constraints = (!problem.laws.skids()).then(|| Constraints::new::<C>(&problem));
+        Self::with_constraints(problem, constraints)
+    }
+
+    fn with_constraints(problem: ChainProblem, constraints: Option<Constraints<D>>) -> Self {
+        const { assert!(N == 2 * C + 1 && D == C + 2) };
+        let is_linear = problem.laws.are_linear() && constraints.is_none();
+        let clusters = Clusters::new(problem.chain.clone(), problem.omega_rad_s, is_linear);
+        Self { problem, system: System::new(clusters), constraints }
+    }
+
+    /// Returns the same equations for another problem, whose chain has the same joints and wheels.
+    pub(super) fn with_problem(&self, problem: ChainProblem) -> Self {
+        Self::with_constraints(problem, self.constraints.clone())
+    }
+
+    #[inline(always)]
+    fn angles<T: Number>(y: &[T; N]) -> [T; C] {
+        std::array::from_fn(|c| if c == 0 { T::splat(0.0) } else { y[D + c - 1] })
+    }
+
+    /// Returns the motion of the chain in state `y`, given the time derivatives `dy` of the states.
+    pub(super) fn motion(
+        &self,
+        phase_rad: f64,
+        node: &Node<f64, C>,
+        y: &[f64; N],
+        dy: &[f64; N],
+    ) -> Motion {
+        let ChainProblem { chain, omega_rad_s, .. } = &self.problem;
+        let posture = self.kinematics(node, y);
+        let mut joints: Vec<[f64; 3]> = chain
+            .joints
+            .iter()
+            .map(|joint| match joint {
+                Joint::Driven(command) => std::array::from_fn(|k| {
+                    let order = k as i32;
+                    omega_rad_s.powi(order) * command.derivative(order, phase_rad)
+                }),
+                Joint::Free(_) => [0.0; 3],
+            })
+            .collect();
+        for c in 1..C {
+            joints[self.system.clusters.all[c].joint] =
+                [posture.phi_rad[c], posture.joint_rate[c], dy[2 + c]];
+        }
+        Motion { phase_rad, body: Self::body(&posture), dbody: [dy[0], dy[1], dy[2]], joints }
+    }
+}
+
+impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, D> {
+    const ANGLES: usize = C - 1;
+    const INTEGRATED: bool = true;
+    const TRACKED: usize = N;
+
+    type Node<T: Number> = Node<T, C>;
+    type State<T: Number> = Posture<T, C>;
+    type Sample = ChainSample;
+
+    fn skids(&self) -> bool {
+        self.constraints.is_none()
+    }
+
+    fn is_linear(&self) -> bool {
+        self.problem.laws.are_linear()
+    }
+
+    fn omega_rad_s(&self) -> f64 {
+        self.problem.omega_rad_s
+    }
+
+    fn skid_scale_m_s(&self) -> f64 {
+        self.problem.chain.skid_length_m * self.problem.omega_rad_s
+    }
+
+    fn transition_m_s(&self) -> f64 {
+        let wheels = self.system.wheels.iter().map(|(_, friction)| friction.transition_m_s);
+        wheels.fold(f64::INFINITY, f64::min)
+    }
+
+    fn with_transition_scaled(&self, factor: f64) -> Option<Self> {
+        let is_dry = !self.problem.laws.are_linear();
+        is_dry.then(|| self.with_problem(self.problem.with_transition_scaled(factor)))
+    }
+
+    fn with_friction_scaled(&self, factor: f64) -> Self {
+        self.with_problem(self.problem.with_friction_scaled(factor))
+    }
+
+    #[inline(always)]
+    fn node<T: Number>(&self, phase_rad: T) -> Node<T, C> {
+        self.system.node(phase_rad)
+    }
+
+    // Not inlined, because the equations are long and there are many.
+    #[inline(never)]
+    fn residual<T: Number>(&self, node: &Node<T, C>, y: &[T; N], dy: &[T; N]) -> Residual<N, T> {
+        let zero = T::splat(0.0);
+        let posture = self.kinematics(node, y);
+        let acceleration: [T; D] = std::array::from_fn(|i| dy[i]);
+        let balance = self.system.balance(node, &posture, &acceleration);
+        let mut residual = Residual {
+            value: [zero; N],
+            state_jacobian: [[zero; N]; N],
+            rate_jacobian: [[zero; N]; N],
+        };
+        if let Some(constraints) = &self.constraints {
+            constraints.apply(&self.system, node, &posture, &balance, &mut residual);
+            return residual;
+        }
+        residual.value[..D].copy_from_slice(&balance.force);
+        for i in 0..D {
+            residual.state_jacobian[i][..D].copy_from_slice(&balance.dforce_dvelocity[i]);
+            residual.rate_jacobian[i][..D].copy_from_slice(&balance.mass[i]);
+            for c in 1..C {
+                residual.state_jacobian[i][D + c - 1] = balance.dforce_dphi[c][i];
+            }
+        }
+        residual
+    }
+
+    #[inline(always)]
+    fn kinematics<T: Number>(&self, node: &Node<T, C>, y: &[T; N]) -> Posture<T, C> {
+        let rates = std::array::from_fn(|c| if c == 0 { T::splat(0.0) } else { y[2 + c] });
+        self.system.posture(&node.clusters, [y[0], y[1], y[2]], Self::angles(y), rates)
+    }
+
+    #[inline(always)]
+    fn body<T: Number>(state: &Posture<T, C>) -> [T; 3] {
+        let [u, v] = state.velocity[0];
+        [u, v, state.rate[0]]
+    }
+
+    #[inline(always)]
+    fn tracked<T: Number>(
+        &self,
+        state: &Posture<T, C>,
+        [x_rate, y_rate]: [T; 2],
+    ) -> [T; MAX_TRACKED] {
+        let mut tracked = [T::splat(0.0); MAX_TRACKED];
+        tracked[..3].copy_from_slice(&[x_rate, y_rate, state.rate[0]]);
+        for c in 1..C {
+            tracked[2 + c] = state.joint_rate[c];
+            tracked[1 + C + c] = state.phi_rad[c];
+        }
+        tracked
+    }
+
+    fn wheels(&self) -> usize {
+        self.system.wheels.len()
+    }
+
+    fn skid_m_s<T: Number>(&self, phase_rad: T, state: &Posture<T, C>) -> [T; MAX_LINKS] {
+        let mut skid_m_s = [T::splat(0.0); MAX_LINKS];
+        let nodes = self.system.clusters.wheels(phase_rad);
+        for (i, (cluster, _)) in self.system.wheels.iter().enumerate() {
+            skid_m_s[i] = self.system.wheel(state, &nodes[i], *cluster).skid_m_s;
+        }
+        skid_m_s
+    }
+
+    fn measured_joints(&self) -> usize {
+        C - 1
+    }
+
+    #[inline(always)]
+    fn free_joint<T: Number>(state: &Posture<T, C>, index: usize) -> [T; 2] {
+        [state.phi_rad[1 + index], state.joint_rate[1 + index]]
+    }
+
+    fn power_and_loss_w(
+        &self,
+        phase_rad: f64,
+        node: &Node<f64, C>,
+        y: &[f64; N],
+        dy: &[f64; N],
+    ) -> [f64; 2] {
+        let sample =
+            self.motion(phase_rad, node, y, dy).sample(&self.problem, 0.0, Pose::default());
+        [sample.power_w, sample.loss_w]
+    }
+
+    fn sample(
+        &self,
+        time_s: f64,
+        pose: Pose,
+        node: &Node<f64, C>,
+        y: &[f64; N],
+        dy: &[f64; N],
+    ) -> ChainSample {
+        let phase_rad = self.problem.omega_rad_s * time_s;
+        self.motion(phase_rad, node, y, dy).sample(&self.problem, time_s, pose)
+    }
+
+    /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.
+    fn rates(&self, phase_rad: f64, node: &Node<f64, C>, y: &[f64; N]) -> [f64; N] {
+        const STEP_RAD: f64 = 1e-5;
+        let residual = self.residual(node, y, &[0.0; N]);
+        let mut matrix = DMatrix::from_fn(D, D, |i, j| residual.rate_jacobian[i][j]);
+        let mut right = DVector::from_fn(D, |i, _| -residual.value[i]);
+        if let Some(constraints) = &self.constraints {
+            let step_s = STEP_RAD / self.problem.omega_rad_s;
+            let [before, after] = [-1.0, 1.0].map(|sign| {
+                let mut moved = *y;
+                for c in 1..C {
+                    moved[D + c - 1] += sign * step_s * y[2 + c];
+                }
+                let node = self.node(phase_rad + sign * STEP_RAD);
+                constraints.skid_m_s(&self.system, &node, &self.kinematics(&node, &moved))
+            });
+            for row in 0..D {
+                if let Some(i) = constraints.constraint(row) {
+                    right[row] = (before[i] - after[i]) / (2.0 * step_s);
+                    (0..D).for_each(|j| matrix[(row, j)] = residual.state_jacobian[row][j]);
+                }
+            }
+        }
+        let rates = matrix.lu().solve(&right);
+        std::array::from_fn(|i| match (i.checked_sub(D), &rates) {
+            (Some(angle), _) => y[3 + angle],
+            (None, Some(rates)) => rates[i],
+            (None, None) => f64::NAN,
+        })
+    }
+
+    fn half_period_signs(&self) -> Option<[f64; N]> {
+        let signs = std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
+        self.problem.chain.is_mirrored().then_some(signs)
+    }
+
+    fn at_rest(&self) -> [f64; N] {
+        let mut state = [0.0; N];
+        for c in 1..C {
+            let joint = self.system.clusters.all[c].joint;
+            state[D + c - 1] = self.problem.chain.rest_angle_rad(joint);
+        }
+        if let Some(constraints) = &self.constraints {
+            let node = self.node(0.0);
+            let velocities =
+                constraints.rest_velocities(&self.system, &node, &self.kinematics(&node, &state));
+            state[..D].copy_from_slice(&velocities);
+        }
+        state
+    }
+}
