@@ -121,3 +121,62 @@ impl<S: Frames, const FIRST: usize> Frames for Numbered<S, FIRST> {
         std::iter::once(Ok(first)).chain(others).collect::<Result<_, _>>().map(Self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{frames, rows};
+
+    rows! {
+        /// Row of a robot.
+        pub struct Robot {
+            pub sigma: [f64; 3] as "sigma{}",
+            pub more_sigma: Numbered<f64, 3> as "sigma{}" after "sigma2",
+            pub mass: f64,
+        }
+    }
+
+    frames! {
+        /// Series of a robot.
+        #[allow(unreachable_pub)]
+        pub struct Series {
+            pub skid_m_s: ByLink<Vec<f64>> as "skid{}_m_s",
+            pub phi_rad: ByJoint<Vec<f64>> as "phi{}_rad",
+        }
+    }
+
+    fn names(table: &Table) -> Vec<String> {
+        table.frame.get_column_names().into_iter().map(|name| name.to_string()).collect()
+    }
+
+    fn robot(more: &[f64]) -> Robot {
+        Robot { sigma: [0.0, 0.1, 0.2], more_sigma: Numbered(more.to_vec()), mass: 1.5 }
+    }
+
+    #[test]
+    fn a_table_has_columns_up_to_the_longest_robot_that_are_null_for_the_others() {
+        let three = Robot::to_table(&[robot(&[])]);
+        assert_eq!(names(&three), ["sigma0", "sigma1", "sigma2", "mass"]);
+        assert_eq!(Robot::from_table(&three).unwrap(), [robot(&[])]);
+        let mixed = Robot::to_table(&[robot(&[]), robot(&[0.3, 0.4])]);
+        assert_eq!(names(&mixed)[2..], ["sigma2", "sigma3", "sigma4", "mass"]);
+        assert_eq!(mixed.frame.column("sigma4").unwrap().null_count(), 1);
+        let rows = Robot::from_table(&mixed).unwrap();
+        assert_eq!(rows[1], robot(&[0.3, 0.4]));
+        assert!(rows[0].more_sigma.iter().all(|sigma| sigma.is_nan()));
+    }
+
+    #[test]
+    fn series_are_read_as_they_were_written_and_the_first_must_be_there() {
+        for links in [2, 3, 8_usize] {
+            let of_links = |first: usize| (first..links).map(|link| vec![link as f64; 4]).collect();
+            let series = Series { skid_m_s: Numbered(of_links(0)), phi_rad: Numbered(of_links(1)) };
+            let table = series.clone().into_table("a");
+            assert_eq!(names(&table).last().unwrap(), &format!("phi{}_rad", links - 1));
+            assert_eq!(Series::from_table(&table).unwrap(), series);
+            let frame = table.frame.drop("phi1_rad").unwrap();
+            let error = Series::from_table(&Table { frame, ..table }).unwrap_err();
+            assert!(error.to_string().contains("phi1_rad"), "{error}");
+        }
+    }
+}
