@@ -37,7 +37,7 @@ use super::markers::layout::{LinkMarker, locate, marker_name};
 use super::phase::CommandedGait;
 use estimate::LayoutEstimate;
 pub use estimate::locate_joint;
-pub use links::{order_links, rigid_groups};
+pub use links::{JointMisfits, order_links, rigid_groups};
 pub use shape::Body;
 
 /// Maximum number of trial segments for the jackknife standard errors.

@@ -8,6 +8,7 @@ use trilink_robot::{
 use trilink_tables::config::Smoothing;
 
 use super::*;
+use crate::calibrate::{Body, JointMisfits, rigid_groups};
 use crate::geometry::Geometry;
 use crate::markers::layout::LinkMarker;
 
@@ -232,4 +233,28 @@ fn metrics_of_chains_agree_with_the_simulation_within_their_errors() {
     }
     let rms = f64::sqrt(squares / count);
     assert!((0.3..1.3).contains(&rms), "{rms}");
+}
+
+#[test]
+fn the_order_of_the_links_is_found_from_the_motion_of_their_markers() {
+    for (name, case) in cases().into_iter().filter(|(_, case)| case.bare.is_none()) {
+        let (file, _) = case.recorded(0.1, 5);
+        let groups = rigid_groups(&file);
+        let links = case.chain.links.len();
+        // The markers of each link are in neighbouring columns, from front to rear; the bodies are shuffled.
+        let of_link: Vec<Vec<usize>> =
+            (0..links).map(|link| (4 * link..4 * link + 4).collect()).collect();
+        assert_eq!(groups, of_link, "{name}");
+        let shuffled: Vec<usize> = (0..links)
+            .step_by(2)
+            .chain((1..links).step_by(2).collect::<Vec<_>>().into_iter().rev())
+            .collect();
+        let bodies = shuffled.iter().map(|link| Body::fit(&file, &groups[*link]).unwrap());
+        let chain = JointMisfits::new(&bodies.collect::<Vec<_>>()).chain(2.0);
+        let mut found: Vec<usize> = chain.into_iter().map(|body| shuffled[body]).collect();
+        if found.first() > found.last() {
+            found.reverse();
+        }
+        assert_eq!(found, (0..links).collect::<Vec<_>>(), "{name}");
+    }
 }
