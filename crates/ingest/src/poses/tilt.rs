@@ -9,7 +9,7 @@
 //! The height of a marker at `(x, y)` in its link frame and `(X, Y)` in the camera frame is that in the layout, plus a
 //! constant per link, plus `a y - b x` with the link's rotations `a` about its x axis and `b` about its y axis, plus
 //! the corresponding terms for the floor with `(X, Y)`. The least-squares problem has a weak prior on the rotations. If
-//! a trial cannot distinguish a tilted floor from three links with the same tilt (a straight run), the tilt is
+//! a trial cannot distinguish a tilted floor from links with the same tilt (a straight run), the tilt is
 //! attributed to the floor.
 
 use std::borrow::Cow;
@@ -154,13 +154,13 @@ impl Tilt {
         stride: usize,
     ) -> Option<Self> {
         let whole = NormalEquations::sum(parts.iter());
-        let (found, inverse) = with_prior(&whole).solve()?;
+        let (found, inverse) = with_prior(&whole, layout).solve()?;
         // Jackknife over the blocks.
         let mut variance = SVector::<f64, N>::zeros();
         for left_out in 0..BLOCKS {
             let rest = parts.iter().enumerate().filter(|(i, _)| *i != left_out);
             let rest = NormalEquations::sum(rest.map(|(_, part)| part));
-            let away = with_prior(&rest).solve()?.0 - found;
+            let away = with_prior(&rest, layout).solve()?.0 - found;
             variance += (BLOCKS - 1) as f64 / BLOCKS as f64 * away.component_mul(&away);
         }
         // In a short trial or with a robot at rest, the blocks agree even on rotations that none of them determines:
@@ -245,10 +245,17 @@ fn add_heights<const N: usize>(
     *squares += z_z;
 }
 
-fn with_prior<const N: usize>(equations: &NormalEquations<N>) -> NormalEquations<N> {
+fn with_prior<const N: usize>(
+    equations: &NormalEquations<N>,
+    layout: &Layout,
+) -> NormalEquations<N> {
     let mut with_prior = *equations;
     for turn in (0..N).filter(|unknown| unknown % 3 < 2) {
         with_prior.matrix[(turn, turn)] += (PRIOR_HEIGHT_MM / PRIOR_TURN_RAD).powi(2);
+    }
+    // Nothing determines the height of a link without markers.
+    for (link, _) in layout.iter().enumerate().filter(|(_, markers)| markers.is_empty()) {
+        with_prior.matrix[(2 + 3 * link, 2 + 3 * link)] += 1.0;
     }
     with_prior
 }

@@ -141,8 +141,12 @@ impl Case {
         (trilink_mocap::Recording::new(Some(RATE_HZ), frames, labels, positions_mm), layout)
     }
 
-    fn processed(&self, noise_mm: f64, seed: u64, settings: &IngestSettings) -> ProcessedTrial {
-        let (file, layout) = self.recorded(noise_mm, seed);
+    fn processed(
+        &self,
+        (file, layout): (trilink_mocap::Recording, Layout),
+        smoothing_window: Option<usize>,
+        settings: &IngestSettings,
+    ) -> ProcessedTrial {
         let labels_of = |markers: &Vec<LinkMarker>| {
             markers.iter().map(|marker| file.labels[marker.column].clone()).collect()
         };
@@ -158,7 +162,7 @@ impl Case {
         let omega_rad_s = self.problem().omega_rad_s;
         let command = Some(Command { joints: joints.collect(), omega_rad_s });
         let mut trial = gait_trial("a", "chain", omega_rad_s);
-        trial.smoothing_window = (noise_mm == 0.0).then_some(1);
+        trial.smoothing_window = smoothing_window;
         let subject = Subject { geometry, command, robot: None };
         let mut partial = PartialResult::new(&trial);
         process_markers(recording, &labels, &trial, &subject, &mut partial).unwrap()
@@ -196,8 +200,9 @@ impl Case {
 fn metrics_of_chains_are_found_without_noise() {
     let mut config = Config::default();
     config.ingest.smoothing = Smoothing::MovingAverage;
+    let settings = IngestSettings::new(&config);
     for (name, case) in cases() {
-        let row = case.processed(0.0, 0, &IngestSettings::new(&config)).row;
+        let row = case.processed(case.recorded(0.0, 0), Some(1), &settings).row;
         let sigma = row.metrics.sigma.map(|value| Estimate { value, se: f64::NAN });
         let sigma: Vec<Estimate> =
             sigma.into_iter().chain(row.more_sigma.iter().copied()).collect();
@@ -216,7 +221,7 @@ fn metrics_of_chains_agree_with_the_simulation_within_their_errors() {
     let settings = IngestSettings::new(&config);
     let (mut squares, mut count) = (0.0, 0.0);
     for (name, case) in cases() {
-        let row = case.processed(0.1, 3, &settings).row;
+        let row = case.processed(case.recorded(0.1, 3), None, &settings).row;
         let sigma = row.sigma_debiased.iter().chain(row.more_sigma_debiased.iter()).copied();
         for (metric, truth, found) in case.metrics(&row, &sigma.collect::<Vec<_>>()) {
             let dtheta_rad = row.metrics.dtheta_rad;
@@ -233,6 +238,20 @@ fn metrics_of_chains_agree_with_the_simulation_within_their_errors() {
     }
     let rms = f64::sqrt(squares / count);
     assert!((0.3..1.3).contains(&rms), "{rms}");
+}
+
+#[test]
+fn a_tilted_floor_is_corrected_although_a_link_has_no_markers() {
+    let settings = IngestSettings::new(&Config::default());
+    for (name, case) in cases().into_iter().filter(|(_, case)| case.bare.is_some()) {
+        let (mut file, layout) = case.recorded(0.1, 4);
+        let (sin, cos) = 1_f64.to_radians().sin_cos();
+        for [_, y, z] in &mut file.positions_mm {
+            (*y, *z) = (cos * *y - sin * *z, sin * *y + cos * *z);
+        }
+        let row = case.processed((file, layout), None, &settings).row;
+        assert!(row.message.contains("the floor is tilted by 1.0"), "{name}: {}", row.message);
+    }
 }
 
 #[test]
