@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use trilink_ingest::{CommandedGait, GAIT_HARMONICS, Harmonics, strongest_line};
-use trilink_robot::{Gait, JointCommand};
+use trilink_robot::JointCommand;
 use trilink_statistics::{mean, seen, wrap};
 use trilink_tables::trial::TrialKind;
 
@@ -102,12 +102,11 @@ fn gait(motion: &Motion, ranges_deg: [f64; 2]) -> Option<Recorded> {
     // Link 1 is turned by theta - phi1, link 2 by theta + phi2.
     let phi_rad = [front.iter().map(|turn| -turn).collect(), rear.clone()];
     let step = fundamental(&phi_rad, *rate_hz)?;
-    // A placeholder gait: only its frequency and the set of joints that move are used.
+    // Placeholders: only the frequency and the set of joints that move are used.
     let joints = ranges_deg
         .map(|range_deg| (range_deg >= MIN_RANGE_DEG).then_some(JointCommand::new(0.0, 1e-6, 0.0)));
-    let placeholder = Gait { joints };
     let command = CommandedGait {
-        gait: &placeholder,
+        joints: &joints,
         omega_rad_s: step * rate_hz,
         rate_hz: *rate_hz,
         skip_cycles: 0,

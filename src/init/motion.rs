@@ -78,7 +78,7 @@ impl Motion {
             [1, 2].map(|side| locate_joint(&bodies[0], &bodies[side], &|_| true));
         let ahead_mm = match (joint1, joint2) {
             (Some((first, _)), Some((second, _))) => {
-                let [dx, dy] = [0, 1].map(|i| first.in_middle[i] - second.in_middle[i]);
+                let [dx, dy] = [0, 1].map(|i| first.in_inner[i] - second.in_inner[i]);
                 let steps = poses.windows(2).map(|pair| {
                     let step = [0, 1].map(|i| pair[1].origin_mm[i] - pair[0].origin_mm[i]);
                     let [along, across] = rotated(-pair[0].theta_rad, step);

@@ -52,6 +52,9 @@ mod diagnosis;
 /// Trial with unknown marker layout -> marker layout.
 pub mod calibrate;
 
+/// Robot -> places of its joints and wheels, velocities of its wheels.
+mod geometry;
+
 // Items that the stages share, and operations that use the stages.
 mod checks;
 mod error;
@@ -80,18 +83,20 @@ pub use survey::{FileSurvey, Gaps, MarkerCoverage, RecordingSurvey, survey};
 
 use trilink_mocap::Recording;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Gait, Robot};
+use trilink_robot::{JointCommand, Robot};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, Smoothing, SmoothingWindow};
 use trilink_tables::trial::{Trial, TrialKind};
 use trilink_tables::{
-    CheckRow, Clock, CycleRow, Frames as _, RobotParameterRow, Severity, Table, TrialRow,
+    CheckRow, Clock, CycleRow, Frames as _, Numbered, RobotParameterRow, Severity, Table, TrialRow,
     TrialStatus, WheelFrames,
 };
 
 use checks::Finding;
 use cycles::steady::{self, CycleSelection};
+use cycles::summary::{measured_joints, set_gait};
 use cycles::{Cycle, CycleData, summary, wheel_velocities};
+use geometry::Geometry;
 use identification::{against_configured, coast, release};
 use markers::bodies;
 use markers::layout::{self, Layout};
@@ -102,6 +107,22 @@ pub use poses::frame_grid;
 use poses::{Constant, LinkPoses, Linkage, Tracked};
 use signals::JointSignal;
 use smoothing::SmoothedMotion;
+
+/// Robot of a trial and its command.
+struct Subject {
+    geometry: Geometry,
+    /// `None` unless the trial's kind is `gait`.
+    command: Option<Command>,
+    /// The robot if it has the three links of the paper's; only its parameters can be identified.
+    robot: Option<Robot>,
+}
+
+/// Commanded motion of the joints.
+struct Command {
+    /// Commands of the joints from front to rear; `None` for a joint that is not commanded.
+    joints: Vec<Option<JointCommand>>,
+    omega_rad_s: f64,
+}
 
 /// Minimum number of used cycles for trial means.
 const MIN_USED_CYCLES: usize = 2;
@@ -198,6 +219,9 @@ impl PartialResult {
             metrics: GaitMetrics::MISSING,
             metrics_se: GaitMetrics::MISSING,
             sigma_debiased: [Estimate::MISSING; 3],
+            more_sigma: Numbered::default(),
+            more_sigma_debiased: Numbered::default(),
+            more_alpha_rad: Numbered::default(),
             status: TrialStatus::Failed,
             message,
             ..self.row
@@ -253,18 +277,34 @@ fn process_recording(
     input: &IngestInput,
     partial: &mut PartialResult,
 ) -> Result<ProcessedTrial, Problem> {
-    let robot = &input.robot();
-    let gait = input.command(trial);
-    let IngestSettings { ingest, markers, .. } = &input.settings;
+    let robot = input.robot();
+    let command = input
+        .command(trial)
+        .map(|(gait, omega_rad_s)| Command { joints: gait.joints.to_vec(), omega_rad_s });
+    let subject = Subject { geometry: Geometry::of_robot(&robot), command, robot: Some(robot) };
+    let recording = TrialRecording::new(file, &input.settings, &subject.geometry)?;
+    let labels = input.settings.markers.links().map(|link| link.keys().cloned().collect());
+    process_markers(recording, &labels, trial, &subject, partial)
+}
+
+/// Processes the recorded markers of a trial, given their labels by link.
+fn process_markers(
+    mut recording: TrialRecording,
+    labels: &[Vec<String>],
+    trial: &Trial,
+    subject: &Subject,
+    partial: &mut PartialResult,
+) -> Result<ProcessedTrial, Problem> {
+    let Subject { geometry, command, robot } = subject;
+    let ingest = &recording.settings.ingest;
     let skip_cycles = ingest.skip_cycles;
-    let mut recording = TrialRecording::new(file, &input.settings, robot)?;
     let rate_hz = recording.rate_hz;
-    let (tracked, gait_frames) = recording.track(trial, input, gait.as_ref(), partial)?;
+    let (tracked, gait_frames) = recording.track(trial, subject, partial)?;
     poses::describe_tracking(&mut partial.row, &tracked);
     recording.file.forget_positions();
     stop_beyond_limits(&partial.findings)?;
 
-    let driven = match &gait {
+    let driven = match command {
         Some(command) => {
             Some(measure_gait(command, &tracked, gait_frames, rate_hz, skip_cycles, partial)?)
         }
@@ -277,14 +317,14 @@ fn process_recording(
         }
         Smoothing::Kalman => None,
     };
-    let motion = SmoothedMotion::new(robot, &tracked, driven.as_ref(), window, rate_hz);
+    let motion = SmoothedMotion::new(geometry, &tracked, driven.as_ref(), window, rate_hz);
     row.smoothing_window = window.unwrap_or(0) as i64;
     let mut cycle_rows = Vec::new();
-    if let (Some((gait, _)), Some(driven)) = (&gait, &driven) {
-        let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
+    if let (Some(Command { joints, .. }), Some(driven)) = (command, &driven) {
+        let raw_wheels = wheel_velocities(geometry, &tracked.filled, rate_hz);
         let data = CycleData {
-            robot,
-            gait,
+            geometry,
+            joints,
             driven,
             tracked: &tracked,
             raw_wheels: &raw_wheels,
@@ -301,7 +341,10 @@ fn process_recording(
         findings.extend(summary::gait_checks(row, &data, &cycles, &steady));
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
-    let parameters = robot_parameters(trial, robot, &tracked, &motion, rate_hz, findings)?;
+    let parameters = match robot {
+        Some(robot) => robot_parameters(trial, robot, &tracked, &motion, rate_hz, findings)?,
+        None => None,
+    };
     let failed = findings.iter().filter(|finding| !finding.holds());
     let warnings: Vec<&str> = failed.map(|finding| finding.message.as_str()).collect();
     row.status = if warnings.is_empty() { TrialStatus::Ok } else { TrialStatus::Flagged };
@@ -321,7 +364,7 @@ fn process_recording(
                 .map(|errors| errors.wheels),
         }
         .into_table(&trial.id),
-        poses: tables::poses(&trial.id, tracked, motion.coordinates, markers, rate_hz),
+        poses: tables::poses(&trial.id, tracked, motion.coordinates, labels, rate_hz),
     })
 }
 
@@ -337,12 +380,17 @@ struct TrialRecording<'i> {
 }
 
 impl<'i> TrialRecording<'i> {
-    fn new(file: Recording, settings: &'i IngestSettings, robot: &Robot) -> Result<Self, Problem> {
+    fn new(
+        file: Recording,
+        settings: &'i IngestSettings,
+        geometry: &Geometry,
+    ) -> Result<Self, Problem> {
         let rate_hz = settings.frame_rate(&file)?;
         let (mut file, mut layout, missing) = layout::locate_or_occlude(&settings.markers, file)?;
         diagnosis::check_layout(&file, &layout)?;
         bodies::balance(&mut file, &mut layout);
-        Ok(Self { file, settings, layout, missing, linkage: Linkage::from_robot(robot), rate_hz })
+        let linkage = Linkage::new(geometry, |link| layout[link].is_empty());
+        Ok(Self { file, settings, layout, missing, linkage, rate_hz })
     }
 
     /// Reconstructs and checks the robot's coordinates over time. Also returns the frames whose joint angles determine
@@ -354,21 +402,21 @@ impl<'i> TrialRecording<'i> {
     fn track(
         &mut self,
         trial: &Trial,
-        input: &IngestInput,
-        gait: Option<&(Gait, f64)>,
+        subject: &Subject,
         partial: &mut PartialResult,
     ) -> Result<(Tracked, Range<usize>), Problem> {
+        let command = subject.command.as_ref();
         let poses = self.solve(0..self.file.frames.len())?;
-        if gait.is_none() || self.severity(&poses.constant).is_none() {
+        if command.is_none() || self.severity(&poses.constant).is_none() {
             // The positions of a long recording take up a gigabyte.
             self.file.forget_positions();
         }
         let mut tracked = self.over_time(poses)?;
         let mut gait_frames = 0..tracked.frames();
         partial.findings = self.checks(&tracked, &gait_frames);
-        if let Some(command) = gait
+        if let Some(command) = command
             && partial.findings.iter().any(|finding| !finding.holds())
-            && let Ok(frames) = frames_in_use(trial, input, command, &tracked, self.rate_hz)
+            && let Ok(frames) = self.frames_in_use(trial, &subject.geometry, command, &tracked)
         {
             if self.severity(&tracked.constant).is_some() {
                 // Before and after these frames the robot may have been lifted.
@@ -390,6 +438,35 @@ impl<'i> TrialRecording<'i> {
     fn solve(&self, steady: Range<usize>) -> Result<LinkPoses, Problem> {
         let Self { file, settings, layout, linkage, rate_hz, .. } = self;
         poses::solve(file, layout, Some(*linkage), settings.ingest.poses, *rate_hz, steady)
+    }
+
+    /// Returns the frames in which a trial is checked, from a first pass over the whole recording.
+    fn frames_in_use(
+        &self,
+        trial: &Trial,
+        geometry: &Geometry,
+        command: &Command,
+        tracked: &Tracked,
+    ) -> Result<Range<usize>, Problem> {
+        let Self { settings: IngestSettings { ingest, .. }, rate_hz, .. } = self;
+        let rate_hz = *rate_hz;
+        let all = 0..tracked.frames();
+        let driven = measure_phase(command, tracked, all.clone(), rate_hz, ingest.skip_cycles)?;
+        // The moving average, which is faster, is accurate enough to locate the cycles.
+        let window = smoothing_window(trial, ingest.smoothing_window, tracked, Some(&driven));
+        let motion = SmoothedMotion::new(geometry, tracked, Some(&driven), Some(window), rate_hz);
+        let raw_wheels = wheel_velocities(geometry, &tracked.filled, rate_hz);
+        let data = CycleData {
+            geometry,
+            joints: &command.joints,
+            driven: &driven,
+            tracked,
+            raw_wheels: &raw_wheels,
+            rate_hz,
+            motion: &motion,
+        };
+        let (cycles, steady) = steady_cycles(&data, ingest.skip_cycles)?;
+        Ok(checked_frames(&data, &cycles, &steady).unwrap_or(all))
     }
 
     fn over_time(&self, poses: LinkPoses) -> Result<Tracked, Problem> {
@@ -420,7 +497,7 @@ impl<'i> TrialRecording<'i> {
 /// Measures the frequency, phase and shape of the commanded gait. The trial fails, before its cycles are located, if
 /// the robot does not perform the commanded gait.
 fn measure_gait(
-    command: &(Gait, f64),
+    command: &Command,
     tracked: &Tracked,
     frames: Range<usize>,
     rate_hz: f64,
@@ -433,9 +510,10 @@ fn measure_gait(
     }
     let driven = driven?;
     partial.row.omega_rad_s = driven.omega_rad_s;
-    partial.row.gait = summary::joint_gaits(&tracked.seen.phi_rad, &driven.moving, &driven.phase);
-    let measured = partial.row.gait.map(|joint| joint.command());
-    let finding = diagnosis::check_gait(measured, &command.0);
+    let gaits = summary::joint_gaits(&tracked.seen.phi_rad, &driven.moving, &driven.phase);
+    set_gait(&mut partial.row, gaits);
+    let measured = measured_joints(&partial.row, command.joints.len());
+    let finding = diagnosis::check_gait(&measured, &command.joints);
     if finding.severity == Severity::Error {
         partial.findings.push(finding);
     }
@@ -472,20 +550,20 @@ fn robot_parameters(
 
 /// Measures the frequency and the phase of a commanded gait from the joint angles in a range of frames.
 fn measure_phase(
-    (gait, omega_rad_s): &(Gait, f64),
+    Command { joints, omega_rad_s }: &Command,
     tracked: &Tracked,
     frames: Range<usize>,
     rate_hz: f64,
     skip_cycles: usize,
 ) -> Result<GaitPhase, Problem> {
-    let command = CommandedGait { gait, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
+    let command = CommandedGait { joints, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles };
     let phi_rad = &tracked.seen.phi_rad;
     diagnosis::check_swing(&command, phi_rad)?;
     if frames == (0..tracked.frames()) {
         return command.estimate_phase(phi_rad);
     }
     let mut phi_rad = phi_rad.clone();
-    for phi_rad in &mut phi_rad {
+    for phi_rad in phi_rad.iter_mut() {
         phi_rad[..frames.start].fill(f64::NAN);
         phi_rad[frames.end..].fill(f64::NAN);
     }
@@ -527,35 +605,6 @@ fn checked_frames(
     Some(span.start.min(moving.start + skipped.ceil() as usize)..span.end)
 }
 
-/// Returns the frames in which a trial is checked, from a first pass over the whole recording.
-fn frames_in_use(
-    trial: &Trial,
-    input: &IngestInput,
-    command: &(Gait, f64),
-    tracked: &Tracked,
-    rate_hz: f64,
-) -> Result<Range<usize>, Problem> {
-    let robot = &input.robot();
-    let ingest = &input.settings.ingest;
-    let all = 0..tracked.frames();
-    let driven = measure_phase(command, tracked, all.clone(), rate_hz, ingest.skip_cycles)?;
-    // The moving average, which is faster, is accurate enough to locate the cycles.
-    let window = smoothing_window(trial, ingest.smoothing_window, tracked, Some(&driven));
-    let motion = SmoothedMotion::new(robot, tracked, Some(&driven), Some(window), rate_hz);
-    let raw_wheels = wheel_velocities(robot, &tracked.filled, rate_hz);
-    let data = CycleData {
-        robot,
-        gait: &command.0,
-        driven: &driven,
-        tracked,
-        raw_wheels: &raw_wheels,
-        rate_hz,
-        motion: &motion,
-    };
-    let (cycles, steady) = steady_cycles(&data, ingest.skip_cycles)?;
-    Ok(checked_frames(&data, &cycles, &steady).unwrap_or(all))
-}
-
 /// Returns the width of the moving average, samples: the trial's own, else the configured one, else the width with the
 /// smallest expected error.
 fn smoothing_window(
@@ -568,12 +617,12 @@ fn smoothing_window(
         (Some(window), _, _) | (None, SmoothingWindow::Window(window), _) => window,
         (None, SmoothingWindow::Auto, None) => signals::WINDOW_WITHOUT_GAIT,
         (None, SmoothingWindow::Auto, Some(GaitPhase { phase, moving, .. })) => {
-            let joints = tracked.seen.phi_rad.each_ref().map(|phi_rad| JointSignal {
+            let joints = tracked.seen.phi_rad.iter().map(|phi_rad| JointSignal {
                 noise_rad: signals::noise(phi_rad),
                 harmonics_rad: Harmonics::fit(phi_rad, moving.clone(), phase, GAIT_HARMONICS)
                     .map_or(Vec::new(), |fit| (1..=3).map(|k| fit.amplitude(k)).collect()),
             });
-            signals::best_window(&joints, phase.step_rad)
+            signals::best_window(&joints.collect::<Vec<_>>(), phase.step_rad)
         }
     }
 }

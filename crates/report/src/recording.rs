@@ -5,7 +5,7 @@ use std::path::Path;
 use trilink_mechanics::Pose;
 use trilink_tables::{
     Clock, Coordinates, CycleRow, Fill, FrameTexts, Frames as _, LABELS_APART, PoseFrames, Reader,
-    StoreError, WheelFrames, WheelVelocityErrors, poses_path, wheels_path,
+    StoreError, WheelFrames, WheelVelocities, WheelVelocityErrors, poses_path, wheels_path,
 };
 
 /// Number of frames that numerical differentiation needs on each side of a frame, beyond those of the moving average.
@@ -95,6 +95,8 @@ impl Recording {
         let rows: Vec<_> = frame.iter().map(|frame| of_wheels.binary_search(frame).ok()).collect();
         let common = rows.iter().flatten().count();
         let has_same_frames = common == frame.len() && common == of_wheels.len();
+        let missing = vec![f64::NAN; frame.len().max(of_wheels.len())];
+        let WheelVelocities { roll_m_s, skid_m_s } = wheels.velocities;
         let of_frames = |values: Vec<f64>| {
             let mut values: Vec<f64> =
                 rows.iter().map(|row| row.map_or(f64::NAN, |row| values[row])).collect();
@@ -106,16 +108,16 @@ impl Recording {
             x_m,
             y_m,
             theta_rad,
-            phi_rad,
-            residual_mm,
-            fill: poses.fill,
-            unseen: poses.unseen,
-            corrected: poses.corrected,
-            roll_m_s: wheels.velocities.roll_m_s.map(of_frames),
-            skid_m_s: wheels.velocities.skid_m_s.map(of_frames),
+            phi_rad: phi_rad.into_array_or(missing.clone()),
+            residual_mm: residual_mm.into_array_or(missing.clone()),
+            fill: poses.fill.into_array_or(vec![Fill::Missing; frame.len()]),
+            unseen: poses.unseen.into_array_or(FrameTexts::default()),
+            corrected: poses.corrected.into_array_or(FrameTexts::default()),
+            roll_m_s: roll_m_s.into_array_or(missing.clone()).map(of_frames),
+            skid_m_s: skid_m_s.into_array_or(missing).map(of_frames),
             velocity_errors: wheels.errors.map(|errors| WheelVelocityErrors {
-                roll_m_s: errors.roll_m_s.map(of_frames),
-                skid_m_s: errors.skid_m_s.map(of_frames),
+                roll_m_s: errors.roll_m_s.into_iter().map(of_frames).collect(),
+                skid_m_s: errors.skid_m_s.into_iter().map(of_frames).collect(),
             }),
             cycles: reader.cycles_if_there(derived, trial)?.unwrap_or_default(),
             problem: (!has_same_frames).then(|| {

@@ -59,8 +59,8 @@ impl LayoutEstimate {
         let (front, front_mm) = locate_joint(&bodies[0], &bodies[1], is_used)?;
         let (rear, rear_mm) = locate_joint(&bodies[0], &bodies[2], is_used)?;
         // The middle link lies between the two joints, in the robot's proportions, and points to the front.
-        let ahead = front.in_middle;
-        let behind = rear.in_middle;
+        let ahead = front.in_inner;
+        let behind = rear.in_inner;
         let [dx, dy] = [0, 1].map(|i| ahead[i] - behind[i]);
         let [h1, h2] = robot.h_m.map(|h_m| h_m / (robot.h_m[0] + robot.h_m[1]));
         let middle = [0, 1].map(|i| h2 * ahead[i] + h1 * behind[i]);

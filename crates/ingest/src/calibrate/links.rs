@@ -1,5 +1,5 @@
-//! Assigns markers to links without a configuration: the markers of a link move as one rigid body, and the middle link
-//! shares a joint with each of the other two.
+//! Assigns markers to links without a configuration: the markers of a link move as one rigid body, and each link shares a
+//! joint with the next one of the chain.
 //!
 //! Seen from behind, the front joint angle is minus the rear one and vice versa. The two possible assignments of front
 //! and rear therefore differ in the joint motions and in which side link is ahead; the commanded gait decides between
@@ -79,6 +79,64 @@ fn spread_mm(file: &Recording, a: usize, b: usize) -> f64 {
     (high - low) / QUANTILE_DISTANCE
 }
 
+/// RMS distances between the two positions of a joint that each pair of rigid bodies might share, mm; infinite for bodies
+/// that do not turn relative to each other.
+pub struct JointMisfits(Vec<Vec<f64>>);
+
+impl JointMisfits {
+    pub fn new(bodies: &[Body]) -> Self {
+        let mut misfits_mm = vec![vec![f64::INFINITY; bodies.len()]; bodies.len()];
+        for (a, b) in (0..bodies.len()).flat_map(|b| (0..b).map(move |a| (a, b))) {
+            let joint = locate_joint(&bodies[a], &bodies[b], &|_| true);
+            let misfit_mm = joint.map_or(f64::INFINITY, |(_, rms_mm)| rms_mm);
+            (misfits_mm[a][b], misfits_mm[b][a]) = (misfit_mm, misfit_mm);
+        }
+        Self(misfits_mm)
+    }
+
+    /// Returns the indices of the bodies that form the longest chain, from one end to the other: pairs are joined in the
+    /// order of their misfits, up to `max_mm`, unless a body already has two joints or the chain would close. Of several
+    /// chains of this length, the one whose largest misfit is smallest. The end with the lower index comes first.
+    pub fn chain(&self, max_mm: f64) -> Vec<usize> {
+        let Self(misfits_mm) = self;
+        let bodies = misfits_mm.len();
+        let mut pairs: Vec<(usize, usize)> =
+            (0..bodies).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
+        pairs.retain(|(a, b)| misfits_mm[*a][*b] < max_mm);
+        pairs.sort_by(|(a, b), (c, d)| misfits_mm[*a][*b].total_cmp(&misfits_mm[*c][*d]));
+        // Every body is at first a chain of its own. A joined chain has a larger misfit than those that it joins.
+        let mut chains: Vec<Vec<usize>> = (0..bodies).map(|body| vec![body]).collect();
+        let mut longest = Vec::new();
+        for (a, b) in pairs {
+            let with_end =
+                |end| move |chain: &Vec<usize>| [chain.first(), chain.last()].contains(&Some(&end));
+            let [one, other] = [a, b].map(|end| chains.iter().position(with_end(end)));
+            let (Some(one), Some(other)) = (one, other) else { continue };
+            if one == other {
+                continue;
+            }
+            let mut after = chains[other].clone();
+            if after.first() != Some(&b) {
+                after.reverse();
+            }
+            let mut joined = chains[one].clone();
+            if joined.last() != Some(&a) {
+                joined.reverse();
+            }
+            joined.extend(after);
+            if joined.len() > longest.len() {
+                longest.clone_from(&joined);
+            }
+            chains.retain(|chain| !joined.contains(&chain[0]));
+            chains.push(joined);
+        }
+        if longest.first() > longest.last() {
+            longest.reverse();
+        }
+        longest
+    }
+}
+
 /// Orders the rigid bodies as middle, front, rear link; front and rear are distinguished only if there is a commanded
 /// gait.
 ///
@@ -89,12 +147,8 @@ pub fn order_links(
     mut bodies: [Body; 3],
     command: Option<CommandedGait>,
 ) -> Result<[Body; 3], Problem> {
-    let mut apart = [0.0; 3];
-    for (residual, [a, b]) in apart.iter_mut().zip([[1, 2], [0, 2], [0, 1]]) {
-        let joint = locate_joint(&bodies[a], &bodies[b], &|_| true).ok_or(Problem::NoLayout)?;
-        *residual = joint.1;
-    }
-    let middle = (0..3).max_by(|&a, &b| apart[a].total_cmp(&apart[b])).unwrap_or(0);
+    let joints = JointMisfits::new(&bodies);
+    let [_, middle, _] = joints.chain(f64::INFINITY)[..] else { return Err(Problem::NoLayout) };
     bodies.swap(0, middle);
     let Some(command) = command else { return Ok(bodies) };
     let (first, frames) = frame_grid(&file.frames)?;
@@ -118,8 +172,8 @@ pub fn order_links(
 /// Returns the sum of squared deviations of the first harmonics of both joint angles from the command, rad^2.
 fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> f64 {
     let Ok(driven) = command.estimate_phase(phi_rad) else { return f64::INFINITY };
-    let squares = phi_rad.iter().zip(command.gait.joints).filter_map(|(phi_rad, joint)| {
-        let joint = joint?;
+    let squares = phi_rad.iter().zip(command.joints).filter_map(|(phi_rad, joint)| {
+        let joint = (*joint)?;
         let found = Harmonics::fit(phi_rad, driven.moving.clone(), &driven.phase, GAIT_HARMONICS)?;
         let amplitude = found.amplitude(1);
         let turn = found.phase_rad() - joint.phase_rad;

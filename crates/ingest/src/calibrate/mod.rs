@@ -33,11 +33,11 @@ use trilink_tables::trial::TrialList;
 
 use super::error::{Problem, TrialFailure};
 use super::input::{IngestInput, IngestSettings};
-use super::markers::layout::{locate, marker_name};
+use super::markers::layout::{LinkMarker, locate, marker_name};
 use super::phase::CommandedGait;
 use estimate::LayoutEstimate;
 pub use estimate::locate_joint;
-pub use links::{order_links, rigid_groups};
+pub use links::{JointMisfits, order_links, rigid_groups};
 pub use shape::Body;
 
 /// Maximum number of trial segments for the jackknife standard errors.
@@ -216,18 +216,22 @@ pub fn calibrate_recording(
     let configured = locate(markers, file).ok();
     let is_grouped = configured.is_none();
     let groups = match configured {
-        Some(layout) => layout.map(|link| link.iter().map(|marker| marker.column).collect()),
-        None => links::rigid_groups(file).try_into().map_err(|found: Vec<Vec<usize>>| {
-            let list: Vec<String> =
-                found.iter().map(|group| labels(file, group).join(" ")).collect();
-            Problem::RigidGroups { found: found.len(), list: list.join("; ") }
-        })?,
+        Some(layout) => {
+            let of_link =
+                |link: &Vec<LinkMarker>| link.iter().map(|marker| marker.column).collect();
+            layout.iter().map(of_link).collect()
+        }
+        None => links::rigid_groups(file),
     };
+    let groups: [Vec<usize>; 3] = groups.try_into().map_err(|found: Vec<Vec<usize>>| {
+        let list: Vec<String> = found.iter().map(|group| labels(file, group).join(" ")).collect();
+        Problem::RigidGroups { found: found.len(), list: list.join("; ") }
+    })?;
     let [a, b, c] = &groups;
     let mut bodies = [fit_body(file, a)?, fit_body(file, b)?, fit_body(file, c)?];
     if is_grouped {
         let command = gait.map(|&(ref gait, omega_rad_s)| CommandedGait {
-            gait,
+            joints: &gait.joints,
             omega_rad_s,
             rate_hz,
             skip_cycles: 0,

@@ -3,11 +3,12 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use trilink_robot::JointCommand;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Gait, Robot};
 use trilink_statistics::{mean, seen};
 use trilink_tables::{Columns as _, Coordinates, JointCycle, WheelVelocities};
 
+use crate::geometry::Geometry;
 use crate::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::poses::Tracked;
 use crate::smoothing::SmoothedMotion;
@@ -29,16 +30,26 @@ pub(crate) struct Cycle {
     pub end: f64,
     /// Metrics of the cycle; all NaN if it overlaps a gap or a jump.
     pub metrics: GaitMetrics,
+    /// Skid ratios of the wheels from that of link 3 on, and amplitudes of the joints from the second on, rad, which
+    /// [`GaitMetrics`] does not have; NaN for a link without a wheel, and empty if the cycle overlaps a gap or a jump.
+    /// For robots of three links the amplitude of the second joint is left out.
+    pub more_sigma: Vec<f64>,
+    pub more_alpha_rad: Vec<f64>,
     /// First harmonics of the joint angles as recorded, without smoothing.
-    pub gait: [JointCycle; 2],
+    pub gait: Vec<JointCycle>,
     /// Offset and harmonics of the wheels' unsmoothed skid velocities, m/s, scaled so that their squares sum to the
     /// mean square. Empty if the cycle overlaps a gap.
-    pub skid_m_s: [Vec<f64>; 3],
+    pub skid_m_s: Vec<Vec<f64>>,
     /// Whether the commanded joints moved as in the other cycles.
     pub is_gait: bool,
 }
 
 impl Cycle {
+    /// Returns the skid ratio of a link's wheel.
+    pub(crate) fn sigma(&self, link: usize) -> f64 {
+        self.metrics.sigma.iter().chain(&self.more_sigma).nth(link).copied().unwrap_or(f64::NAN)
+    }
+
     /// Returns whether the cycle is free of gaps and jumps.
     pub(crate) fn is_whole(&self) -> bool {
         !self.metrics.d_m.is_nan()
@@ -47,8 +58,9 @@ impl Cycle {
 
 /// Trajectories, command and settings from which cycles are measured.
 pub(crate) struct CycleData<'a> {
-    pub robot: &'a Robot,
-    pub gait: &'a Gait,
+    pub geometry: &'a Geometry,
+    /// Commands of the joints from front to rear; `None` for a joint that is not commanded.
+    pub joints: &'a [Option<JointCommand>],
     pub driven: &'a GaitPhase,
     /// Unsmoothed trajectories.
     pub tracked: &'a Tracked,
@@ -80,7 +92,7 @@ impl CycleData<'_> {
     /// whose mean gait cannot be fitted are omitted.
     fn gait_deviations(&self) -> Vec<(Vec<f64>, f64)> {
         let GaitPhase { phase, moving, .. } = self.driven;
-        let commanded = (0..2).filter(|&joint| self.gait.joints[joint].is_some());
+        let commanded = (0..self.joints.len()).filter(|&joint| self.joints[joint].is_some());
         commanded
             .filter_map(|joint| {
                 let phi = &self.tracked.seen.phi_rad[joint];
@@ -98,16 +110,18 @@ impl CycleData<'_> {
             mean(seen(&squares[frames.clone()])).max(0.0).sqrt() <= *max_deviation
         });
         let metrics = self.metrics(start, end);
-        let skid_m_s = self.raw_wheels.skid_m_s.each_ref().map(|skid_m_s| {
-            let shape = metrics.and_then(|_| self.shape(skid_m_s, start, end));
+        let skid_m_s = self.raw_wheels.skid_m_s.iter().map(|skid_m_s| {
+            let shape = metrics.as_ref().and_then(|_| self.shape(skid_m_s, start, end));
             shape.map_or(Vec::new(), Harmonics::components)
         });
-        let gait = self.tracked.seen.phi_rad.each_ref().map(|phi_rad| {
+        let gait = self.tracked.seen.phi_rad.iter().map(|phi_rad| {
             Harmonics::fit(phi_rad, frames.clone(), &self.driven.phase, GAIT_HARMONICS)
                 .map_or_else(JointCycle::blank, |fit| first_harmonic(&fit))
         });
-        let metrics = metrics.unwrap_or(GaitMetrics::MISSING);
-        Cycle { start, end, metrics, gait, skid_m_s, is_gait }
+        let (gait, skid_m_s) = (gait.collect(), skid_m_s.collect());
+        let (metrics, more_sigma, more_alpha_rad) =
+            metrics.unwrap_or((GaitMetrics::MISSING, Vec::new(), Vec::new()));
+        Cycle { start, end, metrics, more_sigma, more_alpha_rad, gait, skid_m_s, is_gait }
     }
 
     /// Fits the Fourier series of a time series over a cycle; `None` if too few samples are available.
@@ -116,31 +130,45 @@ impl CycleData<'_> {
         Harmonics::fit(series, frames_within(start, end), phase, *shape_harmonics)
     }
 
-    /// Computes the metrics; `None` if the cycle overlaps a gap.
-    fn metrics(&self, start: f64, end: f64) -> Option<GaitMetrics> {
+    /// Computes the metrics, the skid ratios from wheel 3 on and the amplitudes from joint 2 on; `None` if the cycle
+    /// overlaps a gap.
+    fn metrics(&self, start: f64, end: f64) -> Option<(GaitMetrics, Vec<f64>, Vec<f64>)> {
         let Coordinates { x_m, y_m, theta_rad, phi_rad } = &self.motion.coordinates;
-        let has_gap = [x_m, theta_rad, &phi_rad[0], &phi_rad[1]]
-            .iter()
+        let has_gap = [x_m, theta_rad]
+            .into_iter()
+            .chain(&**phi_rad)
             .any(|series| series[frames_within(start, end)].iter().any(|x| x.is_nan()));
         if has_gap {
             return None;
         }
         // The smoothed angle has a reduced amplitude, and noise widens the range of the recorded angle; so neither is
         // used.
-        let phi1 = self.shape(&self.tracked.filled.phi_rad[0], start, end)?;
+        let alpha_rad = |joint: usize| {
+            Some(self.shape(&self.tracked.filled.phi_rad[joint], start, end)?.half_range())
+        };
         let d_m = change(x_m, start, end).hypot(change(y_m, start, end));
         let omega_rad_s = self.driven.omega_rad_s;
-        let scale = self.robot.skid_length_m() * omega_rad_s;
+        let scale = self.geometry.skid_length_m * omega_rad_s;
+        let sigma = |link: usize| {
+            mean_square(&self.motion.wheels.skid_m_s[link], start, end).sqrt() / scale
+        };
+        let links = self.geometry.links.len();
         let metrics = GaitMetrics {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
-            sigma: [0, 1, 2].map(|wheel| {
-                mean_square(&self.motion.wheels.skid_m_s[wheel], start, end).sqrt() / scale
-            }),
-            alpha1_rad: phi1.half_range(),
+            sigma: [0, 1, 2].map(|link| if link < links { sigma(link) } else { f64::NAN }),
+            alpha1_rad: alpha_rad(0)?,
             dtheta_rad: change(theta_rad, start, end),
         };
-        (!metrics.to_array().iter().any(|x| x.is_nan())).then_some(metrics)
+        let more_sigma: Vec<f64> = (3..links).map(sigma).collect();
+        let more_joints = if links == 3 { 0..0 } else { 1..self.geometry.joints() };
+        let more_alpha_rad: Vec<f64> = more_joints.map(alpha_rad).collect::<Option<_>>()?;
+        let GaitMetrics { d_m, alpha1_rad, dtheta_rad, sigma, .. } = metrics;
+        let sigma = sigma.iter().chain(&more_sigma).zip(&self.geometry.links);
+        let of_wheels = sigma.filter(|(_, link)| link.wheel.is_some()).map(|(sigma, _)| sigma);
+        let all = [d_m, alpha1_rad, dtheta_rad];
+        let is_whole = !all.iter().chain(&more_alpha_rad).chain(of_wheels).any(|x| x.is_nan());
+        is_whole.then_some((metrics, more_sigma, more_alpha_rad))
     }
 }
 

@@ -11,55 +11,62 @@ pub(crate) mod summary;
 
 pub(crate) use measure::{Cycle, CycleData};
 
-use trilink_robot::{Robot, Trig, roll_rows, rotated, skid_rows};
-use trilink_tables::{Coordinates, WheelVelocities};
+use trilink_robot::rotated;
+use trilink_tables::{Coordinates, Numbered, WheelVelocities};
 
+use crate::geometry::{Geometry, Row, Velocity, WheelRows};
 use crate::signals::derivative;
 
 /// Computes the wheel velocities by differentiating the coordinates and applying the kinematics of the links (eq. 1 of
-/// the paper) in the frame of link 0. The velocity of a side wheel does not depend on the other side link.
+/// the paper) in the frame of link 0. The velocity of a wheel depends only on the joints between its link and link 0.
 pub(crate) fn wheel_velocities(
-    robot: &Robot,
+    geometry: &Geometry,
     coordinates: &Coordinates,
     rate_hz: f64,
 ) -> WheelVelocities {
     let rates = coordinates.map(|series| derivative(series, rate_hz));
-    wheel_velocities_from_rates(robot, coordinates, &rates)
+    wheel_velocities_from_rates(geometry, coordinates, &rates)
 }
 
 /// Computes the wheel velocities from the coordinates and their time derivatives, per second.
 pub(crate) fn wheel_velocities_from_rates(
-    robot: &Robot,
+    geometry: &Geometry,
     coordinates: &Coordinates,
     rates: &Coordinates,
 ) -> WheelVelocities {
     let frames = coordinates.frames();
-    let mut roll_m_s = [(); 3].map(|()| vec![f64::NAN; frames]);
+    let links = geometry.links.len();
+    let mut roll_m_s = vec![vec![f64::NAN; frames]; links];
     let mut skid_m_s = roll_m_s.clone();
+    let mut rows = WheelRows::new(geometry);
     for i in 0..frames {
         let [u, v] = rotated(-coordinates.theta_rad[i], [rates.x_m[i], rates.y_m[i]]);
-        let [w1, w2] = [0, 1].map(|joint| rates.phi_rad[joint][i]);
-        let velocity = [u, v, rates.theta_rad[i], w1, w2];
-        let trig = Trig::new([0, 1].map(|joint| coordinates.phi_rad[joint][i]));
-        let roll = roll_rows(robot, &trig);
-        let skid = skid_rows(robot, &trig);
-        for wheel in 0..3 {
-            roll_m_s[wheel][i] = product(&roll[wheel], &velocity);
-            skid_m_s[wheel][i] = product(&skid[wheel], &velocity);
+        let mut velocity = Row::default();
+        velocity[..3].copy_from_slice(&[u, v, rates.theta_rad[i]]);
+        for (velocity, rate) in velocity[3..].iter_mut().zip(rates.phi_rad.iter()) {
+            *velocity = rate[i];
+        }
+        rows.set_shape(|joint| coordinates.phi_rad[joint][i]);
+        for link in 0..links {
+            let Some(Velocity { along, across, .. }) = rows.wheel(link) else { continue };
+            roll_m_s[link][i] = product(&along, &velocity);
+            skid_m_s[link][i] = product(&across, &velocity);
         }
     }
-    WheelVelocities { roll_m_s, skid_m_s }
+    WheelVelocities { roll_m_s: Numbered(roll_m_s), skid_m_s: Numbered(skid_m_s) }
 }
 
 /// Returns the dot product of a row with the velocity. Terms with zero weight are skipped, as their velocity may be
 /// missing.
-fn product(row: &[f64; 5], velocity: &[f64; 5]) -> f64 {
+fn product(row: &Row, velocity: &Row) -> f64 {
     let needed = row.iter().zip(velocity).filter(|(weight, _)| **weight != 0.0);
     needed.map(|(weight, rate)| weight * rate).sum()
 }
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Robot;
+
     use super::*;
 
     #[test]
@@ -73,9 +80,9 @@ mod tests {
             x_m: vec![0.0; frames],
             y_m: vec![0.0; frames],
             theta_rad: (0..frames).map(|i| turn * i as f64 / rate).collect(),
-            phi_rad: [vec![0.0; frames], vec![0.0; frames]],
+            phi_rad: [vec![0.0; frames], vec![0.0; frames]].into(),
         };
-        let wheels = wheel_velocities(&robot, &coordinates, rate);
+        let wheels = wheel_velocities(&Geometry::of_robot(&robot), &coordinates, rate);
         let [arm, _] = robot.reach_m();
         for i in 0..frames {
             for (wheel, truth) in [0.0, arm * turn, -arm * turn].into_iter().enumerate() {
@@ -92,9 +99,10 @@ mod tests {
             x_m: vec![0.0; frames],
             y_m: vec![0.0; frames],
             theta_rad: vec![0.0; frames],
-            phi_rad: [vec![f64::NAN; frames], vec![0.1; frames]],
+            phi_rad: [vec![f64::NAN; frames], vec![0.1; frames]].into(),
         };
-        let wheels = wheel_velocities(&Robot::kinematic(), &coordinates, 120.0);
+        let wheels =
+            wheel_velocities(&Geometry::of_robot(&Robot::kinematic()), &coordinates, 120.0);
         let missing = |series: &[f64]| series.iter().all(|x| x.is_nan());
         assert_eq!([0, 1, 2].map(|i| missing(&wheels.skid_m_s[i])), [false, true, false]);
         assert_eq!([0, 1, 2].map(|i| missing(&wheels.roll_m_s[i])), [false, true, false]);

@@ -63,7 +63,6 @@ fn sums(values: &[f64]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use trilink_robot::metrics::GaitMetrics;
-    use trilink_tables::{Columns as _, JointCycle};
 
     use super::*;
 
@@ -78,8 +77,10 @@ mod tests {
                 start: 100.0 * i as f64,
                 end: 100.0 * (i + 1) as f64,
                 metrics: GaitMetrics { d_m, ..GaitMetrics::NONE },
-                gait: [JointCycle::blank(), JointCycle::blank()],
-                skid_m_s: Default::default(),
+                more_sigma: Vec::new(),
+                more_alpha_rad: Vec::new(),
+                gait: Vec::new(),
+                skid_m_s: Vec::new(),
                 is_gait: true,
             }
         };

@@ -111,7 +111,6 @@ fn first_differs(values: &[f64], tolerance: impl Fn(f64) -> f64) -> bool {
 #[cfg(test)]
 mod tests {
     use trilink_robot::metrics::GaitMetrics;
-    use trilink_tables::Columns;
 
     use super::*;
 
@@ -121,8 +120,10 @@ mod tests {
                 start: 0.0,
                 end: 0.0,
                 metrics: GaitMetrics { d_m, dtheta_rad: 0.0, ..GaitMetrics::MISSING },
-                gait: Columns::blank(),
-                skid_m_s: [const { Vec::new() }; 3],
+                more_sigma: Vec::new(),
+                more_alpha_rad: Vec::new(),
+                gait: Vec::new(),
+                skid_m_s: Vec::new(),
                 is_gait: true,
             })
             .collect()

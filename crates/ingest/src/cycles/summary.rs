@@ -3,11 +3,13 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use trilink_robot::Gait;
+use trilink_robot::JointCommand;
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_statistics::{Estimate, mean, wrap};
 use trilink_tables::trial::Trial;
-use trilink_tables::{Columns as _, CycleRow, JointCycle, JointGait, TrialRow, TrialStatus};
+use trilink_tables::{
+    Columns as _, CycleRow, JointCycle, JointGait, Numbered, TrialRow, TrialStatus,
+};
 
 use super::joints::joint_errors;
 use super::means::{independent_mean, mean_of_changes, rms_without_noise};
@@ -55,7 +57,8 @@ pub(crate) fn describe_gait(
     let per_turn = driven.omega_rad_s / TAU;
     let dtheta = mean_of_changes(&of(Metric::Dtheta), &steady.used, heading, 0.0);
     let alpha1 = independent_mean(&of(Metric::Alpha1));
-    let scale = data.robot.skid_length_m() * driven.omega_rad_s;
+    let scale = data.geometry.skid_length_m * driven.omega_rad_s;
+    let links = data.geometry.links.len();
     let sigma = Metric::SIGMA.map(|metric| independent_mean(&of(metric)));
     row.metrics = GaitMetrics {
         d_m: d.value,
@@ -64,27 +67,47 @@ pub(crate) fn describe_gait(
         alpha1_rad: alpha1.value,
         dtheta_rad: dtheta.value,
     };
-    row.sigma_debiased = [0, 1, 2].map(|wheel| {
-        let skid: Vec<&[f64]> = used.iter().map(|cycle| &cycle.skid_m_s[wheel][..]).collect();
-        let noise = SkidNoise::new(data, &used, wheel);
-        let skid = rms_without_noise(&skid, &steady.used, noise, common.skid_square[wheel]);
+    let debiased = |link: usize| {
+        if data.geometry.links.get(link).is_none_or(|link| link.wheel.is_none()) {
+            return Estimate::MISSING;
+        }
+        let skid: Vec<&[f64]> = used.iter().map(|cycle| &cycle.skid_m_s[link][..]).collect();
+        let noise = SkidNoise::new(data, &used, link);
+        let skid = rms_without_noise(&skid, &steady.used, noise, common.skid_square[link]);
         Estimate::new(skid.value / scale, skid.se / scale)
-    });
+    };
+    row.sigma_debiased = [0, 1, 2].map(debiased);
+    row.more_sigma_debiased = (3..links).map(debiased).collect();
+    let sigma_se = |link: usize, Estimate { value, se }: Estimate| {
+        let skid_square = common.skid_square.get(link).copied().unwrap_or(f64::NAN);
+        se.hypot(skid_square / (2.0 * value * scale * scale))
+    };
+    row.more_sigma = (3..links)
+        .map(|link| {
+            let of_cycles: Vec<f64> = used.iter().map(|cycle| cycle.sigma(link)).collect();
+            let sigma = independent_mean(&of_cycles);
+            Estimate { se: sigma_se(link, sigma), ..sigma }
+        })
+        .collect();
+    row.more_alpha_rad = (0..used.first().map_or(0, |cycle| cycle.more_alpha_rad.len()))
+        .map(|i| {
+            let of_cycles: Vec<f64> = used.iter().map(|cycle| cycle.more_alpha_rad[i]).collect();
+            let alpha = independent_mean(&of_cycles);
+            Estimate { se: alpha.se.hypot(common.gait_rad[i + 1][1]), ..alpha }
+        })
+        .collect();
     row.metrics_se = GaitMetrics {
         d_m: d.se,
         v_m_s: d.se * per_turn,
-        sigma: [0, 1, 2].map(|wheel| {
-            let Estimate { value, se } = sigma[wheel];
-            se.hypot(common.skid_square[wheel] / (2.0 * value * scale * scale))
-        }),
+        sigma: std::array::from_fn(|link| sigma_se(link, sigma[link])),
         alpha1_rad: alpha1.se.hypot(common.gait_rad[0][1]),
         dtheta_rad: dtheta.se,
     };
-    row.gait = joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase);
+    set_gait(row, joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase));
     row.heading_rad = data.motion.coordinates.direction_rad(frames.clone());
-    for (joint, gait) in row.gait.iter_mut().enumerate() {
+    let gaits = row.gait.iter_mut().chain(row.more_gait.iter_mut());
+    for (joint, (gait, common)) in gaits.zip(&common.gait_rad).enumerate() {
         let phase_rad = gait.phase_rad;
-        let common = common.gait_rad[joint];
         gait.offset_rad_se =
             standard_error(&used, joint, |cycle| cycle.offset_rad).hypot(common[0]);
         gait.amplitude_rad_se =
@@ -100,8 +123,11 @@ pub(crate) fn describe_gait(
         // A filter attenuates what is faster than its unknown cut-off. What a cycle adds up is unaffected by it.
         let unknown = f64::NAN;
         row.metrics_se = GaitMetrics { sigma: [unknown; 3], alpha1_rad: unknown, ..row.metrics_se };
-        row.sigma_debiased.iter_mut().for_each(|sigma| sigma.se = unknown);
-        row.gait.iter_mut().for_each(|gait| gait.amplitude_rad_se = unknown);
+        let more = row.more_sigma.iter_mut().chain(row.more_sigma_debiased.iter_mut());
+        let more = more.chain(row.more_alpha_rad.iter_mut());
+        row.sigma_debiased.iter_mut().chain(more).for_each(|estimate| estimate.se = unknown);
+        let gaits = row.gait.iter_mut().chain(row.more_gait.iter_mut());
+        gaits.for_each(|gait| gait.amplitude_rad_se = unknown);
     }
 }
 
@@ -110,15 +136,28 @@ fn standard_error(cycles: &[&Cycle], joint: usize, value: impl Fn(&JointCycle) -
     independent_mean(&cycles.iter().map(|cycle| value(&cycle.gait[joint])).collect::<Vec<_>>()).se
 }
 
-/// Fits the gaits of both joints in a range of frames; blank for a joint that is visible in too few frames.
+/// Fits the gaits of the joints in a range of frames; blank for a joint that is visible in too few frames.
 pub(crate) fn joint_gaits(
-    phi_rad: &[Vec<f64>; 2],
+    phi_rad: &[Vec<f64>],
     frames: &Range<usize>,
     phase: &LinearPhase,
-) -> [JointGait; 2] {
+) -> Vec<JointGait> {
     phi_rad
-        .each_ref()
+        .iter()
         .map(|phi_rad| joint_gait(phi_rad, frames.clone(), phase).unwrap_or_else(JointGait::blank))
+        .collect()
+}
+
+/// Sets the gaits of all joints in a row.
+pub(crate) fn set_gait(row: &mut TrialRow, mut gaits: Vec<JointGait>) {
+    row.more_gait = Numbered(gaits.split_off(gaits.len().min(2)));
+    row.gait = Numbered::<_, 1>(gaits).into_array_or(JointGait::blank());
+}
+
+/// Returns the measured motion of `count` joints.
+pub(crate) fn measured_joints(row: &TrialRow, count: usize) -> Vec<JointCommand> {
+    let gaits = row.gait.iter().chain(row.more_gait.iter());
+    gaits.take(count).map(JointGait::command).collect()
 }
 
 /// Fits the offset, amplitude and phase of an angle's first harmonic, rad, and the RMS of its higher harmonics, rad;
@@ -151,7 +190,12 @@ pub(crate) fn cycle_rows(
             cycle: i as i64,
             start_s: cycle.start / rate_hz,
             metrics: cycle.metrics,
-            gait: cycle.gait,
+            more_sigma: cycle.more_sigma.iter().copied().collect(),
+            more_alpha_rad: cycle.more_alpha_rad.iter().copied().collect(),
+            gait: std::array::from_fn(|joint| {
+                cycle.gait.get(joint).copied().unwrap_or_else(JointCycle::blank)
+            }),
+            more_gait: cycle.gait.iter().skip(2).copied().collect(),
             used: steady.used.binary_search(&i).is_ok(),
             reason: steady.reason(i, cycle),
         })
@@ -195,12 +239,12 @@ pub(crate) fn gait_checks(
         Finding::at_most(Check::Frequency, off_command, measured),
         Finding::at_least(Check::SteadyState, used as f64, counted),
         Finding::at_most(Check::LongGaps, part_gapped, gapped).notable(steady.gapped > 0),
-        check_gait(row.gait.map(|joint| joint.command()), data.gait),
+        check_gait(&measured_joints(row, data.joints.len()), data.joints),
         Finding::at_most(Check::Drift, drift, drifted),
     ];
     if let Some(frames) = steady.frames(cycles) {
         let phi_rad = &data.tracked.seen.phi_rad;
-        findings.push(clipping_check(data.gait, phi_rad, &frames, &data.driven.phase));
+        findings.push(clipping_check(data.joints, phi_rad, &frames, &data.driven.phase));
     }
     findings.push(outlying_cycle(cycles, steady, data.rate_hz));
     findings
@@ -222,14 +266,14 @@ fn drift_of_d(cycles: &[Cycle], steady: &CycleSelection) -> f64 {
 /// nor has a servo that attenuates the whole command. If a command has a second harmonic, the peaks of the command are
 /// used in place of those of the first harmonic.
 fn clipping_check(
-    gait: &Gait,
-    phi_rad: &[Vec<f64>; 2],
+    joints: &[Option<JointCommand>],
+    phi_rad: &[Vec<f64>],
     frames: &Range<usize>,
     phase: &LinearPhase,
 ) -> Finding {
     let mut value = 0.0;
     let mut message = "every joint angle reaches the peaks of its first harmonic".to_owned();
-    for (joint, command) in gait.joints.iter().enumerate() {
+    for (joint, command) in joints.iter().enumerate() {
         let Some(command) = command else { continue };
         let fit = Harmonics::fit(&phi_rad[joint], frames.clone(), phase, GAIT_HARMONICS);
         let Some(fit) = fit else { continue };
@@ -261,6 +305,8 @@ fn clipping_check(
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Gait;
+
     use super::*;
 
     fn finding(wave: impl Fn(f64) -> f64) -> Finding {
@@ -269,7 +315,7 @@ mod tests {
         // Deterministic noise.
         let series: Vec<f64> =
             frames.map(|frame| wave(phase.at(frame)) + 0.002 * (7.7 * frame).sin()).collect();
-        clipping_check(&Gait::symmetric(), &[series.clone(), series], &(100..1700), &phase)
+        clipping_check(&Gait::symmetric().joints, &[series.clone(), series], &(100..1700), &phase)
     }
 
     #[test]

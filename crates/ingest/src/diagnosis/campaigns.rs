@@ -69,7 +69,7 @@ fn commanded_joints(gait: &Gait) -> usize {
 
 /// Returns whether the joints of a trial follow a gait to within a tolerance.
 fn follows(row: &TrialRow, gait: &Gait, within_deg: f64) -> bool {
-    max_deviation_deg(row.gait.map(|joint| joint.command()), gait) <= within_deg
+    max_deviation_deg(&row.gait.map(|joint| joint.command()), &gait.joints) <= within_deg
 }
 
 /// Returns whether a trial's passive joint, which follows the gait `other`, does so by chance: whether linear

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField as _};
-use trilink_robot::{Gait, JointCommand};
+use trilink_robot::JointCommand;
 use trilink_statistics::{extremes, mean, median, seen, wrap};
 
 use crate::checks::{Check, Finding};
@@ -66,7 +66,7 @@ fn corrected(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) ->
 
 /// Checks whether the joints follow their commands. The phases in `measured` may have any common origin. The finding is
 /// an error if the cause is known or if the motion differs completely from the gait.
-pub(crate) fn check_gait(measured: [JointCommand; 2], gait: &Gait) -> Finding {
+pub(crate) fn check_gait(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> Finding {
     let deviation_deg = max_deviation_deg(measured, gait);
     let is_followed = deviation_deg <= Check::Gait.limit();
     let causes = if is_followed { Vec::new() } else { causes(measured, gait) };
@@ -89,7 +89,7 @@ pub(crate) fn check_gait(measured: [JointCommand; 2], gait: &Gait) -> Finding {
 
 /// Returns the largest deviation of the joints' measured motion from a gait, degrees, for the time origin that
 /// minimises it. A phase difference counts as the angle that it causes.
-pub(super) fn max_deviation_deg(measured: [JointCommand; 2], gait: &Gait) -> f64 {
+pub(super) fn max_deviation_deg(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> f64 {
     let clock_rad = clock_rad(measured, gait, |_| true);
     let deviations = pairs(measured, gait).flat_map(|(_, measured, command)| {
         let late = wrap(measured.phase_rad - clock_rad - command.phase_rad);
@@ -104,16 +104,20 @@ pub(super) fn max_deviation_deg(measured: [JointCommand; 2], gait: &Gait) -> f64
 
 /// Iterates over the joints that have a command, with index, measured motion and command.
 fn pairs(
-    measured: [JointCommand; 2],
-    gait: &Gait,
+    measured: &[JointCommand],
+    gait: &[Option<JointCommand>],
 ) -> impl Iterator<Item = (usize, JointCommand, JointCommand)> {
-    let commands = gait.joints.into_iter().enumerate();
-    commands.filter_map(move |(joint, command)| Some((joint, measured[joint], command?)))
+    let joints = measured.iter().zip(gait).enumerate();
+    joints.filter_map(|(joint, (measured, command))| Some((joint, *measured, (*command)?)))
 }
 
 /// Returns the mean phase lead of the measured motion over the command, rad, over the joints for which `is_included`
 /// returns true.
-fn clock_rad(measured: [JointCommand; 2], gait: &Gait, is_included: impl Fn(usize) -> bool) -> f64 {
+fn clock_rad(
+    measured: &[JointCommand],
+    gait: &[Option<JointCommand>],
+    is_included: impl Fn(usize) -> bool,
+) -> f64 {
     let ahead = pairs(measured, gait).filter(|(joint, ..)| is_included(*joint)).map(
         |(_, found, command)| {
             Complex::from_polar(command.amplitude_rad, found.phase_rad - command.phase_rad)
@@ -123,7 +127,7 @@ fn clock_rad(measured: [JointCommand; 2], gait: &Gait, is_included: impl Fn(usiz
 }
 
 /// Describes, for each commanded joint, its measured motion and its command.
-fn compared(measured: [JointCommand; 2], gait: &Gait) -> String {
+fn compared(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> String {
     let each = pairs(measured, gait).map(|(joint, found, command)| {
         let phase_rad = found.phase_rad - clock_rad(measured, gait, |other| other != joint);
         let [found, command] = [(found, phase_rad), (command, command.phase_rad)].map(
@@ -139,28 +143,32 @@ fn compared(measured: [JointCommand; 2], gait: &Gait) -> String {
 }
 
 /// Lists the changes to the command that explain the measured motion, each with a brief and a full description.
-fn causes(measured: [JointCommand; 2], gait: &Gait) -> Vec<(String, String)> {
+fn causes(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> Vec<(String, String)> {
     let mut found = Vec::new();
-    for changed in [[false, true], [true, false], [true, true]] {
+    let joints = 0..gait.len();
+    let single = joints.clone().rev().map(|one| joints.clone().map(|joint| joint == one).collect());
+    let all = (gait.len() > 1).then(|| vec![true; gait.len()]);
+    let choices: Vec<Vec<bool>> = single.chain(all).collect();
+    for changed in choices {
         for (quantity, undo, question) in MISTAKES {
-            let mut right = *gait;
+            let mut right = gait.to_vec();
             let mut is_changed = true;
-            for (command, _) in right.joints.iter_mut().zip(changed).filter(|(_, is)| *is) {
+            for (command, _) in right.iter_mut().zip(&changed).filter(|(_, is)| **is) {
                 let other = command.map(|command| corrected(command, quantity, undo));
                 is_changed &= *command != other;
                 *command = other;
             }
             if is_changed && max_deviation_deg(measured, &right) <= EXPLAINED_DEG {
-                let joints = [0, 1].into_iter().filter(|joint| changed[*joint]);
+                let joints = joints.clone().filter(|joint| changed[*joint]);
                 let joints: Vec<String> = joints.map(|joint| (joint + 1).to_string()).collect();
                 found.push((
                     format!("joint {}: {question}", joints.join(" and ")),
-                    in_words(measured, gait, &right, changed, quantity, question),
+                    in_words(measured, gait, &right, &changed, quantity, question),
                 ));
             }
         }
     }
-    let [first, second] = gait.joints;
+    let [first, second] = *gait else { return found };
     let [turned_first, turned_second] = [first, second]
         .map(|command| command.map(|command| corrected(command, Quantity::Sense, |x| x)));
     let exchanges = [
@@ -176,7 +184,7 @@ fn causes(measured: [JointCommand; 2], gait: &Gait) -> Vec<(String, String)> {
         ),
     ];
     for (joints, mistake, advice) in exchanges {
-        if max_deviation_deg(measured, &Gait { joints }) <= EXPLAINED_DEG {
+        if max_deviation_deg(measured, &joints) <= EXPLAINED_DEG {
             found.push((mistake.to_owned(), format!("{mistake}: {advice}")));
         }
     }
@@ -186,10 +194,10 @@ fn causes(measured: [JointCommand; 2], gait: &Gait) -> Vec<(String, String)> {
 /// Describes, for the joints marked in `changed`, the mistake in their commands in `gait` and the correct values, which
 /// are those in `right`.
 fn in_words(
-    measured: [JointCommand; 2],
-    gait: &Gait,
-    right: &Gait,
-    changed: [bool; 2],
+    measured: &[JointCommand],
+    gait: &[Option<JointCommand>],
+    right: &[Option<JointCommand>],
+    changed: &[bool],
     quantity: Quantity,
     question: &str,
 ) -> String {
@@ -205,7 +213,7 @@ fn in_words(
         ];
         let mut differ = Vec::new();
         let mut set = Vec::new();
-        let corrected = right.joints[joint].unwrap_or(command);
+        let corrected = right[joint].unwrap_or(command);
         let corrected = [corrected.offset_rad, corrected.amplitude_rad, corrected.phase_rad];
         for ((name, one, found, command), right) in all.into_iter().zip(corrected) {
             let is_affected = match quantity {
@@ -237,10 +245,10 @@ fn plain(value: f64) -> String {
 ///
 /// # Errors
 /// Returns an error if they do not swing, or swing at another frequency.
-pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> Result<(), Problem> {
+pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> Result<(), Problem> {
     let commanded: Vec<&Vec<f64>> = phi_rad
         .iter()
-        .zip(command.gait.joints)
+        .zip(command.joints)
         .filter(|(_, joint)| joint.is_some())
         .map(|(phi_rad, _)| phi_rad)
         .collect();

@@ -48,7 +48,8 @@ pub(crate) fn check_layout(file: &Recording, layout: &Layout) -> Result<(), Prob
     let stride = (file.frames.len() / ROWS).max(1);
     let rows = (0..file.frames.len()).step_by(stride).collect();
     let markers = Markers { file, layout, rows };
-    let residual_mm = [0, 1, 2].map(|link| markers.residual_mm(&layout[link], UNCHANGED));
+    let residual_mm: Vec<f64> =
+        layout.iter().map(|link| markers.residual_mm(link, UNCHANGED)).collect();
     let is_sound = residual_mm.iter().all(|mm| *mm <= MAX_RESIDUAL_MM || mm.is_nan());
     let cause = if is_sound {
         markers.upside_down()
@@ -56,8 +57,8 @@ pub(crate) fn check_layout(file: &Recording, layout: &Layout) -> Result<(), Prob
         markers
             .other_unit()
             .or_else(|| markers.other_axes())
-            .or_else(|| markers.mirrored(residual_mm))
-            .or_else(|| markers.exchanged(residual_mm))
+            .or_else(|| markers.mirrored(&residual_mm))
+            .or_else(|| markers.exchanged(&residual_mm))
     };
     cause.map_or(Ok(()), |cause| Err(Problem::OtherLayout { cause }))
 }
@@ -106,7 +107,8 @@ impl Markers<'_> {
     /// Describes the likely mistake in units if, for all links or for one, the measured distances between markers
     /// differ from those in the layout by a common factor; otherwise `None`.
     fn other_unit(&self) -> Option<String> {
-        let of_links = [0, 1, 2].map(|link| self.ratios(&self.layout[link]));
+        let of_links: Vec<Vec<f64>> =
+            self.layout.iter().map(|markers| self.ratios(markers)).collect();
         if let Some(ratio) = common_ratio(of_links.concat()) {
             return Some(format!(
                 "the markers of every link are {} as far apart as in [markers]: {}",
@@ -172,8 +174,8 @@ impl Markers<'_> {
     }
 
     /// Describes links whose markers match the mirrored layout; `None` if no link does.
-    fn mirrored(&self, residual_mm: [f64; 3]) -> Option<String> {
-        let mirrored = self.layout.each_ref().map(|markers| {
+    fn mirrored(&self, residual_mm: &[f64]) -> Option<String> {
+        let mirrored = self.layout.iter().map(|markers| {
             let markers = markers.iter();
             markers
                 .map(|marker| {
@@ -182,6 +184,7 @@ impl Markers<'_> {
                 })
                 .collect::<Vec<_>>()
         });
+        let mirrored: Layout = mirrored.collect();
         // Two links of the same shape, one seen from below, cannot be distinguished.
         if self.max_residual_mm(&mirrored, UNCHANGED) <= MAX_RESIDUAL_MM {
             return Some(if self.is_below_floor() {
@@ -192,7 +195,7 @@ impl Markers<'_> {
                     .to_owned()
             });
         }
-        let link = (0..3).find(|&link| {
+        let link = (0..mirrored.len()).find(|&link| {
             residual_mm[link] > MAX_RESIDUAL_MM
                 && self.residual_mm(&mirrored[link], UNCHANGED) <= MAX_RESIDUAL_MM
         })?;
@@ -207,8 +210,8 @@ impl Markers<'_> {
     /// Describes the mistake in the layout that explains the residuals of the links: the position tables of two links
     /// are swapped, labels of two links or within one link are swapped, or a single marker is displaced. `None` if it is
     /// none of these.
-    fn exchanged(&self, residual_mm: [f64; 3]) -> Option<String> {
-        for (a, b) in [(1, 2), (0, 1), (0, 2)] {
+    fn exchanged(&self, residual_mm: &[f64]) -> Option<String> {
+        for (a, b) in self.pairs() {
             let [of_a, of_b] = [a, b].map(|link| &self.layout[link]);
             if of_a.len() != of_b.len() || residual_mm[a].max(residual_mm[b]) <= MAX_RESIDUAL_MM {
                 continue;
@@ -223,16 +226,24 @@ impl Markers<'_> {
                 ));
             }
         }
-        let link = (0..3).max_by(|&a, &b| residual_mm[a].total_cmp(&residual_mm[b]))?;
+        let link =
+            (0..self.layout.len()).max_by(|&a, &b| residual_mm[a].total_cmp(&residual_mm[b]))?;
         self.swapped_between_links(residual_mm)
             .or_else(|| self.relabelled(link))
             .or_else(|| self.displaced(link))
     }
 
+    /// Iterates over the pairs of links: first those without link 0.
+    fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let links = self.layout.len();
+        let others = (1..links).flat_map(move |a| (a + 1..links).map(move |b| (a, b)));
+        others.chain((1..links).map(|link| (0, link)))
+    }
+
     /// Describes two labels of different links that are swapped, if this explains the residuals of both links;
     /// otherwise `None`.
-    fn swapped_between_links(&self, residual_mm: [f64; 3]) -> Option<String> {
-        for (a, b) in [(1, 2), (0, 1), (0, 2)] {
+    fn swapped_between_links(&self, residual_mm: &[f64]) -> Option<String> {
+        for (a, b) in self.pairs() {
             if residual_mm[a].min(residual_mm[b]) <= MAX_RESIDUAL_MM {
                 continue;
             }

@@ -17,8 +17,11 @@ pub(crate) fn check_linkage(linkage: &Linkage, constant: &Constant) -> Option<Fi
     let found = constant.joints?;
     let mm = linkage.distance_mm(&found);
     let cause = if mm > MAX_GAP_MM { cause(linkage, &constant.own_poses) } else { None };
-    let message =
-        format!("a joint is {mm:.2} mm from the position that the robot's h_m and l_m imply");
+    let implied = match linkage.is_of_three() {
+        true => "the position that the robot's h_m and l_m imply",
+        false => "its configured position",
+    };
+    let message = format!("a joint is {mm:.2} mm from {implied}");
     let finding = |message| Finding::at_most(Check::JointPositions, mm, message);
     Some(match cause {
         Some(cause) => finding(format!("{message}: {cause}")).failing(),
@@ -31,17 +34,27 @@ pub(crate) fn check_linkage(linkage: &Linkage, constant: &Constant) -> Option<Fi
 
 /// Describes the joint that is farthest from where h and l place it, and the changes to h and l that would correct it.
 fn farthest(linkage: &Linkage, found: &Linkage) -> String {
-    let configured = linkage.ends();
-    let found = found.ends();
-    let offsets: [[f64; 2]; 4] =
-        std::array::from_fn(|end| [0, 1].map(|axis| found[end][axis] - configured[end][axis]));
-    let end = (0..4)
+    let configured: Vec<[f64; 2]> = linkage.ends().collect();
+    let found: Vec<[f64; 2]> = found.ends().collect();
+    let offsets: Vec<[f64; 2]> = found
+        .iter()
+        .zip(&configured)
+        .map(|(found, configured)| [0, 1].map(|axis| found[axis] - configured[axis]))
+        .collect();
+    let end = (0..offsets.len())
         .max_by(|&a, &b| {
             let [a, b] = [a, b].map(|end| offsets[end][0].hypot(offsets[end][1]));
             a.total_cmp(&b)
         })
         .unwrap_or(0);
-    let (joint, link, length) = [(1, 0, "h_m"), (1, 1, "l_m"), (2, 0, "h_m"), (2, 2, "l_m")][end];
+    let (joint, side) = (end / 2, end % 2);
+    let link = linkage.links_of(joint)[side];
+    let length = match linkage.is_of_three() {
+        true => ["h_m", "l_m"][side],
+        false if linkage.order()[joint] == link => "rear_joint_m",
+        false => "front_joint_m",
+    };
+    let joint = joint + 1;
     let [x, y] = found[end];
     let [along, aside] = offsets[end];
     let [x0, y0] = configured[end];
@@ -59,8 +72,11 @@ fn farthest(linkage: &Linkage, found: &Linkage) -> String {
 
 /// Returns the likely reason why joints are not where h and l place them, from link poses fitted separately to each
 /// link's markers; `None` if no reason is found.
-fn cause(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
-    if poses.is_empty() || gap_mm(linkage, poses, [0, 1, 2], [false; 3]) <= MAX_GAP_MM {
+fn cause(linkage: &Linkage, poses: &[Vec<LinkPose>]) -> Option<String> {
+    if !linkage.is_of_three()
+        || poses.is_empty()
+        || gap_mm(linkage, poses, [0, 1, 2], [false; 3]) <= MAX_GAP_MM
+    {
         return None;
     }
     other_links(linkage, poses).or_else(|| other_lengths(linkage, poses))
@@ -69,14 +85,14 @@ fn cause(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
 /// Returns the RMS distance between the positions of each joint according to its two links, mm. It is assumed that the
 /// poses of links 0, 1, 2 are actually those of the links in `order`, and that the links marked in `turned` point
 /// backwards.
-fn gap_mm(linkage: &Linkage, poses: &[[LinkPose; 3]], order: [usize; 3], turned: [bool; 3]) -> f64 {
+fn gap_mm(linkage: &Linkage, poses: &[Vec<LinkPose>], order: [usize; 3], turned: [bool; 3]) -> f64 {
     let squares = poses.iter().flat_map(|poses| {
         let at = |link: usize, [x, y]: [f64; 2]| {
             let sign = if turned[link] { -1.0 } else { 1.0 };
             poses[order[link]].at([sign * x, sign * y])
         };
-        linkage.joints.iter().zip(1..).map(move |(joint, link)| {
-            let a = at(0, joint.in_middle);
+        linkage.joints().iter().zip(1..).map(move |(joint, link)| {
+            let a = at(0, joint.in_inner);
             let b = at(link, joint.in_outer);
             (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
         })
@@ -86,7 +102,7 @@ fn gap_mm(linkage: &Linkage, poses: &[[LinkPose; 3]], order: [usize; 3], turned:
 
 /// Describes which links are swapped or point backwards, if this explains why adjacent links do not meet at their
 /// joints; otherwise `None`.
-fn other_links(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
+fn other_links(linkage: &Linkage, poses: &[Vec<LinkPose>]) -> Option<String> {
     let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [2, 1, 0], [1, 2, 0], [2, 0, 1]];
     let turns = [
         [false; 3],
@@ -136,8 +152,9 @@ fn midpoint(pair: [f64; 2]) -> f64 {
 
 /// Describes the values of h and l, or the offset of marker positions, that explain why adjacent links do not meet at
 /// their joints; `None` if there is no such explanation.
-fn other_lengths(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
-    let [h_mm, l_mm] = [linkage.joints[0].in_middle[0], -linkage.joints[0].in_outer[0]];
+fn other_lengths(linkage: &Linkage, poses: &[Vec<LinkPose>]) -> Option<String> {
+    let JointPosition { in_inner, in_outer } = linkage.joints()[0];
+    let [h_mm, l_mm] = [in_inner[0], -in_outer[0]];
     let joints = [1, 2].map(|link| {
         let turns = poses.iter().map(|poses| wrap(poses[link].theta_rad - poses[0].theta_rad));
         let [low, high] = extremes(turns);
@@ -149,9 +166,9 @@ fn other_lengths(linkage: &Linkage, poses: &[[LinkPose; 3]]) -> Option<String> {
         Some(JointPosition::default().moved(&moved))
     });
     let [Some(front), Some(rear)] = joints else { return None };
-    let h = [front.in_middle[0], -rear.in_middle[0]];
+    let h = [front.in_inner[0], -rear.in_inner[0]];
     let l = [-front.in_outer[0], rear.in_outer[0]];
-    let aside = [front.in_middle[1], rear.in_middle[1], front.in_outer[1], rear.in_outer[1]];
+    let aside = [front.in_inner[1], rear.in_inner[1], front.in_outer[1], rear.in_outer[1]];
     if is_near(h, l_mm) && is_near(l, h_mm) {
         return Some(format!(
             "h_m and l_m are swapped: h is measured as {}, and l as {}, but they are configured as {:.1} and {:.1} \

@@ -65,7 +65,7 @@ pub(crate) fn measure(
     coordinates: &Coordinates,
     rate_hz: f64,
 ) -> Result<(RobotParameterRow, Vec<Finding>), Problem> {
-    let ranges = coordinates.phi_rad.each_ref().map(|phi| extremes(seen(phi)));
+    let ranges = [0, 1].map(|joint| extremes(seen(&coordinates.phi_rad[joint])));
     // The joint that moves less is the held one.
     let joint = usize::from(ranges[1][1] - ranges[1][0] > ranges[0][1] - ranges[0][0]);
     let release = Release::new(&coordinates.phi_rad[joint], rate_hz)?;

@@ -183,7 +183,7 @@ mod tests {
             local_position_mm: [*x, *y],
             height_mm: *z,
         });
-        let mut layout: Layout = [markers.collect(), Vec::new(), Vec::new()];
+        let mut layout: Layout = vec![markers.collect(), Vec::new(), Vec::new()];
         let pose = |file: &Recording, layout: &Layout| {
             LinkFit::from_row(file.row_mm(77), &layout[0]).pose().unwrap()
         };

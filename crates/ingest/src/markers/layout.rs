@@ -30,8 +30,8 @@ pub struct LinkMarker {
     pub height_mm: f64,
 }
 
-/// Markers on links 0, 1, 2 in a file.
-pub(crate) type Layout = [Vec<LinkMarker>; 3];
+/// Markers on each link in a file, by the link's number.
+pub(crate) type Layout = Vec<Vec<LinkMarker>>;
 
 /// Finds every marker of the configured layout in the file, either by its full label or, if only one subject has such a
 /// marker, by its name without the subject. Returns the first problem as an error.
@@ -85,7 +85,7 @@ pub(crate) fn apply_aliases(aliases: &BTreeMap<String, String>, file: &mut Recor
 /// Finds the markers of the configured layout in the file. Also returns one problem for each marker that is missing or
 /// ambiguous, or a single problem if most markers are missing, because the file then records something else.
 pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Problem>) {
-    let mut layout = [const { Vec::new() }; 3];
+    let mut layout = vec![Vec::new(); markers.links().len()];
     let mut problems = Vec::new();
     let mut owners: BTreeMap<usize, &str> = BTreeMap::new();
     for (link, configured) in markers.links().into_iter().enumerate() {

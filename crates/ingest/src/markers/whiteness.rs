@@ -155,7 +155,7 @@ mod tests {
     /// Returns the slow-noise ratio of the recording's three markers.
     fn ratio(file: &Recording) -> f64 {
         let marker = |column| LinkMarker { column, local_position_mm: [0.0; 2], height_mm: 0.0 };
-        let layout = [[0, 1, 2].map(marker).to_vec(), Vec::new(), Vec::new()];
+        let layout = vec![[0, 1, 2].map(marker).to_vec(), Vec::new(), Vec::new()];
         let first = file.frames[0];
         let frames = file.frames[file.frames.len() - 1] - first + 1;
         slow_noise_ratio(file, &layout, 120.0, [first, frames])

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use nalgebra::SVector;
-use trilink_robot::{Gait, JointCommand};
+use trilink_robot::JointCommand;
 use trilink_statistics::{extremes, mean, seen, wrap};
 
 use crate::error::Problem;
@@ -58,7 +58,9 @@ type Joint<'j> = (usize, JointCommand, &'j [f64]);
 
 /// Commanded gait of a trial, with its frequency and the frame rate of the recording.
 pub struct CommandedGait<'a> {
-    pub gait: &'a Gait,
+    /// Commands of the joints from front to rear; `None` for a joint that is not commanded. If none is, the time origin is
+    /// arbitrary.
+    pub joints: &'a [Option<JointCommand>],
     pub omega_rad_s: f64,
     pub rate_hz: f64,
     /// Number of initial cycles that may be transient and are left out of the frequency estimate if enough cycles
@@ -73,14 +75,19 @@ impl CommandedGait<'_> {
     /// # Errors
     /// Returns an error if the trial has too few frames per period, too few periods or too few visible samples, or if
     /// a commanded joint does not move.
-    pub fn estimate_phase(&self, phi_rad: &[Vec<f64>; 2]) -> Result<GaitPhase, Problem> {
+    pub fn estimate_phase(&self, phi_rad: &[Vec<f64>]) -> Result<GaitPhase, Problem> {
         let step = self.omega_rad_s / self.rate_hz;
         let found = TAU / step;
         if found < MIN_FRAMES_PER_PERIOD {
             return Err(Problem::TooFast { found, needed: MIN_FRAMES_PER_PERIOD });
         }
-        let joints: Vec<Joint> = (0..2)
-            .filter_map(|joint| Some((joint, self.gait.joints[joint]?, &phi_rad[joint][..])))
+        let is_commanded = self.joints.iter().any(Option::is_some);
+        let joints = self.joints.iter().zip(phi_rad).enumerate();
+        let joints: Vec<Joint> = joints
+            .filter_map(|(joint, (command, phi_rad))| {
+                let command = if is_commanded { *command } else { Some(JointCommand::default()) };
+                Some((joint, command?, &phi_rad[..]))
+            })
             .collect();
         let moving = moving(&joints, step);
         let periods = moving.len() as f64 * step / TAU;
@@ -314,6 +321,8 @@ fn central(range: &Range<usize>, frames: usize) -> Range<usize> {
 mod tests {
     use std::path::Path;
 
+    use trilink_robot::Gait;
+
     use super::*;
 
     fn measure(
@@ -325,8 +334,12 @@ mod tests {
         let phi_rad = [0, 1]
             .map(|joint| (0..frames).map(|i| phi(i as f64 / 120.0)[joint]).collect::<Vec<f64>>());
         let gait = Gait::symmetric();
-        let command =
-            CommandedGait { gait: &gait, omega_rad_s: omega, rate_hz: 120.0, skip_cycles: 2 };
+        let command = CommandedGait {
+            joints: &gait.joints,
+            omega_rad_s: omega,
+            rate_hz: 120.0,
+            skip_cycles: 2,
+        };
         command
             .estimate_phase(&phi_rad)
             .map_err(|error| error.in_file(Path::new("a.csv")).to_string())

@@ -202,9 +202,9 @@ fn jumps_check(tracked: &Tracked, rate_hz: f64, frames: &Range<usize>) -> Findin
 
 /// Checks that floor and links are level.
 pub(crate) fn tilt_check(tilt: &Tilt) -> Finding {
-    let [link0, link1, link2] = tilt.links;
-    let turns =
-        [("the floor", tilt.floor), ("link 0", link0), ("link 1", link1), ("link 2", link2)];
+    let links = tilt.links.iter().enumerate().map(|(link, turn)| (format!("link {link}"), *turn));
+    let turns: Vec<_> =
+        std::iter::once(("the floor".to_owned(), tilt.floor)).chain(links).collect();
     let large = turns.iter().filter(|(_, turn)| turn.is_large());
     let messages: Vec<String> = large
         .map(|(name, turn)| {
@@ -246,7 +246,7 @@ fn label_checks(
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         let mut affected = 0;
         for frame in frames.clone() {
-            let names: Vec<String> = (0..3)
+            let names: Vec<String> = (0..layout.len())
                 .filter_map(|link| {
                     label_fault(file, &layout[link], link, tracked.outlier[link][frame])
                 })

@@ -144,18 +144,14 @@ impl Step {
 
 /// Describes a jump by the changes in the robot's coordinates in excess of its motion.
 fn jump(seen: &Coordinates, step: &Step) -> Jump {
-    let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = seen;
+    let Coordinates { x_m, y_m, theta_rad, phi_rad } = seen;
     let [_, before, after, _] = step.frames;
-    let coordinates = [
-        (x_m, 1.0),
-        (y_m, 1.0),
-        (theta_rad, M_PER_RAD),
-        (phi1_rad, M_PER_RAD),
-        (phi2_rad, M_PER_RAD),
-    ];
+    let link0 = [(x_m, 1.0), (y_m, 1.0), (theta_rad, M_PER_RAD)];
+    let coordinates = link0.into_iter().chain(phi_rad.iter().map(|phi_rad| (phi_rad, M_PER_RAD)));
     let known = coordinates.map(|(series, unit)| {
         jump_and_motion(series, before, after).map(|values| values.map(|value| unit * value))
     });
+    let known: Vec<Option<[f64; 2]>> = known.collect();
     Jump {
         before,
         after,
@@ -248,7 +244,8 @@ mod tests {
             phi_rad: [
                 series(&|t| 0.5 * phase(t).cos(), 1e-3),
                 series(&|t| 0.5 * phase(t).sin(), 1e-3),
-            ],
+            ]
+            .into(),
         }
     }
 

@@ -11,4 +11,4 @@ mod track;
 pub(crate) use checks::{describe_tracking, header_check, tilt_check, tracking_checks};
 pub(crate) use multibody::{JointPosition, Linkage, PARTS};
 pub use track::frame_grid;
-pub(crate) use track::{Constant, JointShift, LinkPoses, Tracked, solve};
+pub(crate) use track::{Constant, JointShift, LinkPoses, PoseShift, Tracked, solve};

@@ -9,7 +9,7 @@
 //! The height of a marker at `(x, y)` in its link frame and `(X, Y)` in the camera frame is that in the layout, plus a
 //! constant per link, plus `a y - b x` with the link's rotations `a` about its x axis and `b` about its y axis, plus
 //! the corresponding terms for the floor with `(X, Y)`. The least-squares problem has a weak prior on the rotations. If
-//! a trial cannot distinguish a tilted floor from three links with the same tilt (a straight run), the tilt is
+//! a trial cannot distinguish a tilted floor from links with the same tilt (a straight run), the tilt is
 //! attributed to the floor.
 
 use std::borrow::Cow;
@@ -38,10 +38,6 @@ const BLOCKS: usize = 8;
 const PRIOR_HEIGHT_MM: f64 = 0.3;
 /// Prior standard deviation of the rotations, rad: rotations that the heights do not determine become zero.
 const PRIOR_TURN_RAD: f64 = 0.02;
-/// Number of unknowns: the floor's two rotations, then each link's constant height and two rotations.
-const UNKNOWNS: usize = 11;
-
-type Equations = NormalEquations<UNKNOWNS>;
 /// Sums over frames of the products of 1, a marker's coordinates X and Y in the camera frame, and its height; only the
 /// lower triangle is filled.
 type Moments = [[f64; 4]; 4];
@@ -81,10 +77,11 @@ impl Turn {
 }
 
 /// Tilts of the floor and the links, constant over a trial.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Tilt {
     pub floor: Turn,
-    pub links: [Turn; 3],
+    /// Tilts of the links by number.
+    pub links: Vec<Turn>,
 }
 
 impl Tilt {
@@ -93,9 +90,31 @@ impl Tilt {
     pub(crate) fn estimate(
         file: &Recording,
         layout: &Layout,
-        fits: &[Vec<LinkFit>; 3],
+        fits: &[Vec<LinkFit>],
         from: Range<usize>,
     ) -> Self {
+        // The unknowns are the floor's two rotations, then each link's constant height and two rotations.
+        let estimate = match layout.len() {
+            ..=2 => Self::estimate_unknowns::<8>,
+            3 => Self::estimate_unknowns::<11>,
+            4 => Self::estimate_unknowns::<14>,
+            5 => Self::estimate_unknowns::<17>,
+            6 => Self::estimate_unknowns::<20>,
+            7 => Self::estimate_unknowns::<23>,
+            8.. => Self::estimate_unknowns::<26>,
+        };
+        estimate(file, layout, fits, from).unwrap_or_else(|| Self {
+            floor: Turn::default(),
+            links: vec![Turn::default(); layout.len()],
+        })
+    }
+
+    fn estimate_unknowns<const N: usize>(
+        file: &Recording,
+        layout: &Layout,
+        fits: &[Vec<LinkFit>],
+        from: Range<usize>,
+    ) -> Option<Self> {
         let rows = from.len();
         let stride = (rows / ROWS).max(1);
         let begin = from
@@ -103,7 +122,7 @@ impl Tilt {
             .flat_map(|row| file.row_mm(row))
             .find(|[x, _, _]| !x.is_nan())
             .map_or([0.0; 2], |[x, y, _]| [*x, *y]);
-        let mut parts = [Equations::new(); BLOCKS];
+        let mut parts = [NormalEquations::<N>::new(); BLOCKS];
         for (i, part) in parts.iter_mut().enumerate() {
             let rows = from.start + i * rows / BLOCKS..from.start + (i + 1) * rows / BLOCKS;
             for (link, markers) in layout.iter().enumerate() {
@@ -124,33 +143,40 @@ impl Tilt {
                 }
             }
         }
-        Self::from_parts(&parts, layout, stride).unwrap_or_default()
+        Self::from_parts(&parts, layout, stride)
     }
 
     /// Estimates the tilts and their standard errors from the equations of each block, for which every `stride`-th row
     /// was evaluated; `None` if the heights do not determine the rotations.
-    fn from_parts(parts: &[Equations; BLOCKS], layout: &Layout, stride: usize) -> Option<Self> {
-        let whole = Equations::sum(parts.iter());
-        let (found, inverse) = with_prior(&whole).solve()?;
+    fn from_parts<const N: usize>(
+        parts: &[NormalEquations<N>; BLOCKS],
+        layout: &Layout,
+        stride: usize,
+    ) -> Option<Self> {
+        let whole = NormalEquations::sum(parts.iter());
+        let (found, inverse) = with_prior(&whole, layout).solve()?;
         // Jackknife over the blocks.
-        let mut variance = SVector::<f64, UNKNOWNS>::zeros();
+        let mut variance = SVector::<f64, N>::zeros();
         for left_out in 0..BLOCKS {
             let rest = parts.iter().enumerate().filter(|(i, _)| *i != left_out);
-            let rest = Equations::sum(rest.map(|(_, part)| part));
-            let away = with_prior(&rest).solve()?.0 - found;
+            let rest = NormalEquations::sum(rest.map(|(_, part)| part));
+            let away = with_prior(&rest, layout).solve()?.0 - found;
             variance += (BLOCKS - 1) as f64 / BLOCKS as f64 * away.component_mul(&away);
         }
         // In a short trial or with a robot at rest, the blocks agree even on rotations that none of them determines:
         // the residuals of the heights therefore count as one sample per half-oscillation of the suspension.
         let left = whole.residual_squares(&found) / whole.count.max(1.0);
-        let markers = layout.iter().map(Vec::len).sum::<usize>() as f64 / 3.0;
+        let markers = layout.iter().map(Vec::len).sum::<usize>() as f64 / layout.len() as f64;
         let alike = (SWING_FRAMES / stride as f64).max(1.0) * markers;
         variance += left * alike * inverse.diagonal();
         let turn = |first: usize| Turn {
             about_rad: [found[first], found[first + 1]],
             se_rad: (0.5 * (variance[first] + variance[first + 1])).sqrt(),
         };
-        Some(Self { floor: turn(0), links: [turn(3), turn(6), turn(9)] })
+        Some(Self {
+            floor: turn(0),
+            links: (0..layout.len()).map(|link| turn(3 * link + 3)).collect(),
+        })
     }
 
     /// Returns the floor's tilt if it is significant but not corrected, and zero otherwise.
@@ -194,8 +220,13 @@ impl Tilt {
 }
 
 /// Adds the heights of one marker on a link, given their moments, to the lower triangle of the equations.
-fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments: &Moments) {
-    let Equations { matrix, right, count, squares } = equations;
+fn add_heights<const N: usize>(
+    equations: &mut NormalEquations<N>,
+    link: usize,
+    [x, y]: [f64; 2],
+    moments: &Moments,
+) {
+    let NormalEquations { matrix, right, count, squares } = equations;
     let [[one, ..], [sum_x, x_x, ..], [sum_y, y_x, y_y, _], [sum_z, z_x, z_y, z_z]] = *moments;
     // The link's columns are constant; those of the floor's rotations are (Y, -X).
     let own = 2 + 3 * link;
@@ -214,10 +245,17 @@ fn add_heights(equations: &mut Equations, link: usize, [x, y]: [f64; 2], moments
     *squares += z_z;
 }
 
-fn with_prior(equations: &Equations) -> Equations {
+fn with_prior<const N: usize>(
+    equations: &NormalEquations<N>,
+    layout: &Layout,
+) -> NormalEquations<N> {
     let mut with_prior = *equations;
-    for turn in [0, 1, 3, 4, 6, 7, 9, 10] {
+    for turn in (0..N).filter(|unknown| unknown % 3 < 2) {
         with_prior.matrix[(turn, turn)] += (PRIOR_HEIGHT_MM / PRIOR_TURN_RAD).powi(2);
+    }
+    // Nothing determines the height of a link without markers.
+    for (link, _) in layout.iter().enumerate().filter(|(_, markers)| markers.is_empty()) {
+        with_prior.matrix[(2 + 3 * link, 2 + 3 * link)] += 1.0;
     }
     with_prior
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use trilink_mocap::Recording;
-use trilink_robot::rotated;
+use trilink_robot::{MAX_LINKS, rotated};
 use trilink_statistics::{unwrap, wrap};
 use trilink_tables::config::Poses;
 use trilink_tables::{Coordinates, Fill};
@@ -33,11 +33,20 @@ const SHIFT_SAMPLES: usize = 500;
 const OWN_POSE_SAMPLES: usize = 400;
 
 /// Changes in a frame's poses if one part of the trial is left out when the joint positions are estimated, for each
-/// part: displacement of link 0 along and across its direction, m, and rotations of links 0, 1, 2, rad.
+/// part.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct JointShift {
     pub frame: usize,
-    pub without: [[f64; 5]; PARTS],
+    pub without: [PoseShift; PARTS],
+}
+
+/// Change in a frame's poses.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct PoseShift {
+    /// Displacement of link 0 along and across its direction, m.
+    pub moved_m: [f64; 2],
+    /// Rotations of the links by number, rad.
+    pub turned_rad: [f64; MAX_LINKS],
 }
 
 /// Poses of the links in every row of a file.
@@ -48,7 +57,9 @@ pub(crate) struct LinkPoses {
     frames: usize,
     repeated_frames: Vec<usize>,
     slow_noise_ratio: f64,
-    fits: [Vec<LinkFit>; 3],
+    fits: Vec<Vec<LinkFit>>,
+    /// Numbers of the links from front to rear.
+    order: Vec<usize>,
     pub constant: Constant,
     joint_shifts: Vec<JointShift>,
 }
@@ -60,9 +71,9 @@ pub(crate) struct Constant {
     pub tilt: Tilt,
     /// Joint positions estimated from the trial; `None` if no robot is given.
     pub joints: Option<Linkage>,
-    /// Poses of links 0, 1, 2 in some rows, spread over the trial, in which all links are visible. Each is fitted to
-    /// the link's own markers alone, without requiring adjacent links to meet at their joints.
-    pub own_poses: Vec<[LinkPose; 3]>,
+    /// Poses of the links by number in some rows, spread over the trial, in which all links are visible. Each is fitted
+    /// to the link's own markers alone, without requiring adjacent links to meet at their joints.
+    pub own_poses: Vec<Vec<LinkPose>>,
 }
 
 /// Time series reconstructed from the markers, with one value per frame.
@@ -84,14 +95,14 @@ pub(crate) struct Tracked {
     /// Coordinates with short gaps filled. The frames within a jump, up to the first frame after it, are left out, so
     /// that nothing is averaged or measured across the jump.
     pub filled: Coordinates,
-    /// RMS distance between the markers of links 0, 1, 2 and the fitted poses, mm; NaN without a pose.
-    pub residual_mm: [Vec<f64>; 3],
-    pub fill: [Vec<Fill>; 3],
-    /// Label faults of links 0, 1, 2 in every frame.
-    pub outlier: [Vec<Outlier>; 3],
-    /// Sets of occluded markers on links 0, 1, 2 in every frame. Each bit stands for the marker with that index in the
+    /// RMS distance between the markers of each link and the fitted poses, mm; NaN without a pose.
+    pub residual_mm: Vec<Vec<f64>>,
+    pub fill: Vec<Vec<Fill>>,
+    /// Label faults of each link in every frame.
+    pub outlier: Vec<Vec<Outlier>>,
+    /// Sets of occluded markers on each link in every frame. Each bit stands for the marker with that index in the
     /// link's layout.
-    pub unseen: [Vec<u64>; 3],
+    pub unseen: Vec<Vec<u64>>,
     /// Effects of errors in the joint positions on the poses in some frames, spread over the trial; empty if each link
     /// was fitted separately.
     pub joint_shifts: Vec<JointShift>,
@@ -125,7 +136,7 @@ impl Tracked {
 
 /// Fits the link poses in every row: if `poses` is [`Poses::Chain`] and `linkage` is given, such that adjacent links
 /// meet at their joints, otherwise each link separately. Tilt and joint positions, which are constant over the trial,
-/// are estimated from the `steady` rows.
+/// are estimated from the `steady` rows. Without a `linkage`, link 0 is taken to be the second link from the front.
 ///
 /// # Errors
 /// Returns an error if the frame numbers jump implausibly.
@@ -144,9 +155,7 @@ pub(crate) fn solve(
     let stride = (steady.len() / OWN_POSE_SAMPLES).max(1);
     let mut sample = Vec::new();
     for row in steady.step_by(stride) {
-        if let [Some(middle), Some(front), Some(rear)] = own_poses(&fits, row) {
-            sample.push([middle, front, rear]);
-        }
+        sample.extend(fits.iter().map(|fits| fits[row].pose()).collect::<Option<Vec<_>>>());
     }
     let frame_of = |row: usize| (file.frames[row] - first_frame) as usize;
     let grid = [first_frame, frames as i64];
@@ -160,38 +169,50 @@ pub(crate) fn solve(
     let mut joint_shifts = Vec::new();
     if let (Poses::Chain, Some((joints, without))) = (poses, refined) {
         let stride = (rows / SHIFT_SAMPLES).max(1);
+        let mut poses = vec![None; fits.len()];
         for row in 0..rows {
-            let own = own_poses(&fits, row);
+            for (pose, fits) in poses.iter_mut().zip(&fits) {
+                *pose = fits[row].pose();
+            }
             if row % stride == 0
-                && let [Some(middle), Some(_), Some(_)] = own
-                && let Some(shifts) = joints.shifts(&own, &without)
+                && let Some(middle) = poses[0].or_else(|| closed_reference(&joints, &poses))
+                && let Some(shifts) = joints.shifts(&poses, &without)
             {
-                // Displacement of link 0 along and across its direction.
-                let without = shifts.map(|shift| {
-                    let [along_mm, across_mm] = rotated(-middle.theta_rad, [shift[0], shift[1]]);
-                    [along_mm / 1000.0, across_mm / 1000.0, shift[2], shift[3], shift[4]]
+                let without = shifts.map(|shift| PoseShift {
+                    moved_m: rotated(-middle.theta_rad, shift.origin_mm.into())
+                        .map(|mm| mm / 1000.0),
+                    turned_rad: shift.turn_rad,
                 });
                 joint_shifts.push(JointShift { frame: frame_of(row), without });
             }
-            for (fits, pose) in fits.iter_mut().zip(joints.close(own)) {
+            joints.close(&mut poses);
+            for (fits, pose) in fits.iter_mut().zip(&poses) {
                 let fit = &mut fits[row];
-                fit.set(pose, fit.outlier());
+                fit.set(*pose, fit.outlier());
             }
         }
     }
+    let order = match &linkage {
+        Some(linkage) => linkage.order().to_vec(),
+        None => [1, 0].into_iter().chain(2..fits.len()).collect(),
+    };
     Ok(LinkPoses {
         first_frame,
         frames,
         repeated_frames: repeated_rows(file).into_iter().map(frame_of).collect(),
         slow_noise_ratio,
         fits,
+        order,
         constant: Constant { tilt, joints: refined.map(|(found, _)| found), own_poses: sample },
         joint_shifts,
     })
 }
 
-fn own_poses(fits: &[Vec<LinkFit>; 3], row: usize) -> [Option<LinkPose>; 3] {
-    fits.each_ref().map(|fits| fits[row].pose())
+/// Returns the pose of link 0 if it has no markers and follows from its neighbours.
+fn closed_reference(joints: &Linkage, own: &[Option<LinkPose>]) -> Option<LinkPose> {
+    let mut poses = own.to_vec();
+    joints.close(&mut poses);
+    poses[0]
 }
 
 impl LinkPoses {
@@ -205,15 +226,17 @@ impl LinkPoses {
         layout: &Layout,
         max_gap: usize,
     ) -> Result<Tracked, Problem> {
-        let Self { first_frame, frames, fits, .. } = self;
+        let Self { first_frame, frames, fits, order, .. } = self;
+        let links = fits.len();
         let mut x_m = vec![f64::NAN; frames];
         let mut y_m = vec![f64::NAN; frames];
-        let mut theta = [0; 3].map(|_| vec![f64::NAN; frames]);
-        let mut residual_mm = [0; 3].map(|_| vec![f64::NAN; frames]);
-        let mut fill = [0; 3].map(|_| vec![Fill::Missing; frames]);
-        let mut outlier = [0; 3].map(|_| vec![Outlier::None; frames]);
-        let all = layout.each_ref().map(|markers| (0..markers.len() as u16).map(bit).sum::<u64>());
-        let mut unseen = all.map(|markers| vec![markers; frames]);
+        let mut theta = vec![vec![f64::NAN; frames]; links];
+        let mut residual_mm = theta.clone();
+        let mut fill = vec![vec![Fill::Missing; frames]; links];
+        let mut outlier = vec![vec![Outlier::None; frames]; links];
+        let all = layout.iter().map(|markers| (0..markers.len() as u16).map(bit).sum::<u64>());
+        let all: Vec<u64> = all.collect();
+        let mut unseen: Vec<Vec<u64>> = all.iter().map(|markers| vec![*markers; frames]).collect();
         // Consume the fits link by link: those of a long recording take up several hundred megabytes per link.
         for (link, fits) in fits.into_iter().enumerate() {
             for (fit, frame) in fits.iter().zip(numbers) {
@@ -223,29 +246,32 @@ impl LinkPoses {
                 let Some(pose) = fit.pose() else { continue };
                 theta[link][i] = pose.theta_rad;
                 residual_mm[link][i] = pose.residual_mm;
-                let is_whole =
-                    fit.seen == all[link] && !matches!(fit.outlier(), Outlier::Jumped(_));
+                // The pose of a link without markers follows from its neighbours.
+                let is_whole = fit.seen == all[link]
+                    && fit.seen != 0
+                    && !matches!(fit.outlier(), Outlier::Jumped(_));
                 fill[link][i] = if is_whole { Fill::Measured } else { Fill::Rigid };
                 if link == 0 {
                     [x_m[i], y_m[i]] = pose.origin_mm.map(|mm| mm / 1000.0);
                 }
             }
         }
-        if let Some(link) = (0..3).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
+        if let Some(link) = (0..links).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
             return Err(Problem::LinkUnseen { link });
         }
         theta.iter_mut().for_each(|theta| unwrap(theta));
         // Headings are filled link by link, so that a joint angle is available in all frames in which both headings are
         // visible or filled.
-        let filled_theta = theta.each_ref().map(|theta| signals::fill(theta, max_gap));
+        let filled_theta: Vec<Vec<f64>> =
+            theta.iter().map(|theta| signals::fill(theta, max_gap)).collect();
         for (fill, theta) in fill.iter_mut().flatten().zip(filled_theta.iter().flatten()) {
             if *fill == Fill::Missing && !theta.is_nan() {
                 *fill = Fill::Interpolated;
             }
         }
-        let mut filled =
-            coordinates(signals::fill(&x_m, max_gap), signals::fill(&y_m, max_gap), filled_theta);
-        let seen = coordinates(x_m, y_m, theta);
+        let [filled_x_m, filled_y_m] = [&x_m, &y_m].map(|series| signals::fill(series, max_gap));
+        let mut filled = coordinates(filled_x_m, filled_y_m, filled_theta, &order);
+        let seen = coordinates(x_m, y_m, theta, &order);
         let jumps = jumps(&seen);
         for &Jump { before, after, .. } in &jumps {
             filled.leave_out(before + 1..=after);
@@ -270,36 +296,37 @@ impl LinkPoses {
     }
 }
 
-/// Fits the poses of links 0, 1, 2 in every row of the file, corrected for the tilt of floor, links and suspensions.
+/// Fits the poses of all links in every row of the file, corrected for the tilt of floor, links and suspensions.
 /// Also returns the tilt found in the `steady` rows.
 fn upright_fits(
     file: &Recording,
     layout: &Layout,
     rate_hz: f64,
     steady: Range<usize>,
-) -> ([Vec<LinkFit>; 3], Tilt) {
+) -> (Vec<Vec<LinkFit>>, Tilt) {
     let mut fits = fit_links(file, layout);
     let tilt = Tilt::estimate(file, layout, &fits, steady);
     let (file, layout) = tilt.corrected(file, layout);
     if tilt.is_corrected() {
         fits = fit_links(&file, &layout);
     }
-    for (fits, markers) in fits.iter_mut().zip(&*layout) {
+    for (fits, markers) in fits.iter_mut().zip(layout.iter()) {
         let link = LinkRecording { file: &file, markers, floor: tilt.uncorrected_floor() };
         suspension::set_upright(link, rate_hz, fits);
     }
     (fits, tilt)
 }
 
-/// Fits the poses of links 0, 1, 2 in every row of the file, after label correction.
-fn fit_links(file: &Recording, layout: &Layout) -> [Vec<LinkFit>; 3] {
-    layout.each_ref().map(|markers| {
+/// Fits the poses of all links in every row of the file, after label correction.
+fn fit_links(file: &Recording, layout: &Layout) -> Vec<Vec<LinkFit>> {
+    let links = layout.iter().map(|markers| {
         let rows = 0..file.frames.len();
         let mut fits =
             rows.map(|row| LinkFit::from_row(file.row_mm(row), markers)).collect::<Vec<_>>();
         correct_labels(file, markers, &mut fits);
         fits
-    })
+    });
+    links.collect()
 }
 
 /// Returns the first frame number and the number of frames, including those missing from the file.
@@ -319,12 +346,18 @@ pub fn frame_grid(numbers: &[i64]) -> Result<(i64, usize), Problem> {
     Ok((first, frames as usize))
 }
 
-/// Computes the robot's coordinates, with the joint angles phi1 and phi2, from the position of link 0 and the headings
-/// of links 0, 1, 2: link 1 points along theta - phi1, link 2 along theta + phi2 (eq. 1 of the paper).
-fn coordinates(x_m: Vec<f64>, y_m: Vec<f64>, theta: [Vec<f64>; 3]) -> Coordinates {
-    let [theta0, theta1, theta2] = theta;
-    let phi_rad = [angle_between(&theta0, &theta1), angle_between(&theta2, &theta0)];
-    Coordinates { x_m, y_m, theta_rad: theta0, phi_rad }
+/// Computes the robot's coordinates from the position of link 0, the headings of the links by number, and the numbers of
+/// the links from front to rear. The angle of a joint is the heading of the link behind it minus that of the link ahead
+/// (eq. 1 of the paper).
+fn coordinates(
+    x_m: Vec<f64>,
+    y_m: Vec<f64>,
+    mut theta: Vec<Vec<f64>>,
+    order: &[usize],
+) -> Coordinates {
+    let joints = order.windows(2);
+    let phi_rad = joints.map(|links| angle_between(&theta[links[1]], &theta[links[0]])).collect();
+    Coordinates { x_m, y_m, theta_rad: theta.swap_remove(0), phi_rad }
 }
 
 /// Returns the unwrapped difference between two headings, rad, whose first value lies in (-pi, pi].

@@ -7,11 +7,12 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use nalgebra::{Complex, Matrix5, Vector5};
+use nalgebra::Complex;
 use trilink_robot::rotated;
 use trilink_tables::Coordinates;
 
 use super::kalman::{Regressors, Scalar, Smoothed, fit, smooth};
+use crate::geometry::{MAX_VELOCITIES, Row};
 use crate::phase::{GaitPhase, LinearPhase};
 use crate::poses::Tracked;
 
@@ -107,10 +108,10 @@ pub(super) struct SmoothCoordinates {
     pub values: Coordinates,
     /// Derivatives, per second.
     pub rates: Coordinates,
-    /// Errors of x and y (each), theta, phi1 and phi2 in every frame.
-    pub errors: [Vec<CoordinateError>; 4],
-    /// Correlations of the residuals of x and y (along and across link 0), theta, phi1 and phi2.
-    pub correlations: Matrix5<f64>,
+    /// Errors of x and y (each), theta and the joint angles in every frame.
+    pub errors: Vec<Vec<CoordinateError>>,
+    /// Correlations of the residuals of x and y (along and across link 0), theta and the joint angles.
+    pub correlations: [Row; MAX_VELOCITIES],
 }
 
 /// Cholesky factor of the covariance of a smoothed coordinate and its derivative, in the coordinate's unit and per
@@ -158,7 +159,8 @@ pub(super) fn smooth_coordinates(
     let Coordinates { x_m, y_m, theta_rad, phi_rad } = &tracked.seen;
     let missing = tracked.seen.map(|series| vec![f64::NAN; series.len()]);
     let (mut values, mut rates) = (missing.clone(), missing);
-    let mut errors = [(); 4].map(|()| vec![CoordinateError::MISSING; tracked.frames()]);
+    let joints = phi_rad.len();
+    let mut errors = vec![vec![CoordinateError::MISSING; tracked.frames()]; 2 + joints];
     let max_cutoff_rad = TAU * MAX_CUTOFF_HZ / rate_hz;
     for (part, is_driven) in parts(tracked, driven) {
         let phase = driven.map(|driven| driven.phase).filter(|_| is_driven);
@@ -177,7 +179,7 @@ pub(super) fn smooth_coordinates(
                     *error = CoordinateError::new(*variance, rate_hz);
                 }
             };
-        for joint in 0..2 {
+        for joint in 0..joints {
             if let Some(phi) = smoothed(&phi_rad[joint][part.clone()], &angle, max_cutoff_rad) {
                 store(2 + joint, &phi, &mut values.phi_rad[joint], &mut rates.phi_rad[joint]);
             }
@@ -200,8 +202,8 @@ pub(super) fn smooth_coordinates(
     let correlations = correlations(&tracked.seen, &values);
     leave_out_missing(&mut values, &tracked.filled);
     leave_out_missing(&mut rates, &tracked.filled);
-    let Coordinates { x_m, theta_rad, phi_rad: [phi1_rad, phi2_rad], .. } = &values;
-    for (errors, values) in errors.iter_mut().zip([x_m, theta_rad, phi1_rad, phi2_rad]) {
+    let Coordinates { x_m, theta_rad, phi_rad, .. } = &values;
+    for (errors, values) in errors.iter_mut().zip([x_m, theta_rad].into_iter().chain(&**phi_rad)) {
         for (error, _) in errors.iter_mut().zip(values).filter(|(_, value)| value.is_nan()) {
             *error = CoordinateError::MISSING;
         }
@@ -219,44 +221,41 @@ fn smoothed<T: Scalar>(
 
 /// Sets the coordinates to missing where `filled` is missing.
 fn leave_out_missing(values: &mut Coordinates, filled: &Coordinates) {
-    let Coordinates { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = values;
-    let all = [
-        (x_m, &filled.x_m),
-        (y_m, &filled.y_m),
-        (theta_rad, &filled.theta_rad),
-        (phi1_rad, &filled.phi_rad[0]),
-        (phi2_rad, &filled.phi_rad[1]),
-    ];
-    for (values, filled) in all {
+    let Coordinates { x_m, y_m, theta_rad, phi_rad } = values;
+    let all = [(x_m, &filled.x_m), (y_m, &filled.y_m), (theta_rad, &filled.theta_rad)];
+    for (values, filled) in all.into_iter().chain(phi_rad.iter_mut().zip(filled.phi_rad.iter())) {
         for (value, _) in values.iter_mut().zip(filled).filter(|(_, filled)| filled.is_nan()) {
             *value = f64::NAN;
         }
     }
 }
 
-/// Returns the correlations of the residuals of x and y (along and across link 0), theta, phi1 and phi2.
-fn correlations(seen: &Coordinates, smooth: &Coordinates) -> Matrix5<f64> {
-    let mut products = Matrix5::zeros();
+/// Returns the correlations of the residuals of x and y (along and across link 0), theta and the joint angles.
+fn correlations(seen: &Coordinates, smooth: &Coordinates) -> [Row; MAX_VELOCITIES] {
+    let mut products = [Row::default(); MAX_VELOCITIES];
     for i in 0..seen.frames() {
         let position = [seen.x_m[i] - smooth.x_m[i], seen.y_m[i] - smooth.y_m[i]];
         let [along, across] = rotated(-smooth.theta_rad[i], position);
-        let residuals = Vector5::new(
-            along,
-            across,
-            seen.theta_rad[i] - smooth.theta_rad[i],
-            seen.phi_rad[0][i] - smooth.phi_rad[0][i],
-            seen.phi_rad[1][i] - smooth.phi_rad[1][i],
-        );
+        let mut residuals = Row::default();
+        residuals[..3].copy_from_slice(&[along, across, seen.theta_rad[i] - smooth.theta_rad[i]]);
+        let joints = seen.phi_rad.iter().zip(smooth.phi_rad.iter());
+        for (residual, (seen, smooth)) in residuals[3..].iter_mut().zip(joints) {
+            *residual = seen[i] - smooth[i];
+        }
         if residuals.iter().all(|x| !x.is_nan()) {
-            products += residuals * residuals.transpose();
+            for (products, a) in products.iter_mut().zip(residuals) {
+                products.iter_mut().zip(residuals).for_each(|(product, b)| *product += a * b);
+            }
         }
     }
-    Matrix5::from_fn(|i, j| {
-        let scale = (products[(i, i)] * products[(j, j)]).sqrt();
-        match scale {
-            _ if i == j => 1.0,
-            0.0 => 0.0,
-            _ => products[(i, j)] / scale,
-        }
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let scale = (products[i][i] * products[j][j]).sqrt();
+            match scale {
+                _ if i == j => 1.0,
+                0.0 => 0.0,
+                _ => products[i][j] / scale,
+            }
+        })
     })
 }

@@ -66,7 +66,7 @@ fn coasting([roll_kg_s, dry_n]: [f64; 2], speed_m_s: f64, noise_m: f64, seed: u6
     let x_m = noisy(pushed.chain(coasted).collect(), noise_m, &mut random);
     let still = vec![0.0; x_m.len()];
     let speed = signals::derivative(&signals::moving_average(&x_m, 9), RATE_HZ);
-    let phi_rad = [still.clone(), still.clone()];
+    let phi_rad = [still.clone(), still.clone()].into();
     let coordinates = Coordinates { y_m: still.clone(), theta_rad: still, phi_rad, x_m };
     coast::measure(&robot, &coordinates, &speed, RATE_HZ)
         .unwrap_or_else(|e| panic!("{roll_kg_s} {dry_n} {speed_m_s} {e}"))
@@ -94,7 +94,7 @@ fn released(
         x_m: still.clone(),
         y_m: still.clone(),
         theta_rad: still.clone(),
-        phi_rad: [phi, still],
+        phi_rad: [phi, still].into(),
     };
     release::measure(&robot, &coordinates, RATE_HZ).expect("it swings")
 }

@@ -21,6 +21,7 @@ use trilink_tables::{Columns as _, Coordinates, Provenance, Severity};
 use super::*;
 
 mod bodies;
+mod chains;
 pub(crate) mod coloured;
 mod coverage;
 mod decays;

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rayon::prelude::*;
 use trilink_robot::{
-    Pose, Shape, Trig, Velocity, Viscous, dot, force_balance, mass_matrix, rotated, skid_rows,
+    Gait, Pose, Shape, Trig, Velocity, Viscous, dot, force_balance, mass_matrix, rotated, skid_rows,
 };
 
 use super::*;

@@ -94,7 +94,7 @@ impl Push {
         let speed = signals::derivative(&signals::moving_average(&along, 9), RATE_HZ);
         let still = vec![0.0; x_m.len()];
         let theta_rad = vec![theta; x_m.len()];
-        let phi_rad = [still.clone(), still];
+        let phi_rad = [still.clone(), still].into();
         let coordinates = Coordinates { x_m, y_m, theta_rad, phi_rad };
         let (row, mut findings) =
             coast::measure(&robot(), &coordinates, &speed, RATE_HZ).expect("it coasts");

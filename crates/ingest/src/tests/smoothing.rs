@@ -6,6 +6,7 @@ use trilink_robot::{Model, Pose, in_world};
 use trilink_tables::config::Smoothing;
 
 use super::*;
+use crate::geometry::Geometry;
 
 const RATE_HZ: f64 = 120.0;
 /// Factor by which the true motion is sampled more finely than the recording.
@@ -42,15 +43,17 @@ impl Truth {
             x_m: series(0),
             y_m: series(1),
             theta_rad: series(2),
-            phi_rad: [series(3), series(4)],
+            phi_rad: [series(3), series(4)].into(),
         };
-        let skid_m_s = wheel_velocities(&robot, &all, fine_hz).skid_m_s;
+        let skid_m_s = wheel_velocities(&Geometry::of_robot(&robot), &all, fine_hz).skid_m_s;
         Self {
             campaign,
             omega_rad_s,
             robot,
             coordinates: fine.into_iter().step_by(FINE).collect(),
-            skid_m_s: skid_m_s.map(|skid_m_s| skid_m_s.into_iter().step_by(FINE).collect()),
+            skid_m_s: skid_m_s
+                .into_array_or(Vec::new())
+                .map(|skid_m_s| skid_m_s.into_iter().step_by(FINE).collect()),
             sigma: steady.metrics.sigma,
         }
     }

@@ -250,7 +250,10 @@ mod tests {
         let errors =
             |m_s: f64| [vec![9.0, m_s, m_s], vec![9.0, m_s, f64::NAN], vec![9.0, m_s, m_s]];
         let caption = |skid_m_s: f64| -> String {
-            let of = WheelVelocityErrors { roll_m_s: errors(1.5e-3), skid_m_s: errors(skid_m_s) };
+            let of = WheelVelocityErrors {
+                roll_m_s: errors(1.5e-3).into(),
+                skid_m_s: errors(skid_m_s).into(),
+            };
             let time_s = vec![0.0, 1.0, 2.0];
             let recording = Recording { time_s, velocity_errors: Some(of), ..Recording::default() };
             let errors_mm_s = velocity_errors_mm_s(&recording, &(0.5..=2.0));

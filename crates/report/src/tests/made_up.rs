@@ -11,9 +11,9 @@ use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
     BootstrapRow, CheckRow, Columns, ComparisonRow, DecayFit, FitNotes, FitRow, FitStatus,
-    JointGait, LawStatus, Misfit, MisfitRun, NoIntervalReason, NoPrecisionReason, Outcome,
-    PrecisionRow, PredictionRow, PredictionSource, ProfileRow, Provenance, RobotParameterRow,
-    Severity, SharedFitRow, Sharing, Side, StartRow, TrialRow, TrialStatus,
+    JointGait, LawStatus, Misfit, MisfitRun, NoIntervalReason, NoPrecisionReason, Numbered,
+    Outcome, PrecisionRow, PredictionRow, PredictionSource, ProfileRow, Provenance,
+    RobotParameterRow, Severity, SharedFitRow, Sharing, Side, StartRow, TrialRow, TrialStatus,
 };
 
 use super::recording;
@@ -418,6 +418,10 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
                 ..JointGait::blank()
             },
         ],
+        more_sigma: Numbered::default(),
+        more_sigma_debiased: Numbered::default(),
+        more_alpha_rad: Numbered::default(),
+        more_gait: Numbered::default(),
         heading_rad: 0.3,
         coverage: 0.9934,
         residual_mm: 0.1873,

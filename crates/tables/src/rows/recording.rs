@@ -7,7 +7,7 @@ use serde::Serialize;
 use trilink_base::named;
 use trilink_robot::metrics::GaitMetrics;
 
-use crate::{FrameTexts, frames, rows};
+use crate::{ByJoint, ByLink, FrameTexts, Numbered, frames, rows};
 
 /// Returns the path of `poses/<trial>.parquet` in the folder `derived`.
 pub fn poses_path(derived: &Path, trial: &str) -> PathBuf {
@@ -37,49 +37,48 @@ frames! {
 }
 
 frames! {
-    /// The robot's five coordinates as functions of time; NaN where missing.
+    /// The robot's coordinates as functions of time; NaN where missing.
     pub struct Coordinates {
-        /// x coordinate of link 0's wheel axle, m.
+        /// x coordinate of link 0's origin (its wheel axle in the paper's robot), m.
         pub x_m: Vec<f64>,
         pub y_m: Vec<f64>,
         /// Unwrapped heading of link 0, rad.
         pub theta_rad: Vec<f64>,
-        /// Joint angles phi1 and phi2, rad.
-        pub phi_rad: [Vec<f64>; 2] as "phi{}_rad",
+        /// Joint angles from front to rear, rad: heading of the link behind the joint minus that of the link ahead.
+        pub phi_rad: ByJoint<Vec<f64>> as "phi{}_rad",
     }
 }
 
 frames! {
-    /// Roll and skid velocities of wheels 0, 1, 2 as functions of time; NaN where missing.
+    /// Roll and skid velocities of the wheels, by link, as functions of time; NaN where missing.
     pub struct WheelVelocities {
-        pub roll_m_s: [Vec<f64>; 3] as "roll{}_m_s",
-        pub skid_m_s: [Vec<f64>; 3] as "skid{}_m_s",
+        pub roll_m_s: ByLink<Vec<f64>> as "roll{}_m_s",
+        pub skid_m_s: ByLink<Vec<f64>> as "skid{}_m_s",
     }
 }
 
 frames! {
-    /// Standard errors of the roll and skid velocities of wheels 0, 1, 2 in every frame; NaN where missing.
+    /// Standard errors of the roll and skid velocities of the wheels, by link, in every frame; NaN where missing.
     pub struct WheelVelocityErrors {
-        pub roll_m_s: [Vec<f64>; 3] as "roll{}_m_s_se",
-        pub skid_m_s: [Vec<f64>; 3] as "skid{}_m_s_se",
+        pub roll_m_s: ByLink<Vec<f64>> as "roll{}_m_s_se",
+        pub skid_m_s: ByLink<Vec<f64>> as "skid{}_m_s_se",
     }
 }
 
 frames! {
-    /// Poses as functions of time, with the quality of the marker data for links 0, 1, 2:
-    /// `poses/<trial>.parquet`.
+    /// Poses as functions of time, with the quality of the marker data for each link: `poses/<trial>.parquet`.
     pub struct PoseFrames {
         pub clock: Clock,
         pub coordinates: Coordinates,
         /// RMS residual of the rigid fit to each link's markers, mm; NaN in frames without a fit.
-        pub residual_mm: [Vec<f64>; 3] as "residual{}_mm",
-        pub fill: [Vec<Fill>; 3] as "fill{}",
-        pub outlier: [Vec<LabelFault>; 3] as "outlier{}",
+        pub residual_mm: ByLink<Vec<f64>> as "residual{}_mm",
+        pub fill: ByLink<Vec<Fill>> as "fill{}",
+        pub outlier: ByLink<Vec<LabelFault>> as "outlier{}",
         /// Labels of the occluded markers on each link, separated by [`LABELS_APART`].
-        pub unseen: [FrameTexts; 3] as "unseen{}",
+        pub unseen: ByLink<FrameTexts> as "unseen{}",
         /// Labels of the markers on each link that were rejected as outliers or whose swapped labels were
         /// restored, separated by [`LABELS_APART`].
-        pub corrected: [FrameTexts; 3] as "corrected{}",
+        pub corrected: ByLink<FrameTexts> as "corrected{}",
     }
 }
 
@@ -128,14 +127,14 @@ impl Clock {
 }
 
 impl Coordinates {
-    /// Returns the coordinates after applying a function to each of the five time series.
+    /// Returns the coordinates after applying a function to each of the time series.
     #[must_use]
     pub fn map(&self, change: impl Fn(&[f64]) -> Vec<f64>) -> Self {
         Self {
             x_m: change(&self.x_m),
             y_m: change(&self.y_m),
             theta_rad: change(&self.theta_rad),
-            phi_rad: self.phi_rad.each_ref().map(|phi_rad| change(phi_rad)),
+            phi_rad: self.phi_rad.iter().map(|phi_rad| change(phi_rad)).collect(),
         }
     }
 
@@ -157,8 +156,8 @@ impl Coordinates {
 
     /// Sets the coordinates in a range of frames to missing (NaN).
     pub fn leave_out(&mut self, frames: RangeInclusive<usize>) {
-        let Self { x_m, y_m, theta_rad, phi_rad: [phi1_rad, phi2_rad] } = self;
-        for series in [x_m, y_m, theta_rad, phi1_rad, phi2_rad] {
+        let Self { x_m, y_m, theta_rad, phi_rad } = self;
+        for series in [x_m, y_m, theta_rad].into_iter().chain(phi_rad.iter_mut()) {
             series[frames.clone()].fill(f64::NAN);
         }
     }
@@ -175,6 +174,12 @@ rows! {
         pub metrics: GaitMetrics,
         /// Measured motion of the joints in the cycle.
         pub gait: [JointCycle; 2] as "phi{}_{}",
+        /// Skid ratios of the wheels that `metrics` does not have.
+        pub more_sigma: Numbered<f64, 3> as "sigma{}" after "sigma2",
+        /// Amplitudes of the joints that `metrics` does not have, rad; only for robots that do not have three links.
+        pub more_alpha_rad: Numbered<f64, 2> as "alpha{}_rad" after "alpha1_rad",
+        /// Measured motion of the joints behind the second.
+        pub more_gait: Numbered<JointCycle, 3> as "phi{}_{}" after "phi2_phase_rad",
         /// Whether the cycle is used for the trial means.
         pub used: bool,
         /// Reason why the cycle is not used; otherwise empty.

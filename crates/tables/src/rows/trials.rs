@@ -7,7 +7,11 @@ use trilink_statistics::Estimate;
 
 use crate::config::SigmaKind;
 use crate::trial::TrialKind;
-use crate::{Severity, TrialStatus, rows};
+use crate::{Numbered, Severity, TrialStatus, rows};
+
+fn is_empty<T, const FIRST: usize>(values: &Numbered<T, FIRST>) -> bool {
+    values.0.is_empty()
+}
 
 rows! {
     /// Results of one trial: row of `trials.parquet`. Names of columns with standard errors end in `_se`.
@@ -41,6 +45,19 @@ rows! {
         pub sigma_debiased: [Estimate; 3] as "sigma{}_debiased{}" after "sigma2_se",
         /// Measured gait of the joints.
         pub gait: [JointGait; 2] as "phi{}_{}",
+        /// Skid ratios of the wheels that `metrics` does not have, with standard errors.
+        #[serde(skip_serializing_if = "is_empty")]
+        pub more_sigma: Numbered<Estimate, 3> as "sigma{}{}",
+        /// Debiased skid ratios of these wheels.
+        #[serde(skip_serializing_if = "is_empty")]
+        pub more_sigma_debiased: Numbered<Estimate, 3> as "sigma{}_debiased{}",
+        /// Amplitudes of the joints that `metrics` does not have, rad, with standard errors; only for robots that do
+        /// not have three links.
+        #[serde(skip_serializing_if = "is_empty")]
+        pub more_alpha_rad: Numbered<Estimate, 2> as "alpha{}_rad{}",
+        /// Measured gait of the joints behind the second.
+        #[serde(skip_serializing_if = "is_empty")]
+        pub more_gait: Numbered<JointGait, 3> as "phi{}_{}",
         /// Direction of travel over the used cycles, from the x axis of the laboratory, rad.
         pub heading_rad: f64,
         /// Fraction of all marker samples that were recorded, not occluded.
