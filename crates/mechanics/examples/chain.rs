@@ -1,5 +1,5 @@
-//! Motions of a snake of six links whose joints are all driven by a travelling wave, and of one of four links whose last
-//! joint follows on a spring: displacement per cycle, and the time that a solution takes.
+//! Motions of a snake of six links whose joints are all driven by a travelling wave, and of one of four links whose
+//! last joint follows on a spring: displacement per cycle, and the time that a solution takes.
 
 use std::time::Instant;
 

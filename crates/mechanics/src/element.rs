@@ -1,7 +1,7 @@
 //! Collocation element (time step): its stage equations, linearised and condensed.
 //!
-//! An angle that is the integral of its rate ([`Reduced::INTEGRATED`]) is not an unknown of the element: at every stage it equals its value at the start of the element plus the integral given by the
-//! collocation rule.
+//! An angle that is the integral of its rate ([`Reduced::INTEGRATED`]) is not an unknown of the element: at every stage
+//! it equals its value at the start of the element plus the integral given by the collocation rule.
 
 mod adjoint;
 
@@ -186,8 +186,8 @@ impl<T: Number> Linearisation<T> {
         }
     }
 
-    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which the two models differ by
-    /// `difference`, at the phases of the stages.
+    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which the two models differ
+    /// by `difference`, at the phases of the stages.
     #[inline(always)]
     pub(crate) fn differentiate<const N: usize, R: Reduced<N>>(
         &mut self,
@@ -303,8 +303,8 @@ fn end_change<const N: usize, R: Reduced<N>, T: Number>(
     })
 }
 
-/// Sets the angles at every stage to their values at the element's start plus the integrals of their rates, if the model
-/// defines them as such integrals.
+/// Sets the angles at every stage to their values at the element's start plus the integrals of their rates, if the
+/// model defines them as such integrals.
 #[inline(always)]
 pub(super) fn integrate_angles<const N: usize, R: Reduced<N>, T: Number>(
     stages: &mut Stages<N, T>,

@@ -207,8 +207,8 @@ named! {
 }
 
 named! {
-    /// Number of a [`JointCommand`]. Its name is like its key in the configuration, where angles are in degrees; but the
-    /// second harmonic is given by its components in phase and in quadrature.
+    /// Number of a [`JointCommand`]. Its name is like its key in the configuration, where angles are in degrees; but
+    /// the second harmonic is given by its components in phase and in quadrature.
     pub enum CommandNumber {
         Offset = "offset_deg",
         Amplitude = "amplitude_deg",

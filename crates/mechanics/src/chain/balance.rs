@@ -1,7 +1,8 @@
-//! Equations of motion of a chain of clusters: force balance with its Jacobian, by recursion along the tree of clusters.
+//! Equations of motion of a chain of clusters: force balance with its Jacobian, by recursion along the tree of
+//! clusters.
 //!
-//! All vectors are along the axes of the reference link. By d'Alembert's principle, the inertia force of a cluster is `m A
-//! + g`, with the acceleration `A` of its origin, the mass `m` of it and of all clusters that hang on it, and `g =
+//! All vectors are along the axes of the reference link. By d'Alembert's principle, the inertia force of a cluster is
+//! `m A + g`, with the acceleration `A` of its origin, the mass `m` of it and of all clusters that hang on it, and `g =
 //! carried(moment)` ([`Moving::carried`]). The torque about its origin is
 //!
 //! ```text
@@ -382,8 +383,8 @@ impl<const C: usize> System<C> {
         }
     }
 
-    /// Converts the entry of a row from the turning rate of cluster `c` to the rate of its free joint, after those of all
-    /// clusters that hang on it.
+    /// Converts the entry of a row from the turning rate of cluster `c` to the rate of its free joint, after those of
+    /// all clusters that hang on it.
     #[inline(always)]
     fn fold<T: Number, const D: usize>(&self, c: usize, row: &mut [T; D]) {
         let cluster = &self.clusters.all[c];

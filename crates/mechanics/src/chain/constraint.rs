@@ -47,7 +47,7 @@ impl<T: Number, const N: usize> RowOrthogonal<T, N> {
             for j in 0..i {
                 let share = product(&rows[i], &rows[j]) * per_square[j];
                 lower[i][j] = share;
-                (0..N).for_each(|k| rows[i][k] = rows[i][k] - share * rows[j][k]);
+                (0..N).for_each(|k| rows[i][k] -= share * rows[j][k]);
             }
             per_square[i] = T::splat(1.0) / product(&rows[i], &rows[i]);
         }
@@ -58,7 +58,7 @@ impl<T: Number, const N: usize> RowOrthogonal<T, N> {
     fn solve(&self, mut right: [T; N]) -> [T; N] {
         let mut solution = [T::splat(0.0); N];
         for i in 0..N {
-            (0..i).for_each(|j| right[i] = right[i] - self.lower[i][j] * right[j]);
+            (0..i).for_each(|j| right[i] -= self.lower[i][j] * right[j]);
             let share = right[i] * self.per_square[i];
             (0..N).for_each(|k| solution[k] += share * self.rows[i][k]);
         }
@@ -71,7 +71,7 @@ impl<T: Number, const N: usize> RowOrthogonal<T, N> {
             std::array::from_fn(|i| product(&self.rows[i], right) * self.per_square[i]);
         for i in (0..N).rev() {
             let known = solution[i];
-            (0..i).for_each(|j| solution[j] = solution[j] - self.lower[i][j] * known);
+            (0..i).for_each(|j| solution[j] -= self.lower[i][j] * known);
         }
         solution
     }
@@ -83,8 +83,8 @@ fn product<T: Number, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
 }
 
 impl<const D: usize> Constraints<D> {
-    /// Chooses the rows `E` at the mean shape, in which all commands are at their means. If the chain is straight there,
-    /// the first row is the velocity along it. Far from this shape `A` can be singular although `W` is not.
+    /// Chooses the rows `E` at the mean shape, in which all commands are at their means. If the chain is straight
+    /// there, the first row is the velocity along it. Far from this shape `A` can be singular although `W` is not.
     ///
     /// # Errors
     /// Returns an error if the constraints depend on each other in the mean shape.
@@ -253,7 +253,7 @@ impl<const D: usize> Constraints<D> {
                 for (i, (cluster, _)) in system.wheels.iter().enumerate() {
                     if system.is_beyond(b, *cluster) {
                         let turned = turned(system, b, wheels[i].direction, origins[b]);
-                        sum = sum - supplied[i] * turned;
+                        sum -= supplied[i] * turned;
                     }
                 }
                 slopes[D + b - 1] = sum;
@@ -262,8 +262,8 @@ impl<const D: usize> Constraints<D> {
     }
 }
 
-/// Returns the derivative of a wheel's skid velocity with respect to the angle of the free joint of cluster `b`, on which
-/// it hangs, given the wheel's rolling direction and the velocity of that joint.
+/// Returns the derivative of a wheel's skid velocity with respect to the angle of the free joint of cluster `b`, on
+/// which it hangs, given the wheel's rolling direction and the velocity of that joint.
 #[inline(always)]
 fn turned<T: Number, const C: usize>(
     system: &System<C>,

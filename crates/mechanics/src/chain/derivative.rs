@@ -107,9 +107,9 @@ impl Differentiate<'_> {
     }
 }
 
-/// Returns the step of the central differences for a number with the given value: relative to the robot's size for places,
-/// to at least a tenth of a radian for angles, and to the number itself or, if it is zero, to the size that it would have
-/// if it were to matter for all others.
+/// Returns the step of the central differences for a number with the given value: relative to the robot's size for
+/// places, to at least a tenth of a radian for angles, and to the number itself or, if it is zero, to the size that it
+/// would have if it were to matter for all others.
 fn step_of(value: f64, problem: &ChainProblem, number: ChainNumber) -> f64 {
     use trilink_robot::LinkNumber as L;
     const RELATIVE: f64 = 2e-5;

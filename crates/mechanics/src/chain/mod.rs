@@ -1,7 +1,8 @@
 //! Motions of chains of two to eight links.
 //!
 //! In reading order: `plane`, vectors and moving points; `cluster`, the links between which all joints are driven;
-//! `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states; `response`, their initial guess; `forces`; `derivative`.
+//! `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states; `response`, their
+//! initial guess; `forces`; `derivative`.
 
 mod balance;
 mod cluster;
@@ -264,8 +265,8 @@ impl ChainProblem {
         self.with(FromRest { cycles, samples })
     }
 
-    /// Solves for the steady-state motion as [`ChainProblem::solve`] does, and for its derivatives with respect to numbers
-    /// of the chain, in SI units.
+    /// Solves for the steady-state motion as [`ChainProblem::solve`] does, and for its derivatives with respect to
+    /// numbers of the chain, in SI units.
     ///
     /// # Errors
     /// Returns an error as [`ChainProblem::solve`] does, or if the chain does not have one of the numbers.

@@ -16,9 +16,10 @@ use crate::radau::bisect;
 use crate::reduced::{MAX_TRACKED, Reduced, Residual};
 use crate::{MotionError, Result};
 
-/// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then the
-/// rates and then the angles of the free joints, in the order of the clusters: `N` = 2 `C` + 1 states for `C` clusters
-/// and `D` = `C` + 2 velocities. Where the wheels cannot skid, constraints replace some of the equations of motion.
+/// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then
+/// the rates and then the angles of the free joints, in the order of the clusters: `N` = 2 `C` + 1 states for `C`
+/// clusters and `D` = `C` + 2 velocities. Where the wheels cannot skid, constraints replace some of the equations of
+/// motion.
 #[derive(Debug, Clone)]
 pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
     pub problem: ChainProblem,
@@ -44,8 +45,8 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         Self { problem, system: System::new(clusters), constraints }
     }
 
-    /// Returns the row of the residual that is the equation of motion along the reference link or, where wheels cannot skid,
-    /// along the first direction in which the chain can move; `None` if it cannot.
+    /// Returns the row of the residual that is the equation of motion along the reference link or, where wheels cannot
+    /// skid, along the first direction in which the chain can move; `None` if it cannot.
     pub(super) fn forward_row(&self) -> Option<usize> {
         match &self.constraints {
             None => Some(0),
@@ -59,8 +60,8 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     }
 
     /// Checks that velocities are bounded at all phases if no joint is free and there are as many constraints as
-    /// velocities. Where the constraints depend on each other, the velocities are bounded if the commands meet a condition
-    /// (eq. 5 of the paper); otherwise they grow with the reciprocal of the distance in phase.
+    /// velocities. Where the constraints depend on each other, the velocities are bounded if the commands meet a
+    /// condition (eq. 5 of the paper); otherwise they grow with the reciprocal of the distance in phase.
     pub(super) fn check_bounded(&self) -> Result<()> {
         const PHASES: u32 = 720;
         const BISECTIONS: usize = 30;

@@ -1,7 +1,7 @@
 //! Motion of a chain by harmonic balance with one harmonic: the initial guess for Newton's method.
 //!
-//! About a steady speed at the mean shape, all other states respond linearly to the first harmonic of the forcing by the
-//! commands. The speed is that at which the mean of the forward equation of motion vanishes along this response.
+//! About a steady speed at the mean shape, all other states respond linearly to the first harmonic of the forcing by
+//! the commands. The speed is that at which the mean of the forward equation of motion vanishes along this response.
 
 use std::f64::consts::TAU;
 

@@ -253,8 +253,8 @@ pub(super) trait Reduced<const N: usize>: Clone {
         dy: &[f64; N],
     ) -> Self::Sample;
 
-    /// Returns the time derivatives of the states at a phase, for which the equations of motion are a linear system; NaN if
-    /// the system is singular.
+    /// Returns the time derivatives of the states at a phase, for which the equations of motion are a linear system;
+    /// NaN if the system is singular.
     fn rates(&self, _: f64, node: &Self::Node<f64>, y: &[f64; N]) -> [f64; N] {
         let residual = self.residual(node, y, &[0.0; N]);
         let mut matrix = SMatrix::<f64, N, N>::from_fn(|i, j| residual.rate_jacobian[i][j]);

@@ -245,8 +245,8 @@ const LAWS: [Laws; 6] = [
     Laws::NO_SKID_ROLL,
 ];
 
-/// Returns a car of two links on wheels that cannot skid: a steering link, whose joint is `steer_m` behind its wheel, and
-/// a body, whose joint is 0.3 m ahead of its wheel.
+/// Returns a car of two links on wheels that cannot skid: a steering link, whose joint is `steer_m` behind its wheel,
+/// and a body, whose joint is 0.3 m ahead of its wheel.
 fn twistcar(steer_m: f64, com_m: f64, inertia_kg_m2: f64, joint: Joint) -> Chain {
     let wheel = Wheel {
         place_m: 0.0,
