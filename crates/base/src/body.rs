@@ -31,7 +31,7 @@ pub fn of_point(label: &str) -> Option<(&str, usize)> {
     (!body.is_empty()).then_some((body, point))
 }
 
-/// Returns the name of the body if a label is that of a point, otherwise the label.
+/// Returns the name of the rigid body to which the point with this label belongs, or the label of a marker as it is.
 pub fn name(label: &str) -> &str {
     of_point(label).map_or(label, |(body, _)| body)
 }

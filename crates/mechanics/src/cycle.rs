@@ -20,7 +20,7 @@ pub(super) struct Cycle<const N: usize> {
     pub d_m: f64,
     /// Rotation per cycle, rad.
     pub dtheta_rad: f64,
-    /// Skid ratios of the wheels; zero beyond their number.
+    /// Skid ratios of the wheels, followed by zeros.
     pub sigma: [f64; MAX_LINKS],
     /// Half the range of the angle of each measured joint ([`Reduced::measured_joints`]), rad.
     pub alpha_rad: [f64; MAX_JOINTS],

@@ -152,32 +152,6 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         Ok(self.measure(accuracy))
     }
 
-    /// Returns the work of the actuators and the energy dissipated over a cycle, J.
-    pub(super) fn work_and_loss_j(&self) -> [f64; 2] {
-        let model = &self.model;
-        let mesh = &self.orbit.mesh;
-        let weights = RADAU.integrate[STAGES - 1];
-        let mut work = 0.0;
-        let mut loss = 0.0;
-        for k in 0..mesh.count {
-            let nodes = mesh.nodes_of(model, k);
-            let start = mesh.states.start_of(k);
-            let stages = mesh.states.stages_of(k);
-            let duration_s = mesh.duration_s(k);
-            let phases_rad = mesh.phases_rad(k / LANES).map(|phase| phase.lane(k % LANES));
-            let element: Element<N, R> =
-                Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
-            for j in 0..STAGES {
-                let [power_w, loss_w] =
-                    model.power_and_loss_w(phases_rad[j], &nodes[j], &stages[j], &element.rate(j));
-                let weight = mesh.spans() as f64 * duration_s * weights[j];
-                work += weight * power_w;
-                loss += weight * loss_w;
-            }
-        }
-        [work, loss]
-    }
-
     /// Replaces the solution by the attractor as [`Method::attractor`] does.
     pub(super) fn reach(
         &mut self,
@@ -219,7 +193,7 @@ impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
     }
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]> {
-        Ok(Collocation::work_and_loss_j(self))
+        Ok(work_and_loss_j(&self.model, &self.orbit.mesh))
     }
 
     fn loss_j(&mut self) -> Result<f64> {
@@ -277,4 +251,31 @@ fn loss_j<const N: usize, R: ThreeLink<N>>(model: &R, mesh: &Mesh<N, R>, path: &
     }
     let span_j: f64 = (0..LANES).map(|lane| sum.lane(lane)).sum();
     mesh.spans() as f64 * span_j
+}
+
+/// Returns the work of the actuators and the energy dissipated over a cycle, J.
+pub(super) fn work_and_loss_j<const N: usize, R: Reduced<N>>(
+    model: &R,
+    mesh: &Mesh<N, R>,
+) -> [f64; 2] {
+    let weights = RADAU.integrate[STAGES - 1];
+    let mut work = 0.0;
+    let mut loss = 0.0;
+    for k in 0..mesh.count {
+        let nodes = mesh.nodes_of(model, k);
+        let start = mesh.states.start_of(k);
+        let stages = mesh.states.stages_of(k);
+        let duration_s = mesh.duration_s(k);
+        let phases_rad = mesh.phases_rad(k / LANES).map(|phase| phase.lane(k % LANES));
+        let element: Element<N, R> =
+            Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
+        for j in 0..STAGES {
+            let [power_w, loss_w] =
+                model.power_and_loss_w(phases_rad[j], &nodes[j], &stages[j], &element.rate(j));
+            let weight = mesh.spans() as f64 * duration_s * weights[j];
+            work += weight * power_w;
+            loss += weight * loss_w;
+        }
+    }
+    [work, loss]
 }

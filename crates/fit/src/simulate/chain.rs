@@ -49,7 +49,8 @@ pub struct ChainSetup {
 }
 
 impl ChainSetup {
-    /// Sets up a campaign whose robot is a chain; returns `None` if it is no campaign or its robot is not a chain.
+    /// Sets up a campaign whose robot is a chain; returns `None` if there is no such campaign or its robot has the short
+    /// form for three links.
     ///
     /// # Errors
     /// Returns an error if the model does not exist, or if a wheel lacks a coefficient that the model needs.
@@ -165,8 +166,7 @@ impl ChainSetup {
     /// Solves for the steady-state motion at a frequency, or for the attractor reached from rest if `from_rest`.
     pub fn answer(&self, omega_rad_s: f64, from_rest: bool) -> ChainAnswer<'_> {
         let problem = self.problem(omega_rad_s);
-        let first = problem.solve(REFERENCE_ACCURACY);
-        let attractor = problem.settle(REFERENCE_ACCURACY);
+        let (first, attractor) = problem.solve_and_settle(REFERENCE_ACCURACY);
         let cycles_to_settle = attractor.as_ref().ok().map(|attractor| attractor.cycles);
         let (motion, from_rest) = match (first, attractor) {
             (Ok(first), attractor) if !from_rest => {

@@ -479,8 +479,8 @@ impl Linkage {
     }
 }
 
-/// Quadratic form, in the position of a link's origin and its heading, of the sum of the squared marker residuals of the
-/// link and of those links that are connected to the root through it. The matrix is in the lower triangle.
+/// Sum of the squared marker residuals of a link, and of those links that are connected to the root through it, as a
+/// quadratic form in the position of the link's origin and in its heading. The matrix is in the lower triangle.
 #[derive(Debug, Clone, Copy, Default)]
 struct Form {
     normal: Matrix3<f64>,

@@ -7,7 +7,7 @@
 //! their children.
 
 use trilink_robot::{
-    Chain, FreeJoint, Joint, JointCommand, Link, MAX_LINKS, Number, WheelFriction,
+    Chain, FreeJoint, Gait, Joint, JointCommand, Link, MAX_LINKS, Number, WheelFriction,
 };
 
 use super::plane::{Heading, Moving, Vector, inner, moment, normal, sum};
@@ -194,11 +194,9 @@ fn waves<T: Number>(command: &JointCommand, phase_rad: T, omega_rad_s: f64) -> [
     ];
     if let Some(second) = command.second {
         let (sin, cos) = (phase_rad + phase_rad).sin_cos();
+        let [in_phase, quadrature] = Gait::second_waves([sin, cos], omega_rad_s);
         let [a, b] = [second.in_phase_rad, second.quadrature_rad].map(T::splat);
-        let twice = omega + omega;
-        waves[0] += a * cos - b * sin;
-        waves[1] += -(twice * (a * sin + b * cos));
-        waves[2] += -(twice * twice * (a * cos - b * sin));
+        (0..3).for_each(|k| waves[k] += a * in_phase[k] + b * quadrature[k]);
     }
     waves
 }
@@ -282,7 +280,7 @@ impl Clusters {
         nodes
     }
 
-    /// Returns the wheels, from front to rear, in the frames of their clusters at a phase; zero beyond their number.
+    /// Returns the wheels, from front to rear, in the frames of their clusters at a phase, followed by zeros.
     #[inline(always)]
     pub(super) fn wheels<T: Number>(&self, phase_rad: T) -> [WheelNode<T>; MAX_LINKS] {
         let mut wheels = [WheelNode::zero(); MAX_LINKS];

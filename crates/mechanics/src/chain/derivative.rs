@@ -8,11 +8,11 @@
 use trilink_robot::{ChainError, ChainNumber};
 
 use super::model::Model;
-use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of};
+use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of, solved};
 use crate::Result;
 use crate::cycle::{Cycle, measure};
 use crate::element::Linearisation;
-use crate::method::Collocation;
+use crate::method::work_and_loss_j;
 use crate::orbit::PeriodicOrbit;
 use crate::path::Path;
 
@@ -58,13 +58,10 @@ impl Task for Differentiate<'_> {
         self,
         model: Model<N, C, D>,
     ) -> Result<Self::Output> {
-        let mut orbit = PeriodicOrbit::default();
-        let mut method = Collocation { model, orbit: &mut orbit };
-        let (cycle, _) = method.find(false, self.accuracy)?;
-        let motion = motion_of(&mut method, &cycle)?;
-        let Collocation { model, orbit } = method;
+        let (model, mut orbit, cycle) = solved(model, self.accuracy)?;
+        let motion = motion_of(&model, &mut orbit, &cycle)?;
         orbit.cover_whole_periods(&model)?;
-        let slopes = self.numbers.iter().map(|number| self.slope(&model, orbit, *number));
+        let slopes = self.numbers.iter().map(|number| self.slope(&model, &mut orbit, *number));
         Ok((motion, slopes.collect::<Result<_>>()?))
     }
 }
@@ -97,10 +94,7 @@ impl Differentiate<'_> {
             let mut path = Path::default();
             path.follow(model, &mesh);
             let cycle: Cycle<N> = measure(model, &mesh, &path, &mut Linearisation::default());
-            let mut changed = PeriodicOrbit::default();
-            changed.mesh = mesh;
-            let method = Collocation { model: model.clone(), orbit: &mut changed };
-            let [_, loss_j] = method.work_and_loss_j();
+            let [_, loss_j] = work_and_loss_j(model, &mesh);
             (metrics_of(model, &cycle), loss_j)
         });
         Ok(ChainSlopes::between(&motions, step))

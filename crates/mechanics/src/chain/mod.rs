@@ -24,7 +24,7 @@ pub use forces::ChainSample;
 use self::derivative::Differentiate;
 use self::model::Model;
 use crate::cycle::Cycle;
-use crate::method::Collocation;
+use crate::method::{Collocation, work_and_loss_j};
 use crate::orbit::PeriodicOrbit;
 use crate::{MotionError, Result, trajectory};
 
@@ -121,10 +121,8 @@ impl Task for Solve {
         self,
         model: Model<N, C, D>,
     ) -> Result<ChainMotion> {
-        let mut orbit = PeriodicOrbit::default();
-        let mut method = Collocation { model, orbit: &mut orbit };
-        let (cycle, _) = method.find(false, self.accuracy)?;
-        motion_of(&mut method, &cycle)
+        let (model, mut orbit, cycle) = solved(model, self.accuracy)?;
+        motion_of(&model, &mut orbit, &cycle)
     }
 }
 
@@ -135,25 +133,29 @@ impl Task for Metrics {
         self,
         model: Model<N, C, D>,
     ) -> Result<ChainMetrics> {
-        let mut orbit = PeriodicOrbit::default();
-        let mut method = Collocation { model, orbit: &mut orbit };
-        let (cycle, _) = method.find(false, self.accuracy)?;
-        Ok(metrics_of(&method.model, &cycle))
+        let (model, _, cycle) = solved(model, self.accuracy)?;
+        Ok(metrics_of(&model, &cycle))
     }
 }
 
 impl Task for Settle {
-    type Output = ChainAttractor;
+    type Output = (Result<ChainMotion>, Result<ChainAttractor>);
 
     fn run<const N: usize, const C: usize, const D: usize>(
         self,
         model: Model<N, C, D>,
-    ) -> Result<ChainAttractor> {
+    ) -> Result<Self::Output> {
         let mut orbit = PeriodicOrbit::default();
         let mut method = Collocation { model, orbit: &mut orbit };
-        let is_solved = method.find(false, self.accuracy).is_ok();
-        let (cycle, cycles, is_found_by_solve) = method.reach(is_solved, self.accuracy)?;
-        Ok(ChainAttractor { motion: motion_of(&mut method, &cycle)?, cycles, is_found_by_solve })
+        let first = method.find(false, self.accuracy);
+        let is_solved = first.is_ok();
+        let first = first.and_then(|(cycle, _)| motion_of(&method.model, method.orbit, &cycle));
+        let reached = method.reach(is_solved, self.accuracy);
+        let attractor = reached.and_then(|(cycle, cycles, is_found_by_solve)| {
+            let motion = motion_of(&method.model, method.orbit, &cycle)?;
+            Ok(ChainAttractor { motion, cycles, is_found_by_solve })
+        });
+        Ok((first, attractor))
     }
 }
 
@@ -164,10 +166,8 @@ impl Task for Sampled {
         self,
         model: Model<N, C, D>,
     ) -> Result<Vec<ChainSample>> {
-        let mut orbit = PeriodicOrbit::default();
-        let mut method = Collocation { model, orbit: &mut orbit };
-        method.find(false, self.accuracy)?;
-        trajectory::cycle(&method.model, &method.orbit.mesh, self.samples)
+        let (model, orbit, _) = solved(model, self.accuracy)?;
+        trajectory::cycle(&model, &orbit.mesh, self.samples)
     }
 }
 
@@ -182,13 +182,28 @@ impl Task for FromRest {
     }
 }
 
+/// Steady motion of a chain: its equations, the periodic solution, and the measurements on it.
+type Solved<const N: usize, const C: usize, const D: usize> =
+    (Model<N, C, D>, PeriodicOrbit<N, Model<N, C, D>>, Cycle<N>);
+
+/// Solves for the steady motion to a relative `accuracy` of its metrics.
+fn solved<const N: usize, const C: usize, const D: usize>(
+    model: Model<N, C, D>,
+    accuracy: f64,
+) -> Result<Solved<N, C, D>> {
+    let mut orbit = PeriodicOrbit::default();
+    let mut method = Collocation { model, orbit: &mut orbit };
+    let (cycle, _) = method.find(false, accuracy)?;
+    Ok((method.model, orbit, cycle))
+}
+
 /// Returns the motion of the last solution, given its measurements.
 fn motion_of<const N: usize, const C: usize, const D: usize>(
-    method: &mut Collocation<'_, N, Model<N, C, D>>,
+    model: &Model<N, C, D>,
+    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
     cycle: &Cycle<N>,
 ) -> Result<ChainMotion> {
-    let [work_j, loss_j] = method.work_and_loss_j();
-    let Collocation { model, orbit } = method;
+    let [work_j, loss_j] = work_and_loss_j(model, &orbit.mesh);
     let floquet = if model.problem.is_determined() { None } else { Some(orbit.floquet(model)?) };
     let is_symmetry_broken = orbit.is_symmetry_broken;
     let metrics = metrics_of(model, cycle);
@@ -246,7 +261,15 @@ impl ChainProblem {
     /// # Errors
     /// Returns an error as [`ChainProblem::solve`] does, or if the transient does not settle.
     pub fn settle(&self, accuracy: f64) -> Result<ChainAttractor> {
-        self.with(Settle { accuracy })
+        self.solve_and_settle(accuracy).1
+    }
+
+    /// Returns the results of [`ChainProblem::solve`] and [`ChainProblem::settle`], solving only once.
+    pub fn solve_and_settle(&self, accuracy: f64) -> (Result<ChainMotion>, Result<ChainAttractor>) {
+        match self.with(Settle { accuracy }) {
+            Ok(both) => both,
+            Err(error) => (Err(error.clone()), Err(error)),
+        }
     }
 
     /// Samples one cycle of the steady-state motion at `samples + 1` equally spaced times, the first at phase 0.

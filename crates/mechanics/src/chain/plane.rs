@@ -62,7 +62,7 @@ impl<T: Number> Moving<T> {
         self.acceleration = sum(self.acceleration, scaled(factor, other.acceleration));
     }
 
-    /// Returns the vectors with their components along the axes of a frame that is turned by the given angle.
+    /// Returns the vectors rotated by the angle whose cosine and sine are given.
     #[inline(always)]
     pub(super) fn rotated(&self, turn: Vector<T>) -> Self {
         Self {

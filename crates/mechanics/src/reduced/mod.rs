@@ -225,7 +225,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns the number of wheels.
     fn wheels(&self) -> usize;
 
-    /// Returns the skid velocities of the wheels, m/s; zero beyond their number.
+    /// Returns the skid velocities of the wheels, m/s, followed by zeros.
     fn skid_m_s<T: Number>(&self, phase_rad: T, state: &Self::State<T>) -> [T; MAX_LINKS];
 
     /// Returns the number of free joints whose range of motion is a metric; they come first among the free joints.
