@@ -22,13 +22,11 @@ fn measurements(data: &str) -> Vec<Measurement> {
     let row = |line: &str| {
         let number = |text: &str| text.parse().unwrap_or(f64::NAN);
         let fields: Vec<f64> = line.split(',').map(number).collect();
-        let metrics = GaitMetrics {
-            d_m: fields[1],
-            v_m_s: fields[2],
-            sigma: [fields[3], fields[4], fields[5]],
-            alpha1_rad: fields[6].to_radians(),
-            ..GaitMetrics::NONE
-        };
+        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_deg] =
+            std::array::from_fn(|i| fields[i + 1]);
+        let alpha1_rad = f64::to_radians(alpha1_deg);
+        let metrics =
+            GaitMetrics::from_array([d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, 0.0]);
         let gait = Config::default().campaign_setup("kinematic-symmetric").expect("the paper's").1;
         Measurement {
             campaign: 0,

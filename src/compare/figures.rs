@@ -101,8 +101,10 @@ impl<'s> Curves<'s> {
     /// Draws a figure with a panel for each of the `columns`; returns `None` if there is nothing to draw.
     fn figure(&self, title: String, columns: &BTreeSet<&str>) -> Option<Figure> {
         let metrics = Metric::ALL.into_iter().map(Metric::definition);
-        let panels = metrics.filter(|of| columns.contains(of.column)).map(|of| {
-            let points = self.points(of);
+        let metrics = metrics.filter(|of| columns.contains(of.column));
+        let panels =
+            metrics.map(|of| (of, self.points(of))).filter(|(_, points)| !points.is_empty());
+        let panels = panels.map(|(of, points)| {
             let factor = of.dimension.shown_per_unit();
             let zero = points.iter().map(|(omega, _)| (*omega, 0.0));
             let band = points.iter().map(|(_, difference)| {

@@ -59,7 +59,7 @@ fn another_robot_is_measured_fitted_and_drawn_without_a_change_of_code() {
         }
         let error = trial.omega_rad_s / known("omega_rad_s") - 1.0;
         assert!(error.abs() < 1e-3, "{}: {}", trial.trial, trial.omega_rad_s);
-        let alpha1_rad = trial.metrics.alpha1_rad;
+        let alpha1_rad = trial.metrics.alpha_rad[0];
         let alpha1 = alpha1_rad / known("alpha1_rad") - 1.0;
         assert!(alpha1.abs() < 0.01, "{}: {}", trial.trial, alpha1_rad);
     }

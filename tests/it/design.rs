@@ -12,7 +12,7 @@ use trilink_fit::design::{
 };
 use trilink_fit::{FitData, FitInput, Fitted, KnownFit, fit};
 use trilink_mechanics::{FIT_ACCURACY, Model, Problem};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Laws, Parameter, Quantity};
 use trilink_tables::config::{Config, Free, GaitInput, ModelConfig, SigmaKind};
 use trilink_tables::{FitRow, TrialRow};
@@ -220,8 +220,8 @@ fn over_thirty_simulated_campaigns_recommended_trials_shrink_the_intervals_as_pr
 /// Removes the skid ratios from trials.
 fn of_distance_only(mut rows: Vec<TrialRow>) -> Vec<TrialRow> {
     for row in &mut rows {
-        row.metrics.sigma = [f64::NAN; 3];
-        row.metrics_se.sigma = [f64::NAN; 3];
+        row.metrics.sigma = padded(&[]);
+        row.metrics_se.sigma = padded(&[]);
     }
     rows
 }

@@ -32,7 +32,7 @@ use rayon::prelude::*;
 use trilink_robot::Robot;
 use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
 use trilink_statistics::{mean, quantiles_low};
-use trilink_tables::{Misfit, MisfitRms, MisfitRun, Side, Undecided, UndecidedReason};
+use trilink_tables::{Misfit, MisfitRun, Side, Undecided, UndecidedReason};
 
 use super::fitted_point::FittedPoint;
 use super::information::changes;
@@ -607,11 +607,10 @@ fn worst_run(terms: &[Term], metric: Metric) -> Option<MisfitRun> {
 /// Returns the RMS relative deviation of each metric, which is reported if the noise is not known; `None` if there are
 /// no terms.
 fn rms_misfit(terms: &[Term]) -> Option<Misfit> {
-    let [d, v, sigma @ .., alpha1] = Metric::FITTED.map(|metric| {
+    Misfit::rms(ByFitted::from_fn(|metric| {
         let of_metric = terms.iter().filter(|term| term.metric == metric);
         mean(of_metric.map(|term| term.value.powi(2))).sqrt()
-    });
-    Misfit::rms(MisfitRms { d, v, sigma, alpha1 })
+    }))
 }
 
 #[cfg(test)]

@@ -139,12 +139,12 @@ pub fn preferred(comparison: &[ComparisonRow]) -> Vec<Model> {
 mod tests {
     use trilink_mechanics::Model;
     use trilink_tables::{
-        Columns as _, Comparison, ContradictionKind, Misfit, MisfitRms, MisfitRun, Resistance,
-        Side, Undecided, UndecidedReason,
+        Columns as _, Comparison, ContradictionKind, Misfit, MisfitRun, Resistance, Side,
+        Undecided, UndecidedReason,
     };
 
     use super::*;
-    use trilink_robot::metrics::Metric;
+    use trilink_robot::metrics::{GaitMetrics, Metric};
 
     fn row(model: Model, j: f64, j_left_out: f64, wins: f64) -> ComparisonRow {
         let criterion = 100.0 * j.ln();
@@ -185,7 +185,7 @@ mod tests {
                     from_rad_s: 4.5,
                     to_rad_s: 6.0,
                 }]),
-                None => Misfit::rms(MisfitRms { d: 0.12, ..MisfitRms::blank() }),
+                None => Misfit::rms(GaitMetrics { d_m: 0.12, ..GaitMetrics::MISSING }.into()),
             },
             ..FitRow::blank()
         };

@@ -38,8 +38,8 @@ const MAX_ROUNDS: usize = 20;
 /// Decrease in the criterion below which the scales have converged.
 const CRITERION_TOLERANCE: f64 = 1e-6;
 
-/// Groups of metrics that share a distribution: d and v, the skid ratios of the wheels, alpha_1.
-const GROUPS: [&[Metric]; 3] = [&[Metric::D, Metric::V], &Metric::SIGMA, &[Metric::Alpha1]];
+/// Groups of metrics that share a distribution: d and v, the skid ratios of the wheels, the amplitudes of the joints.
+const GROUPS: [&[Metric]; 3] = [&[Metric::D, Metric::V], &Metric::SIGMA, &Metric::ALPHA];
 
 /// Number of measurements in each group of metrics; d and v of a trial are one measurement.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -147,20 +147,22 @@ mod tests {
 
     const WEIGHTS: [f64; 6] = [10.0, 1.0, 0.2, 0.2, 0.2, 0.0];
 
+    fn of(values: [f64; 6]) -> ByFitted<f64> {
+        ByFitted::of_three_links(values, 0.0)
+    }
+
     fn counts(trials: usize) -> Counts {
-        Counts::new(
-            &WEIGHTS.into(),
-            (0..trials).map(|_| [0.1, 0.2, 0.03, 0.03, 0.03, f64::NAN].into()),
-        )
+        let trial = |_| of([0.1, 0.2, 0.03, 0.03, 0.03, f64::NAN]);
+        Counts::new(&of(WEIGHTS), (0..trials).map(trial))
     }
 
     #[test]
     fn d_and_v_of_a_trial_are_one_measurement() {
         assert_eq!(counts(13), Counts([13, 39, 0]));
         let only_v = [f64::NAN, 0.2, f64::NAN, 0.03, 0.03, 0.5];
-        assert_eq!(Counts::new(&WEIGHTS.into(), [only_v.into()].into_iter()), Counts([1, 2, 0]));
+        assert_eq!(Counts::new(&of(WEIGHTS), [of(only_v)].into_iter()), Counts([1, 2, 0]));
         // The criterion is unchanged if d alone carries the weight of both.
-        let sums = |d: f64, v: f64| counts(13).criterion(&[d, v, 0.01, 0.01, 0.01, 0.0].into(), 3);
+        let sums = |d: f64, v: f64| counts(13).criterion(&of([d, v, 0.01, 0.01, 0.01, 0.0]), 3);
         assert_eq!(sums(1.0, 0.1), sums(1.1, 0.0));
     }
 
@@ -168,7 +170,7 @@ mod tests {
     fn a_free_parameter_costs_the_logarithm_of_the_number_of_measurements() {
         let all = counts(13);
         let criterion = |d: f64, sigma: f64, free| {
-            all.criterion(&[d, 0.1 * d, sigma, sigma, sigma, 0.0].into(), free)
+            all.criterion(&of([d, 0.1 * d, sigma, sigma, sigma, 0.0]), free)
         };
         assert!((criterion(1.0, 0.01, 4) - criterion(1.0, 0.01, 3) - 52.0_f64.ln()).abs() < 1e-12);
         // Three more parameters pay off if they reduce the deviations of d by 37 %, whatever the weight of sigma.

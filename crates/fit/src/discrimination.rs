@@ -140,7 +140,7 @@ fn most_discriminating(
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::metrics::GaitMetrics;
+    use trilink_robot::metrics::{GaitMetrics, padded};
     use trilink_tables::Columns as _;
 
     use super::*;
@@ -153,7 +153,7 @@ mod tests {
             metrics: GaitMetrics {
                 d_m: *d_m,
                 v_m_s: *d_m,
-                sigma: [*sigma0, f64::NAN, f64::NAN],
+                sigma: padded(&[*sigma0]),
                 ..GaitMetrics::MISSING
             },
             ..PredictionRow::blank()
@@ -163,7 +163,9 @@ mod tests {
 
     #[test]
     fn the_metric_with_the_largest_difference_is_found_where_both_models_are_stable() {
-        let noises = |d: f64, sigma: f64| [d, d, sigma, f64::NAN, f64::NAN, f64::NAN].into();
+        let noises = |d: f64, sigma: f64| {
+            ByFitted::of_three_links([d, d, sigma, f64::NAN, f64::NAN, f64::NAN], f64::NAN)
+        };
         // With two frequencies the noise is the median of the logarithms.
         let noise = NoiseModel::from_trials(&[
             (1.0, noises(0.01, 0.02)),

@@ -427,7 +427,7 @@ mod tests {
     use std::collections::{BTreeMap, BTreeSet};
 
     use trilink_robot::Model;
-    use trilink_robot::metrics::{GaitMetrics, Metric};
+    use trilink_robot::metrics::{GaitMetrics, Metric, padded};
     use trilink_tables::config::{Config, SigmaKind};
     use trilink_tables::{Columns as _, ResidualRow, TrialRow};
 
@@ -448,7 +448,7 @@ mod tests {
                 metrics: GaitMetrics {
                     d_m: fields[1],
                     v_m_s: fields[2],
-                    sigma: [fields[3], fields[4], fields[5]],
+                    sigma: padded(&fields[3..6]),
                     ..GaitMetrics::MISSING
                 },
                 ..TrialRow::blank()

@@ -14,7 +14,11 @@ use super::measurement::Measurement;
 pub(super) fn rows(campaign: &str, gait: &Gait, measurements: &[Measurement]) -> Vec<PrecisionRow> {
     let is_passive = gait.joints.contains(&None);
     let metrics = Metric::FITTED.into_iter();
-    let metrics = metrics.filter(|metric| is_passive || *metric != Metric::Alpha1);
+    let metrics = metrics.filter(|metric| match metric {
+        Metric::Alpha1 => is_passive,
+        metric if metric.is_of_three_links() => true,
+        metric => measurements.iter().any(|of| of.metrics[*metric].is_finite()),
+    });
     metrics.map(|metric| row(campaign, measurements, metric)).collect()
 }
 

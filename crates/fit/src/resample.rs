@@ -161,7 +161,7 @@ fn errors(measurements: &[Measurement]) -> Vec<Metrics> {
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::metrics::{GaitMetrics, Metric};
+    use trilink_robot::metrics::{GaitMetrics, Metric, padded};
     use trilink_tables::config::SigmaKind;
     use trilink_tables::{Columns as _, TrialRow};
 
@@ -181,12 +181,12 @@ mod tests {
             metrics: GaitMetrics {
                 d_m: mean,
                 v_m_s: 1.0,
-                sigma: [0.03, f64::NAN, f64::NAN],
+                sigma: padded(&[0.03]),
                 ..GaitMetrics::MISSING
             },
             metrics_se: GaitMetrics {
                 d_m: (squares / (count - 1.0) / count).sqrt(),
-                sigma: [0.001, f64::NAN, f64::NAN],
+                sigma: padded(&[0.001]),
                 ..GaitMetrics::MISSING
             },
             ..TrialRow::blank()

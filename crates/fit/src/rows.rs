@@ -208,7 +208,9 @@ impl Job<'_> {
         let missing = Metric::FITTED.into_iter().filter(|metric| {
             let mut measured = measurements.iter().map(|of| of.metrics[*metric]);
             let protocols = &self.objective.protocols;
-            protocols.iter().any(|of| of.term_weights()[*metric] > 0.0) && measured.all(f64::is_nan)
+            metric.is_of_three_links()
+                && protocols.iter().any(|of| of.term_weights()[*metric] > 0.0)
+                && measured.all(f64::is_nan)
         });
         FitNotes {
             raw_skid_trials: raw.map(|measurement| measurement.trial.clone()).collect(),

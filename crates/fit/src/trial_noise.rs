@@ -82,8 +82,10 @@ impl TrialNoise {
     pub(crate) fn draw(&self, [for_metrics, for_gait]: &mut [ChaCha8Rng; 2]) -> Deviates {
         let mut normal = ByFitted::splat(0.0);
         // d and v are one measurement.
-        for (_, normal) in normal.iter_mut().filter(|(metric, _)| *metric != Metric::V) {
-            *normal = StandardNormal.sample(for_metrics);
+        for (metric, normal) in normal.iter_mut().filter(|(metric, _)| *metric != Metric::V) {
+            if metric.is_of_three_links() || self.deviation(metric) > 0.0 {
+                *normal = StandardNormal.sample(for_metrics);
+            }
         }
         normal[Metric::V] = normal[Metric::D];
         let normal_of_gait: [f64; GAIT_NUMBERS] =

@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use trilink_robot::metrics::{ByFitted, Metric};
+use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
 use trilink_robot::{Parameter, Quantity};
 use trilink_statistics::variance_components::{
     Block, RandomEffects, VarianceComponents, pseudo_inverse,
@@ -71,9 +71,9 @@ impl Component {
 
     /// Returns the component of the errors of a metric that all cycles of a trial share.
     fn of_metric(metric: Metric) -> Self {
-        match metric {
-            Metric::D | Metric::V => Self::Distance,
-            Metric::Alpha1 => Self::Amplitude,
+        match metric.definition().weight {
+            Some(WeightKey::D | WeightKey::V) => Self::Distance,
+            Some(WeightKey::Alpha) => Self::Amplitude,
             _ => Self::Skid,
         }
     }
@@ -386,7 +386,10 @@ impl<'r> Variation<'r> {
             .collect();
         let trials = self.trials.iter().map(|trial| {
             let own = friction_deviations(count, [trial_common, trial_each], &mut random);
-            let mut normal = ByFitted::from_fn(|_| StandardNormal.sample(&mut random));
+            let mut normal = ByFitted::from_fn(|metric| {
+                let is_drawn = metric.is_of_three_links() || trial.metrics.contains(&metric);
+                if is_drawn { StandardNormal.sample(&mut random) } else { 0.0 }
+            });
             normal[Metric::V] = normal[Metric::D];
             ByFitted::from_fn(|metric| {
                 let by_friction: f64 = trial

@@ -219,9 +219,7 @@ impl PartialResult {
             metrics: GaitMetrics::MISSING,
             metrics_se: GaitMetrics::MISSING,
             sigma_debiased: [Estimate::MISSING; 3],
-            more_sigma: Numbered::default(),
             more_sigma_debiased: Numbered::default(),
-            more_alpha_rad: Numbered::default(),
             status: TrialStatus::Failed,
             message,
             ..self.row

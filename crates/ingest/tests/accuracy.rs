@@ -52,7 +52,7 @@ fn number(value: &Value) -> f64 {
 }
 
 fn compare(row: &TrialRow, truth: &Value, l_m: f64) -> Differences {
-    let mut degrees = vec![(row.metrics.alpha1_rad - number(&truth["alpha1_rad"])).to_degrees()];
+    let mut degrees = vec![(row.metrics.alpha_rad[0] - number(&truth["alpha1_rad"])).to_degrees()];
     for (joint, found) in row.gait.iter().enumerate() {
         let planted = &truth["gait"][joint];
         if !planted.is_null() {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::Problem;
@@ -33,13 +33,13 @@ pub(super) struct Cycle<const N: usize> {
 impl<const N: usize> Cycle<N> {
     /// Returns the metrics of the three-link robot.
     pub(crate) fn gait_metrics(&self, problem: &Problem) -> GaitMetrics {
-        let [sigma0, sigma1, sigma2, ..] = self.sigma;
+        let first = problem.gait.joints[0];
+        let alpha1_rad = first.map_or(self.alpha_rad[0], |command| command.half_range_rad());
         GaitMetrics {
             d_m: self.d_m,
             v_m_s: self.d_m * problem.omega_rad_s / TAU,
-            sigma: [sigma0, sigma1, sigma2],
-            alpha1_rad: problem.gait.joints[0]
-                .map_or(self.alpha_rad[0], |command| command.half_range_rad()),
+            sigma: padded(&self.sigma[..3]),
+            alpha_rad: padded(&[alpha1_rad]),
             dtheta_rad: self.dtheta_rad,
         }
     }

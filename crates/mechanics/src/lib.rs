@@ -14,7 +14,8 @@
 //!   select the method.
 //! - Results, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `forces`, `trajectory`.
 //! - Derivatives of the results by the adjoint method: `sensitivity` and `gradient` ([`Derivatives`]).
-//! - Robots of other numbers of links: `chain` ([`ChainProblem`]).
+//! - Robots of other numbers of links: `chain` ([`ChainProblem`]); `any`, both kinds behind one interface
+//!   ([`AnySolver`]).
 //! - Selection among several motions: `attractor` (the motion reached from rest), `branch` ([`branches`]
 //!   through folds, by numerical continuation), `sharp` ([`SharpLimit`], the limit of zero transition
 //!   speed of regularised Coulomb friction).
@@ -35,6 +36,7 @@
 //! The example `floquet` prints d, v and the Floquet multipliers against frequency; `own_friction` solves
 //! motions under a friction law that the caller defines ([`Solver::with_friction`]).
 
+mod any;
 mod attractor;
 mod branch;
 mod chain;
@@ -60,6 +62,7 @@ mod transient;
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 
+pub use any::{AnyProblem, AnySolver, InputDerivatives};
 pub use branch::{Branch, BranchPoint, branches};
 pub use chain::{
     ChainAttractor, ChainMetrics, ChainMotion, ChainProblem, ChainSample, ChainSlopes,
@@ -263,9 +266,9 @@ pub struct SteadyMotion {
 
 impl SteadyMotion {
     /// Returns the metrics in the order of their fields, followed by the work in J.
-    pub fn to_array(&self) -> [f64; Metric::ALL.len() + 1] {
-        let mut values = [self.work_j; Metric::ALL.len() + 1];
-        values[..Metric::ALL.len()].copy_from_slice(&self.metrics.to_array());
+    pub fn to_array(&self) -> [f64; Metric::OF_THREE_LINKS.len() + 1] {
+        let mut values = [self.work_j; Metric::OF_THREE_LINKS.len() + 1];
+        values[..Metric::OF_THREE_LINKS.len()].copy_from_slice(&self.metrics.to_array());
         values
     }
 

@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 use std::marker::PhantomData;
 
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{
     Friction, Gait, JointCommand, Number, Parameter, Pose, Robot, Trig, dot, roll_rows,
 };
@@ -94,8 +94,8 @@ impl<F: Friction> Method for Quadrature<'_, F> {
         let metrics = GaitMetrics {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
-            sigma: [0.0; 3],
-            alpha1_rad: self.joints[0].half_range_rad(),
+            sigma: padded(&[0.0; 3]),
+            alpha_rad: padded(&[self.joints[0].half_range_rad()]),
             dtheta_rad: end.theta_rad,
         };
         Ok((metrics, Effort { elements, ..Effort::default() }))
@@ -132,7 +132,7 @@ impl<F: Friction> Method for Quadrature<'_, F> {
                     GaitMetrics {
                         d_m: slope_m,
                         v_m_s: slope_m * self.problem.omega_rad_s / TAU,
-                        alpha1_rad,
+                        alpha_rad: padded(&[alpha1_rad]),
                         dtheta_rad,
                         ..GaitMetrics::NONE
                     }

@@ -11,7 +11,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{LANES, Lanes, Number, Parameter};
 
 use super::Problem;
@@ -427,8 +427,8 @@ fn derivatives_of<const N: usize, R: ThreeLink<N>>(
         let derivative = GaitMetrics {
             d_m,
             v_m_s: d_m * problem.omega_rad_s / TAU,
-            sigma: if is_odd { [0.0; 3] } else { sigma },
-            alpha1_rad: if is_odd { 0.0 } else { alpha1_rad + commanded },
+            sigma: padded(&if is_odd { [0.0; 3] } else { sigma }),
+            alpha_rad: padded(&[if is_odd { 0.0 } else { alpha1_rad + commanded }]),
             dtheta_rad: if is_odd || !mesh.is_half { dtheta_rad } else { 0.0 },
         };
         derivatives.set(variable, derivative);

@@ -36,7 +36,7 @@ impl Problem {
             limit
         });
         let mut metrics = GaitMetrics::from(limits);
-        metrics.sigma = metrics.sigma.map(|sigma| sigma.max(0.0));
+        metrics.sigma = metrics.sigma.map(|sigma| if sigma < 0.0 { 0.0 } else { sigma });
         Ok(Some(SharpLimit { metrics, uncertainty }))
     }
 }

@@ -32,11 +32,7 @@ pub(crate) const DISPLACEMENT: Quantity = Quantity::new(Metric::D);
 pub(crate) const SPEED: Quantity = Quantity::new(Metric::V);
 pub(crate) const TURNING: Quantity = Quantity::new(Metric::Dtheta);
 pub(crate) const AMPLITUDE: Quantity = Quantity::new(Metric::Alpha1);
-/// Amplitude of joint 2. Callers must store it in `alpha1_rad` of [`GaitMetrics`], which has no field for joint 2.
-pub(crate) const AMPLITUDE2: Quantity =
-    Quantity {
-        symbol: "α₂", title: "Amplitude of joint 2", csv_name: "alpha2_deg", ..AMPLITUDE
-    };
+pub(crate) const AMPLITUDE2: Quantity = Quantity::new(Metric::Alpha2);
 
 /// Returns every quantity to which models are fitted.
 pub(crate) fn fitted() -> [Quantity; Metric::FITTED.len()] {

@@ -8,7 +8,7 @@ use minijinja::value::{Serde, Value};
 use serde::{Deserialize, Serialize};
 use trilink_base::files;
 use trilink_base::numbers::fixed;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Model, Parameter, Robot};
 use trilink_tables::config::Paths;
 use trilink_tables::trial::{TRUTH_FILE, find_folders};
@@ -95,7 +95,7 @@ impl PlantedCampaign {
 pub(crate) struct PlantedTrial {
     pub d_m: Option<f64>,
     pub v_m_s: Option<f64>,
-    pub sigma: Option<[f64; 3]>,
+    pub sigma: Option<Vec<f64>>,
     pub alpha1_rad: Option<f64>,
 }
 
@@ -105,8 +105,8 @@ impl PlantedTrial {
         GaitMetrics {
             d_m: self.d_m.unwrap_or(f64::NAN),
             v_m_s: self.v_m_s.unwrap_or(f64::NAN),
-            sigma: self.sigma.unwrap_or([f64::NAN; 3]),
-            alpha1_rad: self.alpha1_rad.unwrap_or(f64::NAN),
+            sigma: padded(self.sigma.as_deref().unwrap_or_default()),
+            alpha_rad: padded(&[self.alpha1_rad.unwrap_or(f64::NAN)]),
             ..GaitMetrics::MISSING
         }
     }

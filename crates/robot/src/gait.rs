@@ -1,17 +1,25 @@
-//! Gaits: commanded motion of both joints (eq. 18 and 19).
+//! Gaits: commanded motion of the joints (eq. 18 and 19).
 
 use std::f64::consts::PI;
 
-use serde::Serialize;
+use serde::ser::{Serialize, SerializeStruct as _, Serializer};
 
 use super::Number;
 use super::command::{JointCommand, SecondHarmonic};
 
-/// Commands of both joints. A joint without a command is passive: its spring and damper (eq. 11 of the paper)
-/// govern it. At most one joint may be passive.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Gait {
-    pub joints: [Option<JointCommand>; 2],
+/// Commands of the joints. A joint without a command is passive: its spring and damper (eq. 11 of the paper)
+/// govern it. Of a robot of three links, at most one joint may be passive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gait<const JOINTS: usize = 2> {
+    pub joints: [Option<JointCommand>; JOINTS],
+}
+
+impl<const JOINTS: usize> Serialize for Gait<JOINTS> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut gait = serializer.serialize_struct("Gait", 1)?;
+        gait.serialize_field("joints", self.joints.as_slice())?;
+        gait.end()
+    }
 }
 
 /// Angles, rates and accelerations of both joints at one time; zero for a passive joint.

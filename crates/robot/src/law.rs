@@ -122,8 +122,8 @@ impl Laws {
         (quantity.definition().is_relevant)(self, &Gait { joints: [None, None] })
     }
 
-    /// Returns whether, under these laws, the motion of a robot with the given gait depends on a parameter.
+    /// Returns whether, under these laws, the motion of a robot of three links with the given gait depends on a parameter.
     pub fn is_relevant(self, parameter: Parameter, gait: &Gait) -> bool {
-        (parameter.quantity().definition().is_relevant)(self, gait)
+        parameter.is_of_three_links() && (parameter.quantity().definition().is_relevant)(self, gait)
     }
 }

@@ -3,8 +3,9 @@
 //!
 //! Indices 0, 1, 2 always denote the middle, front and rear link. Units are SI and part of each name.
 //!
-//! - Description: [`Robot`] (Tables I and II), a [`Chain`] of three links; `chain`, robots of other numbers of links; [`Quantity`], the table of quantities that describe a robot;
-//!   and [`Parameter`], a single scalar parameter of a robot.
+//! - Description: [`Robot`] (Tables I and II), a robot of three links; [`Chain`], a robot of two to eight links;
+//!   [`AnyRobot`], either of them; [`Quantity`], the table of quantities that describe a robot; and [`Parameter`], a
+//!   single scalar parameter of a robot.
 //! - Actuation: `command` and `gait`; a [`Gait`] consists of one [`JointCommand`] per commanded joint (eq. 18
 //!   and 19).
 //! - Kinematics: `kinematics` (eq. 1), with [`skid_rows`] and [`roll_rows`], which map velocities to the
@@ -27,6 +28,7 @@
 //! assert_eq!(skid_m_s, [0.0, -robot.l_m[0] * rate1, -robot.l_m[1] * rate2]);
 //! ```
 
+mod any;
 mod balance;
 mod chain;
 mod command;
@@ -41,6 +43,7 @@ mod number;
 mod parameter;
 mod quantity;
 
+pub use any::{AnyGait, AnyRobot};
 pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
 pub use chain::{
     Chain, ChainError, ChainNumber, CommandNumber, Drag, FreeJoint, Joint, JointNumber, Link,

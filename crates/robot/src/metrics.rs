@@ -2,22 +2,24 @@
 
 use std::ops::{Index, IndexMut};
 
-use serde::Serialize;
+use serde::ser::{Serialize, SerializeMap as _, Serializer};
 use trilink_base::named;
 
+use super::{MAX_JOINTS, MAX_LINKS};
+
 /// Metrics of one actuation cycle. Measured and simulated cycles use the same definitions, so their metrics
-/// can be subtracted.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// can be subtracted. Metrics that a robot lacks are missing (NaN), and missing metrics are equal to each other.
+#[derive(Debug, Clone, Copy)]
 pub struct GaitMetrics {
-    /// Displacement of link 0's centre over the cycle (eq. 17 of the paper), m.
+    /// Displacement of link 0's origin over the cycle (eq. 17 of the paper), m.
     pub d_m: f64,
     /// Mean speed `d / period` (eq. 17 of the paper), m/s.
     pub v_m_s: f64,
-    /// Skid ratio of wheels 0, 1, 2 (eq. 20 of the paper): RMS skid velocity over `l omega`, where l is the
-    /// side link length.
-    pub sigma: [f64; 3],
-    /// Half the peak-to-peak range of phi1, rad.
-    pub alpha1_rad: f64,
+    /// Skid ratio of the wheels by the number of the link (eq. 20 of the paper): RMS skid velocity over `l omega`, where
+    /// l is the side link length.
+    pub sigma: [f64; MAX_LINKS],
+    /// Half the peak-to-peak range of the joint angles from front to rear, rad.
+    pub alpha_rad: [f64; MAX_JOINTS],
     /// Net rotation of link 0 over the cycle, rad.
     pub dtheta_rad: f64,
 }
@@ -30,7 +32,69 @@ impl GaitMetrics {
     pub const NONE: Self = Self::splat(0.0);
 
     const fn splat(value: f64) -> Self {
-        Self { d_m: value, v_m_s: value, sigma: [value; 3], alpha1_rad: value, dtheta_rad: value }
+        Self {
+            d_m: value,
+            v_m_s: value,
+            sigma: [value; MAX_LINKS],
+            alpha_rad: [value; MAX_JOINTS],
+            dtheta_rad: value,
+        }
+    }
+}
+
+impl GaitMetrics {
+    /// Returns the metrics of a robot of three links in the order of [`Metric::OF_THREE_LINKS`].
+    #[inline]
+    pub const fn to_array(self) -> [f64; Metric::OF_THREE_LINKS.len()] {
+        let Self { d_m, v_m_s, sigma: [sigma0, sigma1, sigma2, ..], dtheta_rad, .. } = self;
+        [d_m, v_m_s, sigma0, sigma1, sigma2, self.alpha_rad[0], dtheta_rad]
+    }
+
+    /// Creates the metrics of a robot of three links from values in the order of [`Metric::OF_THREE_LINKS`].
+    #[inline]
+    pub const fn from_array(values: [f64; Metric::OF_THREE_LINKS.len()]) -> Self {
+        let [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad] = values;
+        let mut metrics = Self { d_m, v_m_s, dtheta_rad, ..Self::MISSING };
+        (metrics.sigma[0], metrics.sigma[1], metrics.sigma[2]) = (sigma0, sigma1, sigma2);
+        metrics.alpha_rad[0] = alpha1_rad;
+        metrics
+    }
+}
+
+/// Returns the values, followed by missing ones (NaN).
+pub fn padded<const N: usize>(values: &[f64]) -> [f64; N] {
+    std::array::from_fn(|i| values.get(i).copied().unwrap_or(f64::NAN))
+}
+
+impl PartialEq for GaitMetrics {
+    fn eq(&self, other: &Self) -> bool {
+        Metric::ALL.into_iter().all(|metric| {
+            let (a, b) = (self[metric], other[metric]);
+            a == b || a.is_nan() && b.is_nan()
+        })
+    }
+}
+
+/// Serializes the skid ratios as a list, and the metrics of more links than three only if they are not missing.
+impl Serialize for GaitMetrics {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        for metric in Metric::ALL {
+            let is_listed = Metric::SIGMA.contains(&metric) && metric != Metric::Sigma0;
+            if is_listed || !metric.is_of_three_links() && self[metric].is_nan() {
+                continue;
+            }
+            if metric == Metric::Sigma0 {
+                let known = self.sigma.iter().rposition(|sigma| !sigma.is_nan());
+                map.serialize_entry(
+                    "sigma",
+                    &self.sigma[..known.map_or(3, |last| last.max(2) + 1)],
+                )?;
+            } else {
+                map.serialize_entry(metric.column(), &self[metric])?;
+            }
+        }
+        map.end()
     }
 }
 
@@ -160,22 +224,6 @@ macro_rules! metrics {
             is_size: $is_size,
         },)*];
 
-        impl GaitMetrics {
-            /// Returns the metrics in the order of [`Metric::ALL`].
-            #[inline]
-            pub const fn to_array(self) -> [f64; Metric::ALL.len()] {
-                [$(self.$($field)+,)*]
-            }
-
-            /// Creates the metrics from values in the order of [`Metric::ALL`].
-            #[inline]
-            pub const fn from_array(values: [f64; Metric::ALL.len()]) -> Self {
-                let mut metrics = Self::NONE;
-                $(metrics.$($field)+ = values[Metric::$metric as usize];)*
-                metrics
-            }
-        }
-
         impl Index<Metric> for GaitMetrics {
             type Output = f64;
 
@@ -205,7 +253,29 @@ metrics! {
         weight: Some(WeightKey::Sigma), debiased: Some("sigma1_debiased"), is_size: true;
     Sigma2 = "sigma2" (sigma[2]) ["", ""] ["σ₂", "sigma 2"] ["Skid ratio", "Wheel 2 (rear)"] Ratio
         weight: Some(WeightKey::Sigma), debiased: Some("sigma2_debiased"), is_size: true;
-    Alpha1 = "alpha1" (alpha1_rad) ["_rad", "_deg"] ["α₁", "alpha 1"] ["Amplitude", "Amplitude of joint 1"] Angle
+    Alpha1 = "alpha1" (alpha_rad[0]) ["_rad", "_deg"] ["α₁", "alpha 1"] ["Amplitude", "Amplitude of joint 1"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Sigma3 = "sigma3" (sigma[3]) ["", ""] ["σ₃", "sigma 3"] ["Skid ratio", "Wheel 3"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma3_debiased"), is_size: true;
+    Sigma4 = "sigma4" (sigma[4]) ["", ""] ["σ₄", "sigma 4"] ["Skid ratio", "Wheel 4"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma4_debiased"), is_size: true;
+    Sigma5 = "sigma5" (sigma[5]) ["", ""] ["σ₅", "sigma 5"] ["Skid ratio", "Wheel 5"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma5_debiased"), is_size: true;
+    Sigma6 = "sigma6" (sigma[6]) ["", ""] ["σ₆", "sigma 6"] ["Skid ratio", "Wheel 6"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma6_debiased"), is_size: true;
+    Sigma7 = "sigma7" (sigma[7]) ["", ""] ["σ₇", "sigma 7"] ["Skid ratio", "Wheel 7"] Ratio
+        weight: Some(WeightKey::Sigma), debiased: Some("sigma7_debiased"), is_size: true;
+    Alpha2 = "alpha2" (alpha_rad[1]) ["_rad", "_deg"] ["α₂", "alpha 2"] ["Amplitude", "Amplitude of joint 2"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Alpha3 = "alpha3" (alpha_rad[2]) ["_rad", "_deg"] ["α₃", "alpha 3"] ["Amplitude", "Amplitude of joint 3"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Alpha4 = "alpha4" (alpha_rad[3]) ["_rad", "_deg"] ["α₄", "alpha 4"] ["Amplitude", "Amplitude of joint 4"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Alpha5 = "alpha5" (alpha_rad[4]) ["_rad", "_deg"] ["α₅", "alpha 5"] ["Amplitude", "Amplitude of joint 5"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Alpha6 = "alpha6" (alpha_rad[5]) ["_rad", "_deg"] ["α₆", "alpha 6"] ["Amplitude", "Amplitude of joint 6"] Angle
+        weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
+    Alpha7 = "alpha7" (alpha_rad[6]) ["_rad", "_deg"] ["α₇", "alpha 7"] ["Amplitude", "Amplitude of joint 7"] Angle
         weight: Some(WeightKey::Alpha), debiased: None, is_size: true;
     Dtheta = "dtheta" (dtheta_rad) ["_rad", "_deg"] ["Δθ", "rotation"] ["Net rotation", "Rotation per cycle"] Angle
         weight: None, debiased: None, is_size: false;
@@ -213,10 +283,40 @@ metrics! {
 
 impl Metric {
     /// Metrics that have a term in the objective of the fits (eq. 22 of the paper).
-    pub const FITTED: [Self; 6] = *Self::ALL.first_chunk().expect("there are more");
+    pub const FITTED: [Self; 2 + MAX_LINKS + MAX_JOINTS] =
+        *Self::ALL.first_chunk().expect("there are more");
 
-    /// Skid ratios of wheels 0, 1, 2.
-    pub const SIGMA: [Self; 3] = [Self::Sigma0, Self::Sigma1, Self::Sigma2];
+    /// Metrics of a robot of three links; tables have columns for these whatever the robots.
+    pub const OF_THREE_LINKS: [Self; 7] =
+        [Self::D, Self::V, Self::Sigma0, Self::Sigma1, Self::Sigma2, Self::Alpha1, Self::Dtheta];
+
+    /// Skid ratios by the number of the link.
+    pub const SIGMA: [Self; MAX_LINKS] = [
+        Self::Sigma0,
+        Self::Sigma1,
+        Self::Sigma2,
+        Self::Sigma3,
+        Self::Sigma4,
+        Self::Sigma5,
+        Self::Sigma6,
+        Self::Sigma7,
+    ];
+
+    /// Amplitudes of the joints from front to rear.
+    pub const ALPHA: [Self; MAX_JOINTS] = [
+        Self::Alpha1,
+        Self::Alpha2,
+        Self::Alpha3,
+        Self::Alpha4,
+        Self::Alpha5,
+        Self::Alpha6,
+        Self::Alpha7,
+    ];
+
+    /// Returns whether a robot of three links has the metric.
+    pub fn is_of_three_links(self) -> bool {
+        Self::OF_THREE_LINKS.contains(&self)
+    }
 
     /// Returns the definition of the metric.
     pub const fn definition(self) -> &'static MetricDefinition {
@@ -251,6 +351,15 @@ pub struct ByMetric<T, const N: usize = { Metric::ALL.len() }>([T; N]);
 
 /// One value per metric of [`Metric::FITTED`].
 pub type ByFitted<T> = ByMetric<T, { Metric::FITTED.len() }>;
+
+impl ByFitted<f64> {
+    /// Creates a collection from the values of a robot of three links: of d, v, the skid ratios and the amplitude of
+    /// joint 1. All others are `other`.
+    pub fn of_three_links(values: [f64; 6], other: f64) -> Self {
+        let of = |metric| Metric::OF_THREE_LINKS.iter().position(|one| *one == metric);
+        Self::from_fn(|metric| of(metric).map_or(other, |index| values[index]))
+    }
+}
 
 impl<T: Copy, const N: usize> ByMetric<T, N> {
     /// Creates a collection that has the same value for every metric.
@@ -428,10 +537,18 @@ mod tests {
 
     #[test]
     fn every_metric_has_its_own_index_and_names() {
-        let numbers = std::array::from_fn(|i| i as f64);
-        let metrics = GaitMetrics::from_array(numbers);
-        assert_eq!(metrics.to_array(), numbers);
-        assert_eq!((metrics.d_m, metrics.sigma, metrics.dtheta_rad), (0.0, [2.0, 3.0, 4.0], 6.0));
+        let metrics = GaitMetrics::from(ByMetric::<f64>::from_fn(|metric| metric as usize as f64));
+        assert_eq!(metrics.to_array().map(|number| number as usize), [0, 1, 2, 3, 4, 5, 17]);
+        let three_links = GaitMetrics::from_array(metrics.to_array());
+        assert_eq!(three_links.to_array(), metrics.to_array());
+        assert!(three_links.sigma[3].is_nan() && three_links.alpha_rad[1].is_nan());
+        assert_eq!(three_links, three_links);
+        assert_ne!(three_links, metrics);
+        let json = serde_json::to_string(&three_links).expect("numbers");
+        assert_eq!(
+            json,
+            r#"{"d_m":0.0,"v_m_s":1.0,"sigma":[2.0,3.0,4.0],"alpha1_rad":5.0,"dtheta_rad":17.0}"#
+        );
         for metric in Metric::ALL {
             let MetricDefinition { column, shown_column, debiased, dimension, weight, .. } =
                 *metric.definition();

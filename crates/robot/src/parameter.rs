@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::Named;
 
-use super::{Definition, Per, Quantity, Robot, Unit};
+use super::{Definition, MAX_JOINTS, MAX_LINKS, Per, Quantity, Robot, Unit};
 
 /// Scalar parameter of a robot: a [`Quantity`] of one wheel, link or joint or of the whole robot, the sum of
 /// a quantity over the wheels, or its mean over both joints. The name of a parameter is that of its table
@@ -15,8 +15,8 @@ use super::{Definition, Per, Quantity, Robot, Unit};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Parameter {
     quantity: Quantity,
-    /// Index of the wheel, link or joint; one past the last index denotes the sum over the wheels or the mean
-    /// over both joints.
+    /// Index of the wheel, link or joint; the number of the joint from the front (1, 2, ..) for a joint of a chain that
+    /// is not driven, and 0 for the passive joint of a robot of three links; or [`Parameter::WHOLE`].
     index: u8,
 }
 
@@ -27,43 +27,85 @@ struct Names {
     label: String,
 }
 
-impl Parameter {
-    /// Number of parameters that can be free in a fit.
-    const COUNT: usize = {
-        let mut count = 0;
+/// Fills an array with all parameters of a set that can be free in a fit: those of a robot of three links, then, if
+/// there is space, those that only chains have.
+const fn fitted<const N: usize>() -> [Parameter; N] {
+    let mut all = [Parameter::new(Quantity::H, 0); N];
+    let mut count = 0;
+    let mut is_of_chains = false;
+    loop {
         let mut i = 0;
         while i < Quantity::ALL.len() {
-            count += Self::count_of(Quantity::ALL[i]);
-            i += 1;
-        }
-        count
-    };
-
-    /// Parameters that can be free in a fit, in the order of their table columns.
-    pub const ALL: [Self; Self::COUNT] = {
-        let mut all = [Self::new(Quantity::H, 0); Self::COUNT];
-        let mut count = 0;
-        let mut i = 0;
-        while i < Quantity::ALL.len() {
+            let quantity = Quantity::ALL[i];
             let mut index = 0;
-            while index < Self::count_of(Quantity::ALL[i]) {
-                all[count] = Self::new(Quantity::ALL[i], index);
-                count += 1;
+            while quantity.definition().is_fitted && index <= Parameter::WHOLE && count < N {
+                let parameter = Parameter::new(quantity, index);
+                if if is_of_chains {
+                    parameter.is_of_chains()
+                } else {
+                    parameter.is_of_three_links()
+                } {
+                    all[count] = parameter;
+                    count += 1;
+                }
                 index += 1;
             }
             i += 1;
         }
-        all
-    };
-
-    /// Returns the number of parameters of a quantity that can be free in a fit.
-    const fn count_of(quantity: Quantity) -> usize {
-        let Definition { is_fitted, sum_label, .. } = quantity.definition();
-        if *is_fitted { quantity.count() + sum_label.is_some() as usize } else { 0 }
+        if is_of_chains {
+            return all;
+        }
+        is_of_chains = true;
     }
+}
+
+/// Counts the parameters that can be free in a fit.
+const fn count(is_of_chains: bool) -> usize {
+    let mut count = 0;
+    let mut i = 0;
+    while i < Quantity::ALL.len() {
+        let mut index = 0;
+        while Quantity::ALL[i].definition().is_fitted && index <= Parameter::WHOLE {
+            let parameter = Parameter::new(Quantity::ALL[i], index);
+            let is_counted =
+                if is_of_chains { parameter.is_of_chains() } else { parameter.is_of_three_links() };
+            count += is_counted as usize;
+            index += 1;
+        }
+        i += 1;
+    }
+    count
+}
+
+impl Parameter {
+    /// Index of the sum over the wheels or of the mean over both joints.
+    pub(super) const WHOLE: usize = MAX_LINKS;
+
+    /// Parameters of a robot of three links that can be free in a fit, in the order of their table columns.
+    pub const ALL: [Self; count(false)] = fitted();
+
+    /// Parameters of all robots that can be free in a fit: [`Parameter::ALL`], then those that only chains have.
+    pub const OF_ANY_ROBOT: [Self; count(false) + count(true)] = fitted();
 
     pub(super) const fn new(quantity: Quantity, index: usize) -> Self {
         Self { quantity, index: index as u8 }
+    }
+
+    /// Returns whether a robot of three links has the parameter.
+    pub const fn is_of_three_links(self) -> bool {
+        let Definition { per, sum_label, .. } = self.quantity.definition();
+        let has_whole = sum_label.is_some() || matches!(per, Per::Joint);
+        (self.index as usize) < self.quantity.count() || self.is_aggregate() && has_whole
+    }
+
+    /// Returns whether only chains have the parameter.
+    const fn is_of_chains(self) -> bool {
+        let index = self.index as usize;
+        match self.quantity.definition().per {
+            Per::Wheel | Per::Link => index >= self.quantity.count() && index < MAX_LINKS,
+            Per::FreeJoint => index > 0 && index <= MAX_JOINTS,
+            Per::Robot | Per::Joint => false,
+        }
     }
 
     /// Returns the quantity to which the parameter belongs.
@@ -72,41 +114,49 @@ impl Parameter {
         self.quantity
     }
 
-    /// Returns the position of the parameter in [`Parameter::ALL`].
+    /// Returns the position of the parameter in [`Parameter::OF_ANY_ROBOT`].
     #[inline]
     const fn position(self) -> usize {
         debug_assert!(
             self.quantity.definition().is_fitted,
             "this quantity cannot be a free parameter of a fit"
         );
-        Self::FIRST[self.quantity as usize] + self.index as usize
+        Self::POSITIONS[self.quantity as usize][self.index as usize] as usize
     }
 
-    /// Position in [`Parameter::ALL`] of each quantity's first parameter.
-    const FIRST: [usize; Quantity::ALL.len()] = {
-        let mut first = [0; Quantity::ALL.len()];
-        let mut i = 1;
-        while i < Quantity::ALL.len() {
-            first[i] = first[i - 1] + Self::count_of(Quantity::ALL[i - 1]);
+    /// Positions in [`Parameter::OF_ANY_ROBOT`] by quantity and index.
+    const POSITIONS: [[u8; Self::WHOLE + 1]; Quantity::ALL.len()] = {
+        let mut positions = [[u8::MAX; Self::WHOLE + 1]; Quantity::ALL.len()];
+        let mut i = 0;
+        while i < Self::OF_ANY_ROBOT.len() {
+            let Self { quantity, index } = Self::OF_ANY_ROBOT[i];
+            positions[quantity as usize][index as usize] = i as u8;
             i += 1;
         }
-        first
+        positions
     };
 
-    /// Returns the number of the wheel or link (0, 1, 2) or of the joint (1, 2) to which the parameter
-    /// belongs; `None` for a parameter of the whole robot, a sum over the wheels, or a mean over both joints.
+    /// Returns the number of the wheel or link (0, 1, ..) or of the joint (1, 2, ..) to which the parameter belongs;
+    /// `None` for a parameter of the whole robot or of its only passive joint, a sum over the wheels, or a mean over
+    /// both joints.
     pub fn number(self) -> Option<usize> {
         let index = usize::from(self.index);
-        let first = usize::from(self.quantity.definition().per == Per::Joint);
-        (self.quantity.count() > 1 && index < self.quantity.count()).then_some(first + index)
+        match self.quantity.definition().per {
+            _ if self.is_aggregate() => None,
+            Per::Robot => None,
+            Per::FreeJoint => (index > 0).then_some(index),
+            Per::Joint => Some(index + 1),
+            Per::Wheel | Per::Link => Some(index),
+        }
     }
 
     fn names(self) -> &'static Names {
         static NAMES: LazyLock<Vec<Vec<Names>>> = LazyLock::new(|| {
-            Quantity::ALL
-                .into_iter()
-                .map(|quantity| quantity.parameters().map(Parameter::new_names).collect())
-                .collect()
+            let of = |quantity| {
+                let all = (0..=Parameter::WHOLE).map(move |index| Parameter::new(quantity, index));
+                all.map(Parameter::new_names).collect()
+            };
+            Quantity::ALL.into_iter().map(of).collect()
         });
         &NAMES[self.quantity as usize][usize::from(self.index)]
     }
@@ -189,7 +239,7 @@ impl Parameter {
     /// Returns the sum over the wheels, or the mean over both joints, to which the parameter contributes;
     /// `None` if there is none.
     pub fn whole(self) -> Option<Self> {
-        let whole = Self::new(self.quantity, self.quantity.count());
+        let whole = Self::new(self.quantity, Self::WHOLE);
         self.quantity.parameters().find(|other| *other == whole).filter(|_| !self.is_aggregate())
     }
 
@@ -201,15 +251,15 @@ impl Parameter {
 
     /// Returns whether the parameter is a sum over the wheels or a mean over both joints.
     #[inline]
-    fn is_aggregate(self) -> bool {
-        usize::from(self.index) == self.quantity.count()
+    const fn is_aggregate(self) -> bool {
+        self.index as usize == Self::WHOLE
     }
 
-    /// Returns the value of the parameter in a robot, in SI units.
+    /// Returns the value of the parameter in a robot of three links, in SI units; NaN if only chains have the parameter.
     pub fn value_in(self, robot: &Robot) -> f64 {
         let numbers = self.quantity.numbers(robot);
         if !self.is_aggregate() {
-            numbers[usize::from(self.index)]
+            numbers.get(usize::from(self.index)).copied().unwrap_or(f64::NAN)
         } else if self.is_sum() {
             numbers.iter().sum()
         } else {
@@ -217,13 +267,17 @@ impl Parameter {
         }
     }
 
-    /// Sets the value of the parameter in a robot, in SI units. Setting a sum keeps the proportions between
+    /// Sets the value of the parameter in a robot of three links, in SI units; a parameter that only chains have is
+    /// ignored. Setting a sum keeps the proportions between
     /// the wheels' values, or divides the sum equally among the wheels if all values are zero; setting a mean
     /// over both joints keeps the difference between the joints' values.
     pub fn set(self, robot: &mut Robot, value: f64) {
         let before = self.value_in(robot);
         if !self.is_aggregate() {
-            self.quantity.numbers_mut(robot)[usize::from(self.index)] = value;
+            if let Some(number) = self.quantity.numbers_mut(robot).get_mut(usize::from(self.index))
+            {
+                *number = value;
+            }
         } else if self.is_sum() {
             let shares = self.quantity.shares(robot).map(|share| share * value);
             self.quantity.numbers_mut(robot).copy_from_slice(&shares);
@@ -244,8 +298,8 @@ impl Named for Parameter {
     }
 
     fn of_name(name: &str) -> Option<Self> {
-        let mut all = Quantity::ALL.into_iter().flat_map(Quantity::parameters);
-        all.find(|parameter| parameter.name() == name)
+        let of_three_links = Quantity::ALL.into_iter().flat_map(Quantity::parameters);
+        of_three_links.chain(Self::OF_ANY_ROBOT).find(|parameter| parameter.name() == name)
     }
 }
 
@@ -270,66 +324,59 @@ impl<'de> Deserialize<'de> for Parameter {
     }
 }
 
-/// One value per parameter of [`Parameter::ALL`].
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ByParameter<T>([T; Parameter::ALL.len()]);
+/// One value for each of the first `N` parameters of [`Parameter::OF_ANY_ROBOT`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ByParameter<T, const N: usize = { Parameter::OF_ANY_ROBOT.len() }>([T; N]);
 
 impl ByParameter<f64> {
     /// All values missing (NaN).
     pub const MISSING: Self = Self::splat(f64::NAN);
 }
 
-impl<T: Copy> ByParameter<T> {
+impl<T: Copy, const N: usize> ByParameter<T, N> {
     /// Creates a collection that has the same value for every parameter.
     pub const fn splat(value: T) -> Self {
-        Self([value; Parameter::ALL.len()])
+        Self([value; N])
     }
 }
 
-impl<T> ByParameter<T> {
+impl<T, const N: usize> ByParameter<T, N> {
     /// Creates a collection by calling `value` for each parameter.
-    pub fn from_fn(value: impl FnMut(Parameter) -> T) -> Self {
-        Self(Parameter::ALL.map(value))
+    pub fn from_fn(mut value: impl FnMut(Parameter) -> T) -> Self {
+        Self(std::array::from_fn(|i| value(Parameter::OF_ANY_ROBOT[i])))
     }
 
-    /// Creates a collection from values in the order of [`Parameter::ALL`].
-    pub const fn from_array(values: [T; Parameter::ALL.len()]) -> Self {
-        Self(values)
-    }
-
-    /// Returns the values in the order of [`Parameter::ALL`].
-    pub const fn as_array(&self) -> &[T; Parameter::ALL.len()] {
-        &self.0
-    }
-
-    /// Iterates over the values in the order of [`Parameter::ALL`].
+    /// Iterates over the values in the order of [`Parameter::OF_ANY_ROBOT`].
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut T> {
         self.0.iter_mut()
     }
 
-    /// Iterates over the parameters and their values in the order of [`Parameter::ALL`].
+    /// Iterates over the parameters and their values.
     pub fn iter(&self) -> impl Iterator<Item = (Parameter, &T)> {
-        Parameter::ALL.into_iter().zip(&self.0)
+        Parameter::OF_ANY_ROBOT.into_iter().zip(&self.0)
     }
 }
 
-impl<T> Index<Parameter> for ByParameter<T> {
+impl<T, const N: usize> Index<Parameter> for ByParameter<T, N> {
     type Output = T;
     fn index(&self, parameter: Parameter) -> &T {
         &self.0[parameter.position()]
     }
 }
 
-impl<T> IndexMut<Parameter> for ByParameter<T> {
+impl<T, const N: usize> IndexMut<Parameter> for ByParameter<T, N> {
     fn index_mut(&mut self, parameter: Parameter) -> &mut T {
         &mut self.0[parameter.position()]
     }
 }
 
-/// Serializes the values as a map keyed by column.
-impl<T: Serialize> Serialize for ByParameter<T> {
+/// Serializes the values as a map keyed by column; values of parameters that only chains have are left out if missing.
+impl Serialize for ByParameter<f64> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.iter())
+        let is_listed =
+            |parameter: Parameter, value: &f64| parameter.is_of_three_links() || !value.is_nan();
+        serializer
+            .collect_map(self.iter().filter(|(parameter, value)| is_listed(*parameter, value)))
     }
 }
 
@@ -358,6 +405,20 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn parameters_of_chains_follow_and_have_names_of_their_own() {
+        let names: Vec<&str> =
+            Parameter::OF_ANY_ROBOT.iter().map(|parameter| parameter.name()).collect();
+        assert_eq!(names[..Parameter::ALL.len()], Parameter::ALL.map(Parameter::name));
+        let distinct: std::collections::BTreeSet<&str> = names.iter().copied().collect();
+        assert_eq!(distinct.len(), names.len());
+        assert!(["skid7_kg_s", "stiffness3_nm_rad"].iter().all(|name| distinct.contains(name)));
+        let values = ByParameter::<usize>::from_fn(Parameter::position);
+        assert!(values.iter().enumerate().all(|(i, (_, position))| *position == i));
+        assert_eq!(Quantity::Stiffness.parameter(2).number(), Some(2));
+        assert!(Quantity::Skid.parameter(3).value_in(&Robot::kinematic()).is_nan());
     }
 
     #[test]

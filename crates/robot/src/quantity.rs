@@ -3,7 +3,7 @@
 
 use trilink_base::named;
 
-use super::{Gait, Laws, Parameter, Robot, SkidLaw};
+use super::{Gait, Laws, MAX_LINKS, Parameter, Robot, SkidLaw};
 
 named! {
     /// Physical quantity that describes a robot. Each variant is named by its key in the configuration; the
@@ -52,6 +52,8 @@ named! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Per {
     Robot,
+    /// One value for each joint that is not driven; a robot of three links has at most one.
+    FreeJoint,
     Link,
     Wheel,
     /// One value for each joint; the configuration may state a single value for both joints.
@@ -193,7 +195,7 @@ const FRICTION: Definition = Definition {
 };
 /// Template for the definitions of the passive joint's quantities.
 const JOINT: Definition = Definition {
-    per: Per::Robot,
+    per: Per::FreeJoint,
     is_resistance: false,
     is_relevant: |_, gait| gait.passive_joint().is_some(),
     ..FRICTION
@@ -384,7 +386,7 @@ impl Quantity {
     #[inline]
     pub const fn count(self) -> usize {
         match self.definition().per {
-            Per::Robot => 1,
+            Per::Robot | Per::FreeJoint => 1,
             Per::Link | Per::Wheel => Robot::LINKS,
             Per::Joint => Robot::JOINTS,
         }
@@ -424,6 +426,12 @@ impl Quantity {
         Parameter::new(self, index)
     }
 
+    /// Returns the quantity's parameters for as many wheels as a robot can have; none if it is not one of wheels.
+    pub fn of_any_wheel(self) -> impl Iterator<Item = Parameter> {
+        let count = if self.definition().per == Per::Wheel { MAX_LINKS } else { 0 };
+        (0..count).map(move |index| Parameter::new(self, index))
+    }
+
     /// Returns the quantity's parameters for all wheels or links.
     pub const fn of_each(self) -> [Parameter; Robot::LINKS] {
         [self.parameter(0), self.parameter(1), self.parameter(2)]
@@ -438,7 +446,7 @@ impl Quantity {
             matches!(self.definition().per, Per::Joint),
             "the quantity has no values for joints"
         );
-        Parameter::new(self, Robot::JOINTS)
+        Parameter::new(self, Parameter::WHOLE)
     }
 
     /// Returns the parameter that is the quantity's sum over the wheels.
@@ -450,7 +458,7 @@ impl Quantity {
             self.definition().sum_label.is_some(),
             "the sum of this quantity over the wheels cannot be a free parameter of a fit"
         );
-        Parameter::new(self, Robot::LINKS)
+        Parameter::new(self, Parameter::WHOLE)
     }
 
     /// Returns the parameters that describe the quantity in a robot. For a joint quantity, that is one
@@ -458,15 +466,15 @@ impl Quantity {
     pub fn parameters_of(self, robot: &Robot) -> impl Iterator<Item = Parameter> {
         let numbers = self.numbers(robot);
         let is_one = self.definition().per == Per::Joint && numbers[0] == numbers[1];
-        let indices = if is_one { numbers.len()..numbers.len() + 1 } else { 0..numbers.len() };
+        let indices =
+            if is_one { Parameter::WHOLE..Parameter::WHOLE + 1 } else { 0..numbers.len() };
         indices.map(move |index| Parameter::new(self, index))
     }
 
-    /// Returns all parameters of the quantity: one for each of its values, followed by the mean over both
+    /// Returns all parameters of the quantity in a robot of three links: one for each of its values, followed by the mean over both
     /// joints of a joint quantity, or by the sum over the wheels if it can be free in a fit.
     pub fn parameters(self) -> impl Iterator<Item = Parameter> {
-        let Definition { per, sum_label, .. } = self.definition();
-        let aggregates = usize::from(sum_label.is_some() || *per == Per::Joint);
-        (0..self.count() + aggregates).map(move |index| Parameter::new(self, index))
+        let all = (0..=Parameter::WHOLE).map(move |index| Parameter::new(self, index));
+        all.filter(|parameter| parameter.is_of_three_links())
     }
 }

@@ -1,6 +1,8 @@
 //! Conversion between values and table columns: a value occupies one column, or one column for each of its
 //! parts.
 
+use std::ops::{Index, IndexMut};
+
 use polars::prelude::{
     ChunkSet, Column, DataType, Float64Chunked, IntoColumn, NewChunkedArray, PolarsResult, Series,
     StringChunked,
@@ -9,7 +11,7 @@ use trilink_base::Named;
 use trilink_base::csv;
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::metrics::{
-    Bifurcation, BranchKind, FromRest, GaitMetrics, Metric, MotionStatus,
+    Bifurcation, BranchKind, ByFitted, FromRest, GaitMetrics, Metric, MotionStatus,
 };
 use trilink_robot::{ByParameter, Model, Parameter};
 use trilink_statistics::Estimate;
@@ -219,37 +221,92 @@ impl Columns for GaitMetrics {
     }
 
     fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        for metric in Metric::ALL {
-            let parts: Vec<&f64> = values.iter().map(|value| &value[metric]).collect();
-            f64::write(&parts, &fill(pattern, metric.column()), columns);
+        let names = Metric::ALL.map(|metric| (metric, fill(pattern, metric.column())));
+        write_metrics(values, &names, columns);
+    }
+
+    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
+        let names = Metric::ALL.map(|metric| (metric, fill(pattern, metric.column())));
+        read_metrics(table, &names)
+    }
+}
+
+impl Columns for ByFitted<f64> {
+    const PATTERN: &'static str = "{}";
+
+    fn blank() -> Self {
+        Self::splat(f64::NAN)
+    }
+
+    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
+        let names = Metric::FITTED.map(|metric| (metric, fill(pattern, metric.name())));
+        write_metrics(values, &names, columns);
+    }
+
+    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
+        let names = Metric::FITTED.map(|metric| (metric, fill(pattern, metric.name())));
+        read_metrics(table, &names)
+    }
+}
+
+/// Appends a column for each metric of a robot of three links, and for each other metric that a value has.
+fn write_metrics<T: Index<Metric, Output = f64>>(
+    values: &[&T],
+    names: &[(Metric, String)],
+    columns: &mut Vec<Column>,
+) {
+    for (metric, name) in names {
+        let parts: Vec<&f64> = values.iter().map(|value| &value[*metric]).collect();
+        let is_known = || parts.iter().any(|part| !part.is_nan());
+        if metric.is_of_three_links() || is_known() {
+            f64::write(&parts, name, columns);
+        }
+    }
+}
+
+/// Reads the columns that [`write_metrics`] wrote.
+fn read_metrics<T: Columns + Clone + IndexMut<Metric, Output = f64>>(
+    table: &Table,
+    names: &[(Metric, String)],
+) -> Result<Vec<T>, StoreError> {
+    let mut values = vec![T::blank(); table.len()];
+    for (metric, name) in names {
+        if metric.is_of_three_links() || table.frame.column(name).is_ok() {
+            let column = f64::read(table, name)?;
+            values.iter_mut().zip(column).for_each(|(value, of)| value[*metric] = of);
+        }
+    }
+    Ok(values)
+}
+
+impl Columns for ByParameter<f64> {
+    const PATTERN: &'static str = "{}";
+
+    fn blank() -> Self {
+        Self::MISSING
+    }
+
+    /// Appends a column for each parameter of a robot of three links, and for each other parameter that a value has.
+    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
+        for parameter in Parameter::OF_ANY_ROBOT {
+            let parts: Vec<&f64> = values.iter().map(|value| &value[parameter]).collect();
+            if parameter.is_of_three_links() || parts.iter().any(|part| !part.is_nan()) {
+                f64::write(&parts, &fill(pattern, parameter.name()), columns);
+            }
         }
     }
 
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let patterns = Metric::ALL.into_iter().map(|metric| fill(pattern, metric.column()));
-        Ok(read_parts(table, patterns)?.into_iter().map(Self::from_array).collect())
+        let mut values = vec![Self::MISSING; table.len()];
+        for parameter in Parameter::OF_ANY_ROBOT {
+            let name = fill(pattern, parameter.name());
+            if parameter.is_of_three_links() || table.frame.column(&name).is_ok() {
+                let column = f64::read(table, &name)?;
+                values.iter_mut().zip(column).for_each(|(value, of)| value[parameter] = of);
+            }
+        }
+        Ok(values)
     }
-}
-
-impl<T: Columns> Columns for ByParameter<T> {
-    const PATTERN: &'static str = "{}";
-
-    fn blank() -> Self {
-        Self::from_array(Columns::blank())
-    }
-
-    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        let values: Vec<_> = values.iter().map(|value| value.as_array()).collect();
-        write_parts(&values, by_parameter(pattern), columns);
-    }
-
-    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        Ok(read_parts(table, by_parameter(pattern))?.into_iter().map(Self::from_array).collect())
-    }
-}
-
-fn by_parameter(pattern: &str) -> impl Iterator<Item = String> {
-    Parameter::ALL.into_iter().map(move |parameter| fill(pattern, parameter.name()))
 }
 
 fn write_parts<T: Columns, const N: usize>(

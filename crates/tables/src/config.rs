@@ -398,6 +398,11 @@ impl<T: Clone, N: Ord + Clone> NamedEntry<T, N> {
     pub fn find(entries: &BTreeMap<N, T>, name: &N) -> Option<Self> {
         entries.get(name).map(|value| Self { name: name.clone(), value: value.clone() })
     }
+
+    /// Returns the entry with its value changed by a function.
+    pub fn map<U>(self, function: impl FnOnce(T) -> U) -> NamedEntry<U, N> {
+        NamedEntry { name: self.name, value: function(self.value) }
+    }
 }
 
 /// Serializes the entry as in the configuration: as a table with the name as its key.

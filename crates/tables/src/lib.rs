@@ -83,8 +83,8 @@ pub use table::{Provenance, Table, guarded, hush_damaged_tables, is_own_table, r
 pub use time::{UtcTime, time_text};
 pub use verdict::{
     Comparison, Contradiction, ContradictionKind, FitNotes, LINEAR_PART, LawKind, LawLike, Misfit,
-    MisfitRms, MisfitRun, NoInterval, NoIntervalReason, NoPrecisionReason, NotTested,
-    NotTestedReason, Outcome, Reason, Resistance, Side, Undecided, UndecidedReason, Why,
+    MisfitRun, NoInterval, NoIntervalReason, NoPrecisionReason, NotTested, NotTestedReason,
+    Outcome, Reason, Resistance, Side, Undecided, UndecidedReason, Why,
 };
 
 use std::io::ErrorKind;

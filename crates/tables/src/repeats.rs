@@ -175,7 +175,7 @@ mod tests {
     use rand::SeedableRng as _;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution as _, StandardNormal};
-    use trilink_robot::metrics::GaitMetrics;
+    use trilink_robot::metrics::{GaitMetrics, padded};
 
     use super::*;
     use crate::Columns as _;
@@ -194,7 +194,7 @@ mod tests {
                 let d_m = scattered(0.1 * frequency as f64, 0.01);
                 trials.push(TrialRow {
                     omega_commanded_rad_s: frequency as f64,
-                    metrics: GaitMetrics { d_m, sigma, ..GaitMetrics::MISSING },
+                    metrics: GaitMetrics { d_m, sigma: padded(&sigma), ..GaitMetrics::MISSING },
                     ..TrialRow::blank()
                 });
             }

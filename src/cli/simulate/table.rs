@@ -29,7 +29,7 @@ pub(super) fn print(answers: &[&Answer]) {
     let mut table = Table::new(&lines)
         .left("model", |line| line.model)
         .right("omega rad/s", |line| &line.omega);
-    for metric in Metric::ALL {
+    for metric in Metric::OF_THREE_LINKS {
         let MetricDefinition { dimension, .. } = *metric.definition();
         let [length, ratio, angle] = DECIMALS;
         let (name, decimals) = match (dimension, dimension.units()[1]) {

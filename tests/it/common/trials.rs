@@ -2,7 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_tables::{Columns as _, TrialRow};
 
 /// Returns a trial whose metrics are those of `motion` plus normal noise. The relative standard errors are `of_d` for d
@@ -18,7 +18,7 @@ pub fn noisy_trial(
     let metrics = GaitMetrics {
         d_m: motion.d_m * by,
         v_m_s: motion.v_m_s * by,
-        sigma: motion.sigma.map(|sigma| sigma * (1.0 + of_sigma * normal())),
+        sigma: padded(&[0, 1, 2].map(|wheel| motion.sigma[wheel] * (1.0 + of_sigma * normal()))),
         ..*motion
     };
     let metrics_se = GaitMetrics {

@@ -107,7 +107,7 @@ fn covariance(trial: &TrialInformation, one: Metric, other: Metric) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::metrics::GaitMetrics;
+    use trilink_robot::metrics::{ByFitted, GaitMetrics};
 
     use super::*;
 
@@ -118,9 +118,9 @@ mod tests {
     ) -> TrialInformation {
         TrialInformation {
             metrics: GaitMetrics::from_array([1.0; 7]),
-            weights: weights.into(),
-            slopes: slopes.iter().map(|of| (*of).into()).collect(),
-            noise: noise.into(),
+            weights: ByFitted::of_three_links(weights, 0.0),
+            slopes: slopes.iter().map(|of| ByFitted::of_three_links(*of, 0.0)).collect(),
+            noise: ByFitted::of_three_links(noise, 0.0),
             by_gait: Vec::new(),
             by_assumed: Vec::new(),
         }

@@ -64,7 +64,9 @@ impl Prediction {
     /// # Errors
     /// Returns a message with the expected form and the known metrics if the text cannot be parsed.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let names = Metric::FITTED.map(Metric::name).join("`, `");
+        let names =
+            Metric::OF_THREE_LINKS.into_iter().filter(|metric| Metric::FITTED.contains(metric));
+        let names = names.map(Metric::name).collect::<Vec<_>>().join("`, `");
         let needed = || {
             format!(
                 "found `{text}`, needed `METRIC at RAD_S`, such as `d at 2.5`, where METRIC is one of `{names}`"

@@ -44,9 +44,8 @@ fn dry(campaign: &str) -> Vec<(f64, GaitMetrics)> {
             let numbers: Vec<f64> =
                 row.split(',').filter_map(|number| number.parse().ok()).collect();
             let [omega_rad_s, d_m, v_m_s, s0, s1, s2, dtheta_rad] = numbers.try_into().unwrap();
-            let alpha1_rad = f64::NAN;
-            let sigma = [s0, s1, s2];
-            (omega_rad_s, GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad })
+            let metrics = [d_m, v_m_s, s0, s1, s2, f64::NAN, dtheta_rad];
+            (omega_rad_s, GaitMetrics::from_array(metrics))
         })
         .collect()
 }

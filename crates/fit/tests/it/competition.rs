@@ -65,8 +65,8 @@ fn trials(campaign: &str, motions: &[(f64, GaitMetrics)], seed: u64) -> Vec<Tria
     let trial = |(omega_rad_s, motion): &(f64, GaitMetrics)| {
         let mut trial = noisy_trial(campaign, &(*omega_rad_s, *motion), [NOISE; 2], &mut random);
         let normal: f64 = StandardNormal.sample(&mut random);
-        trial.metrics.alpha1_rad = motion.alpha1_rad * (1.0 + NOISE * normal);
-        trial.metrics_se.alpha1_rad = motion.alpha1_rad * NOISE;
+        trial.metrics.alpha_rad[0] = motion.alpha_rad[0] * (1.0 + NOISE * normal);
+        trial.metrics_se.alpha_rad[0] = motion.alpha_rad[0] * NOISE;
         trial
     };
     motions.iter().map(trial).collect()

@@ -123,8 +123,11 @@ fn measure(truth: &Truth, repeats: usize, seed: u64) -> FitData {
 }
 
 /// Builds the metrics from the six quantities in the objective, and the change in heading.
-fn metrics([d_m, v_m_s, sigma @ .., alpha1_rad]: [f64; 6], dtheta_rad: f64) -> GaitMetrics {
-    GaitMetrics { d_m, v_m_s, sigma, alpha1_rad, dtheta_rad }
+fn metrics(
+    [d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad]: [f64; 6],
+    dtheta_rad: f64,
+) -> GaitMetrics {
+    GaitMetrics::from_array([d_m, v_m_s, sigma0, sigma1, sigma2, alpha1_rad, dtheta_rad])
 }
 
 /// Coverage of the confidence intervals for one coefficient over many campaigns.
@@ -415,7 +418,7 @@ fn check_trials(campaign: &str, nights: &[Night], failures: &mut Vec<String>) {
             for (wheel, sigma) in row.sigma_debiased.iter().enumerate() {
                 add(format!("sigma{wheel}"), sigma.value, sigma.se, &truth["sigma"][wheel]);
             }
-            add("alpha1".to_owned(), found.alpha1_rad, errors.alpha1_rad, &truth["alpha1_rad"]);
+            add("alpha1".to_owned(), found.alpha_rad[0], errors.alpha_rad[0], &truth["alpha1_rad"]);
         }
     }
     for (name, are_near) in metrics {

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use trilink_fit::{FitData, FitInput, Fitted, Objective, fit};
 use trilink_mechanics::{Laws, Model, Problem, REFERENCE_ACCURACY};
 use trilink_robot::decay::DecayLaw;
-use trilink_robot::metrics::{GaitMetrics, MotionStatus};
+use trilink_robot::metrics::{GaitMetrics, MotionStatus, padded};
 use trilink_robot::{JointCommand, Parameter, Quantity, Robot};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{
@@ -61,8 +61,8 @@ fn trials(reference: &Reference) -> Vec<TrialRow> {
                 metrics: GaitMetrics {
                     d_m: fields[1],
                     v_m_s: fields[2],
-                    sigma: [fields[3], fields[4], fields[5]],
-                    alpha1_rad,
+                    sigma: padded(&fields[3..6]),
+                    alpha_rad: padded(&[alpha1_rad]),
                     dtheta_rad: 0.0,
                 },
                 ..TrialRow::blank()
@@ -339,9 +339,9 @@ fn a_curve_passes_through_the_predictions_for_the_trials_own_gaits() {
     }
     // Between two trials, the prediction curve uses the mean of their gaits, not the command.
     let alpha1_rad = 0.5 * (0.95 + 1.01) * 30_f64.to_radians();
-    let mut deviations = curve.iter().map(|row| row.metrics.alpha1_rad - alpha1_rad);
+    let mut deviations = curve.iter().map(|row| row.metrics.alpha_rad[0] - alpha1_rad);
     assert!(deviations.any(|deviation| deviation.abs() < 1e-3));
-    assert!(curve[5].metrics.alpha1_rad < alpha1_rad);
+    assert!(curve[5].metrics.alpha_rad[0] < alpha1_rad);
 }
 
 #[test]
@@ -545,7 +545,7 @@ fn stiffness_and_damping_that_only_act_together_are_not_identifiable() {
     let mut rows = named(reference);
     rows.drain(4..);
     rows.drain(..3);
-    rows[0].metrics_se.alpha1_rad = 0.01 * rows[0].metrics.alpha1_rad;
+    rows[0].metrics_se.alpha_rad[0] = 0.01 * rows[0].metrics.alpha_rad[0];
     let fitted = fit(&config, &rows.into(), &|_| {});
     let fit = &fitted.fits[0];
     assert_eq!(fit.status, FitStatus::Ok);

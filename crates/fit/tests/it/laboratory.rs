@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Gait, Robot};
 
 /// Maximum step of the integrator, s: two thirds of the fastest decay time of a skid velocity.
@@ -234,8 +234,8 @@ fn cycle(
     let metrics = GaitMetrics {
         d_m,
         v_m_s: d_m * omega_rad_s / TAU,
-        sigma: squares.map(|square| square.sqrt() / (robot.skid_length_m() * omega_rad_s)),
-        alpha1_rad: gait.joints[0].map_or(f64::NAN, |joint| joint.amplitude_rad),
+        sigma: padded(&squares.map(|square| square.sqrt() / (robot.skid_length_m() * omega_rad_s))),
+        alpha_rad: padded(&[gait.joints[0].map_or(f64::NAN, |joint| joint.amplitude_rad)]),
         dtheta_rad: pose.z,
     };
     (state, metrics)

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_fit::{FitData, Fitted, fit};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Gait, Model, Quantity, Robot};
 use trilink_statistics::{HALF_WIDTH_95, student};
 use trilink_tables::config::{Config, GaitInput, SigmaKind};
@@ -286,7 +286,7 @@ fn add_trial(
 }
 
 fn metrics([d_m, v_m_s, sigma @ ..]: [f64; 5]) -> GaitMetrics {
-    GaitMetrics { d_m, v_m_s, sigma, ..GaitMetrics::MISSING }
+    GaitMetrics { d_m, v_m_s, sigma: padded(&sigma), ..GaitMetrics::MISSING }
 }
 
 /// Results of many fits of the true model.

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_robot::JointCommand;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_statistics::{mean, seen};
 use trilink_tables::{Columns as _, Coordinates, JointCycle, WheelVelocities};
 
@@ -30,11 +30,6 @@ pub(crate) struct Cycle {
     pub end: f64,
     /// Metrics of the cycle; all NaN if it overlaps a gap or a jump.
     pub metrics: GaitMetrics,
-    /// Skid ratios of the wheels from that of link 3 on, and amplitudes of the joints from the second on, rad, which
-    /// [`GaitMetrics`] does not have; NaN for a link without a wheel, and empty if the cycle overlaps a gap or a jump.
-    /// For robots of three links the amplitude of the second joint is left out.
-    pub more_sigma: Vec<f64>,
-    pub more_alpha_rad: Vec<f64>,
     /// First harmonics of the joint angles as recorded, without smoothing.
     pub gait: Vec<JointCycle>,
     /// Offset and harmonics of the wheels' unsmoothed skid velocities, m/s, scaled so that their squares sum to the
@@ -45,11 +40,6 @@ pub(crate) struct Cycle {
 }
 
 impl Cycle {
-    /// Returns the skid ratio of a link's wheel.
-    pub(crate) fn sigma(&self, link: usize) -> f64 {
-        self.metrics.sigma.iter().chain(&self.more_sigma).nth(link).copied().unwrap_or(f64::NAN)
-    }
-
     /// Returns whether the cycle is free of gaps and jumps.
     pub(crate) fn is_whole(&self) -> bool {
         !self.metrics.d_m.is_nan()
@@ -109,9 +99,10 @@ impl CycleData<'_> {
         let is_gait = deviations.iter().all(|(squares, max_deviation)| {
             mean(seen(&squares[frames.clone()])).max(0.0).sqrt() <= *max_deviation
         });
-        let metrics = self.metrics(start, end);
+        let metrics = self.metrics(start, end).unwrap_or(GaitMetrics::MISSING);
+        let is_whole = !metrics.d_m.is_nan();
         let skid_m_s = self.raw_wheels.skid_m_s.iter().map(|skid_m_s| {
-            let shape = metrics.as_ref().and_then(|_| self.shape(skid_m_s, start, end));
+            let shape = is_whole.then(|| self.shape(skid_m_s, start, end)).flatten();
             shape.map_or(Vec::new(), Harmonics::components)
         });
         let gait = self.tracked.seen.phi_rad.iter().map(|phi_rad| {
@@ -119,9 +110,7 @@ impl CycleData<'_> {
                 .map_or_else(JointCycle::blank, |fit| first_harmonic(&fit))
         });
         let (gait, skid_m_s) = (gait.collect(), skid_m_s.collect());
-        let (metrics, more_sigma, more_alpha_rad) =
-            metrics.unwrap_or((GaitMetrics::MISSING, Vec::new(), Vec::new()));
-        Cycle { start, end, metrics, more_sigma, more_alpha_rad, gait, skid_m_s, is_gait }
+        Cycle { start, end, metrics, gait, skid_m_s, is_gait }
     }
 
     /// Fits the Fourier series of a time series over a cycle; `None` if too few samples are available.
@@ -130,9 +119,9 @@ impl CycleData<'_> {
         Harmonics::fit(series, frames_within(start, end), phase, *shape_harmonics)
     }
 
-    /// Computes the metrics, the skid ratios from wheel 3 on and the amplitudes from joint 2 on; `None` if the cycle
-    /// overlaps a gap.
-    fn metrics(&self, start: f64, end: f64) -> Option<(GaitMetrics, Vec<f64>, Vec<f64>)> {
+    /// Computes the metrics; `None` if the cycle overlaps a gap. Of the joints of a robot of three links, only the first
+    /// has an amplitude.
+    fn metrics(&self, start: f64, end: f64) -> Option<GaitMetrics> {
         let Coordinates { x_m, y_m, theta_rad, phi_rad } = &self.motion.coordinates;
         let has_gap = [x_m, theta_rad]
             .into_iter()
@@ -149,26 +138,27 @@ impl CycleData<'_> {
         let d_m = change(x_m, start, end).hypot(change(y_m, start, end));
         let omega_rad_s = self.driven.omega_rad_s;
         let scale = self.geometry.skid_length_m * omega_rad_s;
-        let sigma = |link: usize| {
-            mean_square(&self.motion.wheels.skid_m_s[link], start, end).sqrt() / scale
-        };
-        let links = self.geometry.links.len();
-        let metrics = GaitMetrics {
+        let sigma: Vec<f64> = self
+            .motion
+            .wheels
+            .skid_m_s
+            .iter()
+            .map(|skid_m_s| mean_square(skid_m_s, start, end).sqrt() / scale)
+            .collect();
+        let joints = if sigma.len() == 3 { 1 } else { self.geometry.joints() };
+        let alpha_rad: Vec<f64> = (0..joints).map(alpha_rad).collect::<Option<_>>()?;
+        let dtheta_rad = change(theta_rad, start, end);
+        let links = sigma.iter().zip(&self.geometry.links);
+        let of_wheels = links.filter(|(_, link)| link.wheel.is_some()).map(|(sigma, _)| sigma);
+        let is_whole =
+            ![d_m, dtheta_rad].iter().chain(&alpha_rad).chain(of_wheels).any(|x| x.is_nan());
+        is_whole.then(|| GaitMetrics {
             d_m,
             v_m_s: d_m * omega_rad_s / TAU,
-            sigma: [0, 1, 2].map(|link| if link < links { sigma(link) } else { f64::NAN }),
-            alpha1_rad: alpha_rad(0)?,
-            dtheta_rad: change(theta_rad, start, end),
-        };
-        let more_sigma: Vec<f64> = (3..links).map(sigma).collect();
-        let more_joints = if links == 3 { 0..0 } else { 1..self.geometry.joints() };
-        let more_alpha_rad: Vec<f64> = more_joints.map(alpha_rad).collect::<Option<_>>()?;
-        let GaitMetrics { d_m, alpha1_rad, dtheta_rad, sigma, .. } = metrics;
-        let sigma = sigma.iter().chain(&more_sigma).zip(&self.geometry.links);
-        let of_wheels = sigma.filter(|(_, link)| link.wheel.is_some()).map(|(sigma, _)| sigma);
-        let all = [d_m, alpha1_rad, dtheta_rad];
-        let is_whole = !all.iter().chain(&more_alpha_rad).chain(of_wheels).any(|x| x.is_nan());
-        is_whole.then_some((metrics, more_sigma, more_alpha_rad))
+            sigma: padded(&sigma),
+            alpha_rad: padded(&alpha_rad),
+            dtheta_rad,
+        })
     }
 }
 

@@ -77,8 +77,6 @@ mod tests {
                 start: 100.0 * i as f64,
                 end: 100.0 * (i + 1) as f64,
                 metrics: GaitMetrics { d_m, ..GaitMetrics::NONE },
-                more_sigma: Vec::new(),
-                more_alpha_rad: Vec::new(),
                 gait: Vec::new(),
                 skid_m_s: Vec::new(),
                 is_gait: true,

@@ -120,8 +120,6 @@ mod tests {
                 start: 0.0,
                 end: 0.0,
                 metrics: GaitMetrics { d_m, dtheta_rad: 0.0, ..GaitMetrics::MISSING },
-                more_sigma: Vec::new(),
-                more_alpha_rad: Vec::new(),
                 gait: Vec::new(),
                 skid_m_s: Vec::new(),
                 is_gait: true,

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_robot::JointCommand;
-use trilink_robot::metrics::{GaitMetrics, Metric};
+use trilink_robot::metrics::{GaitMetrics, Metric, padded};
 use trilink_statistics::{Estimate, mean, wrap};
 use trilink_tables::trial::Trial;
 use trilink_tables::{
@@ -56,7 +56,7 @@ pub(crate) fn describe_gait(
     let d = mean_of_changes(&of(Metric::D), &steady.used, position, 0.0);
     let per_turn = driven.omega_rad_s / TAU;
     let dtheta = mean_of_changes(&of(Metric::Dtheta), &steady.used, heading, 0.0);
-    let alpha1 = independent_mean(&of(Metric::Alpha1));
+    let alpha = Metric::ALPHA.map(|metric| independent_mean(&of(metric)));
     let scale = data.geometry.skid_length_m * driven.omega_rad_s;
     let links = data.geometry.links.len();
     let sigma = Metric::SIGMA.map(|metric| independent_mean(&of(metric)));
@@ -64,7 +64,7 @@ pub(crate) fn describe_gait(
         d_m: d.value,
         v_m_s: d.value * per_turn,
         sigma: sigma.map(|sigma| sigma.value),
-        alpha1_rad: alpha1.value,
+        alpha_rad: alpha.map(|alpha| alpha.value),
         dtheta_rad: dtheta.value,
     };
     let debiased = |link: usize| {
@@ -82,25 +82,15 @@ pub(crate) fn describe_gait(
         let skid_square = common.skid_square.get(link).copied().unwrap_or(f64::NAN);
         se.hypot(skid_square / (2.0 * value * scale * scale))
     };
-    row.more_sigma = (3..links)
-        .map(|link| {
-            let of_cycles: Vec<f64> = used.iter().map(|cycle| cycle.sigma(link)).collect();
-            let sigma = independent_mean(&of_cycles);
-            Estimate { se: sigma_se(link, sigma), ..sigma }
-        })
-        .collect();
-    row.more_alpha_rad = (0..used.first().map_or(0, |cycle| cycle.more_alpha_rad.len()))
-        .map(|i| {
-            let of_cycles: Vec<f64> = used.iter().map(|cycle| cycle.more_alpha_rad[i]).collect();
-            let alpha = independent_mean(&of_cycles);
-            Estimate { se: alpha.se.hypot(common.gait_rad[i + 1][1]), ..alpha }
-        })
-        .collect();
+    let alpha_se = |joint: usize| {
+        let common_rad = common.gait_rad.get(joint).map_or(f64::NAN, |common_rad| common_rad[1]);
+        alpha[joint].se.hypot(common_rad)
+    };
     row.metrics_se = GaitMetrics {
         d_m: d.se,
         v_m_s: d.se * per_turn,
         sigma: std::array::from_fn(|link| sigma_se(link, sigma[link])),
-        alpha1_rad: alpha1.se.hypot(common.gait_rad[0][1]),
+        alpha_rad: std::array::from_fn(alpha_se),
         dtheta_rad: dtheta.se,
     };
     set_gait(row, joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase));
@@ -122,10 +112,10 @@ pub(crate) fn describe_gait(
     if row.noise_white == Some(false) {
         // A filter attenuates what is faster than its unknown cut-off. What a cycle adds up is unaffected by it.
         let unknown = f64::NAN;
-        row.metrics_se = GaitMetrics { sigma: [unknown; 3], alpha1_rad: unknown, ..row.metrics_se };
-        let more = row.more_sigma.iter_mut().chain(row.more_sigma_debiased.iter_mut());
-        let more = more.chain(row.more_alpha_rad.iter_mut());
-        row.sigma_debiased.iter_mut().chain(more).for_each(|estimate| estimate.se = unknown);
+        row.metrics_se =
+            GaitMetrics { sigma: padded(&[]), alpha_rad: padded(&[]), ..row.metrics_se };
+        let debiased = row.sigma_debiased.iter_mut().chain(row.more_sigma_debiased.iter_mut());
+        debiased.for_each(|estimate| estimate.se = unknown);
         let gaits = row.gait.iter_mut().chain(row.more_gait.iter_mut());
         gaits.for_each(|gait| gait.amplitude_rad_se = unknown);
     }
@@ -190,8 +180,6 @@ pub(crate) fn cycle_rows(
             cycle: i as i64,
             start_s: cycle.start / rate_hz,
             metrics: cycle.metrics,
-            more_sigma: cycle.more_sigma.iter().copied().collect(),
-            more_alpha_rad: cycle.more_alpha_rad.iter().copied().collect(),
             gait: std::array::from_fn(|joint| {
                 cycle.gait.get(joint).copied().unwrap_or_else(JointCycle::blank)
             }),

@@ -39,10 +39,10 @@ fn poses_of_every_system_give_the_metrics_that_markers_give() {
             ("d", a.metrics.d_m, a.metrics_se.d_m, b.metrics.d_m, b.metrics_se.d_m),
             (
                 "alpha1",
-                a.metrics.alpha1_rad,
-                a.metrics_se.alpha1_rad,
-                b.metrics.alpha1_rad,
-                b.metrics_se.alpha1_rad,
+                a.metrics.alpha_rad[0],
+                a.metrics_se.alpha_rad[0],
+                b.metrics.alpha_rad[0],
+                b.metrics_se.alpha_rad[0],
             ),
             (
                 "dtheta",
@@ -154,9 +154,9 @@ fn a_body_whose_frame_is_turned_against_its_link_gives_the_same_motion() {
             ("d", row.metrics.d_m, expected.metrics.d_m, expected.metrics_se.d_m),
             (
                 "alpha1",
-                row.metrics.alpha1_rad,
-                expected.metrics.alpha1_rad,
-                expected.metrics_se.alpha1_rad,
+                row.metrics.alpha_rad[0],
+                expected.metrics.alpha_rad[0],
+                expected.metrics_se.alpha_rad[0],
             ),
             (
                 "dtheta",

@@ -185,11 +185,8 @@ impl Case {
                 assert!(sigma[link].value.is_nan());
             }
         }
-        let first = of(means.alpha1_rad, errors.alpha1_rad);
-        let alpha = std::iter::once(first).chain(row.more_alpha_rad.iter().copied());
-        let alpha: Vec<Estimate> = alpha.collect();
-        assert_eq!(alpha.len(), self.chain.joints.len());
-        for (joint, (truth, found)) in motion.alpha_rad.into_iter().zip(alpha).enumerate() {
+        for (joint, truth) in motion.alpha_rad.into_iter().enumerate() {
+            let found = of(means.alpha_rad[joint], errors.alpha_rad[joint]);
             metrics.push((format!("alpha{}", joint + 1), truth, found));
         }
         metrics
@@ -204,8 +201,6 @@ fn metrics_of_chains_are_found_without_noise() {
     for (name, case) in cases() {
         let row = case.processed(case.recorded(0.0, 0), Some(1), &settings).row;
         let sigma = row.metrics.sigma.map(|value| Estimate { value, se: f64::NAN });
-        let sigma: Vec<Estimate> =
-            sigma.into_iter().chain(row.more_sigma.iter().copied()).collect();
         for (metric, truth, found) in case.metrics(&row, &sigma) {
             let error = (found.value - truth).abs();
             // The extremes of an angle are those at 360 phases.
@@ -222,8 +217,7 @@ fn metrics_of_chains_agree_with_the_simulation_within_their_errors() {
     let (mut squares, mut count) = (0.0, 0.0);
     for (name, case) in cases() {
         let row = case.processed(case.recorded(0.1, 3), None, &settings).row;
-        let sigma = row.sigma_debiased.iter().chain(row.more_sigma_debiased.iter()).copied();
-        for (metric, truth, found) in case.metrics(&row, &sigma.collect::<Vec<_>>()) {
+        for (metric, truth, found) in case.metrics(&row, &row.all_debiased()) {
             let dtheta_rad = row.metrics.dtheta_rad;
             let se = if metric == "d" { found.se.hypot(ORIGIN_M * dtheta_rad) } else { found.se };
             let deviation = (found.value - truth) / se;

@@ -51,7 +51,7 @@ pub(super) fn shares(
             for (name, value, se, truth) in [
                 ("d", metrics.d_m, se.d_m, &truth["d_m"]),
                 ("v", metrics.v_m_s, se.v_m_s, &truth["v_m_s"]),
-                ("alpha1", metrics.alpha1_rad, se.alpha1_rad, &truth["alpha1_rad"]),
+                ("alpha1", metrics.alpha_rad[0], se.alpha_rad[0], &truth["alpha1_rad"]),
                 ("dtheta", metrics.dtheta_rad, se.dtheta_rad, &truth["dtheta_rad"]),
                 ("sigma0", s0.value, s0.se, &truth["sigma"][0]),
                 ("sigma1", s1.value, s1.se, &truth["sigma"][1]),

@@ -100,11 +100,11 @@ fn metrics_and_gait_of_a_known_motion_are_found() {
         assert_eq!((row.status, row.message.as_str()), (TrialStatus::Ok, ""));
         assert!(relative_error(row.omega_rad_s, motion.omega_rad_s) < 1e-4);
         assert!((row.omega_rad_s - motion.omega_rad_s).abs() < 4.0 * row.omega_rad_s_se);
-        let GaitMetrics { d_m, v_m_s, alpha1_rad, dtheta_rad, .. } = row.metrics;
+        let GaitMetrics { d_m, v_m_s, alpha_rad: [alpha1_rad, ..], dtheta_rad, .. } = row.metrics;
         assert!(relative_error(d_m, truth.d_m) < 1e-3, "{omega}: {d_m} {}", truth.d_m);
         assert!(relative_error(v_m_s, truth.v_m_s) < 1e-3);
         assert!(error_deg(dtheta_rad, truth.dtheta_rad) < 0.1);
-        assert!(error_deg(alpha1_rad, truth.alpha1_rad) < 0.1, "{omega} {alpha1_rad}");
+        assert!(error_deg(alpha1_rad, truth.alpha_rad[0]) < 0.1, "{omega} {alpha1_rad}");
         for (found, truth) in row.sigma_debiased.iter().zip(truth.sigma) {
             assert!(relative_error(found.value, truth) < 0.03, "{omega}: {found:?} {truth}");
         }
@@ -890,7 +890,7 @@ fn a_tilted_floor_and_a_tilted_link_are_corrected_and_flagged() {
         );
         let planted = |key: &str| truth[key].as_f64().unwrap();
         assert!((row.metrics.d_m / planted("d_m") - 1.0).abs() < 2e-3, "{}", row.trial);
-        let alpha1_deg = (row.metrics.alpha1_rad - planted("alpha1_rad")).to_degrees();
+        let alpha1_deg = (row.metrics.alpha_rad[0] - planted("alpha1_rad")).to_degrees();
         assert!(alpha1_deg.abs() < 0.1, "{}: {alpha1_deg}", row.trial);
         for (found, planted) in row.gait.iter().zip(truth["gait"].as_array().unwrap()) {
             let Some(offset) = planted["offset_rad"].as_f64() else { continue };
@@ -930,7 +930,7 @@ fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints
         let found = process_trial(folder.path(), trial, &wrong).unwrap();
         assert_eq!(check_of(&right, "W018").severity, Severity::Ok);
         assert_eq!(check_of(&found, "W018").severity, Severity::Warning);
-        let bent = (right.row.metrics.alpha1_rad - found.row.metrics.alpha1_rad).to_degrees();
+        let bent = (right.row.metrics.alpha_rad[0] - found.row.metrics.alpha_rad[0]).to_degrees();
         assert!(bent.abs() < 0.02, "{}: {bent}", trial.id);
         let longer = found.row.metrics.d_m / right.row.metrics.d_m - 1.0;
         assert!(longer.abs() < 1e-3, "{}: {longer}", trial.id);
@@ -1125,7 +1125,7 @@ fn results_of_a_known_recording_do_not_change() {
     let (recording, trial) = symmetric(3.9);
     let processed = process_text(&recording.export(), &trial).unwrap();
     let TrialRow { omega_rad_s, metrics, sigma_debiased, .. } = processed.row;
-    let GaitMetrics { d_m, v_m_s, sigma: [sigma0, ..], alpha1_rad, .. } = metrics;
+    let GaitMetrics { d_m, v_m_s, sigma: [sigma0, ..], alpha_rad: [alpha1_rad, ..], .. } = metrics;
     let sigma1_debiased = sigma_debiased[1].value;
     let pose = processed.poses.values::<f64>("theta_rad").unwrap()[300];
     let wheel = processed.wheels.values::<f64>("skid1_m_s").unwrap()[300];

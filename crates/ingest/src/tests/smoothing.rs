@@ -54,7 +54,7 @@ impl Truth {
             skid_m_s: skid_m_s
                 .into_array_or(Vec::new())
                 .map(|skid_m_s| skid_m_s.into_iter().step_by(FINE).collect()),
-            sigma: steady.metrics.sigma,
+            sigma: [0, 1, 2].map(|wheel| steady.metrics.sigma[wheel]),
         }
     }
 }

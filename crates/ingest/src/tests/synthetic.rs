@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Robot, Trig, dot, skid_rows};
 use trilink_tables::config::{Config, Markers};
 
@@ -140,11 +140,12 @@ impl Motion {
             }
         }
         let d_m = x.hypot(y);
+        let scale_m_s = robot.skid_length_m() * self.omega_rad_s;
         GaitMetrics {
             d_m,
             v_m_s: d_m * self.omega_rad_s / TAU,
-            sigma: squares.map(|square| square.sqrt() / (robot.skid_length_m() * self.omega_rad_s)),
-            alpha1_rad: self.joints[0][1],
+            sigma: padded(&squares.map(|square| square.sqrt() / scale_m_s)),
+            alpha_rad: padded(&[self.joints[0][1]]),
             dtheta_rad,
         }
     }

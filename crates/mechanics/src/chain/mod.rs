@@ -327,7 +327,7 @@ impl ChainProblem {
     }
 
     /// Returns the problem with the coefficients that its friction laws do not use set to zero.
-    fn effective(&self) -> Self {
+    pub(super) fn effective(&self) -> Self {
         self.with_friction(|wheel| wheel.effective(self.laws))
     }
 

@@ -86,7 +86,7 @@ pub(super) type CommandGradient<T> = [T; COMMAND_SIZE + HARMONIC_SIZE];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Derivatives<T = GaitMetrics> {
     /// Derivatives with respect to each parameter, per unit of the parameter.
-    pub parameters: ByParameter<T>,
+    pub parameters: ByParameter<T, { Parameter::ALL.len() }>,
     /// Derivative with respect to the frequency omega, per rad/s.
     pub omega: T,
     /// Derivatives with respect to offset, amplitude and phase of each commanded joint, per radian; NaN if no

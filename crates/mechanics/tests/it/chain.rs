@@ -142,14 +142,14 @@ fn the_three_link_robot_is_a_chain() {
                 assert!(known.is_err() && found.is_err(), "{known:?}, {found:?}");
                 continue;
             };
-            let [middle, front, rear] = known.metrics.sigma;
+            let [middle, front, rear, ..] = known.metrics.sigma;
             let pairs = [
                 (found.metrics.d_m, known.metrics.d_m),
                 (found.metrics.dtheta_rad, known.metrics.dtheta_rad),
                 (found.metrics.sigma[0], front),
                 (found.metrics.sigma[1], middle),
                 (found.metrics.sigma[2], rear),
-                (found.metrics.alpha_rad[0], known.metrics.alpha1_rad),
+                (found.metrics.alpha_rad[0], known.metrics.alpha_rad[0]),
                 (found.work_j, known.work_j),
                 (found.floquet.unwrap_or(0.0), known.floquet.unwrap_or(0.0)),
             ];

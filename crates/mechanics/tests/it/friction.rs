@@ -59,7 +59,7 @@ fn reference_motions_agree_to_1e_6_and_are_reached_from_rest() {
             assert_near(metrics.sigma[wheel], number(18 + wheel), 1e-6, 0.0, line);
         }
         if !fields[21].is_empty() {
-            assert_near(metrics.alpha1_rad, number(21), 1e-6, 0.0, line);
+            assert_near(metrics.alpha_rad[0], number(21), 1e-6, 0.0, line);
         }
         assert_near(metrics.dtheta_rad, number(22), 1e-6, 1e-12, line);
         let attractor = solver.attractor(&problem, Ok(metrics), REFERENCE_ACCURACY);

@@ -34,8 +34,8 @@ pub(super) fn figure(
             .measured_trials(campaign)
             .map(|trial| {
                 let mut trial = trial.clone();
-                trial.metrics.alpha1_rad = trial.gait[joint].amplitude_rad;
-                trial.metrics_se.alpha1_rad = trial.gait[joint].amplitude_rad_se;
+                trial.metrics.alpha_rad[joint] = trial.gait[joint].amplitude_rad;
+                trial.metrics_se.alpha_rad[joint] = trial.gait[joint].amplitude_rad_se;
                 trial
             })
             .collect();

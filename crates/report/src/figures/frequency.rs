@@ -90,7 +90,7 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
         }
     };
     let models: Vec<Vec<Model>> = campaigns.iter().map(|campaign| models(campaign)).collect();
-    let plots = Metric::SIGMA.map(Quantity::new).map(|quantity| -> Plot {
+    let plots = Metric::SIGMA.map(Quantity::new).into_iter().map(|quantity| -> Plot {
         let mut series: Vec<Series> = campaigns
             .iter()
             .enumerate()
@@ -110,6 +110,9 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
         }
         (quantity, series)
     });
+    let has_points = |series: &[Series]| series.iter().any(|of| of.points().next().is_some());
+    let plots: Vec<Plot> =
+        plots.filter(|(of, series)| of.metric.is_of_three_links() || has_points(series)).collect();
     let (input, of_trials) = drivers(&plots, source);
     let values = context! {
         campaigns => Serde(campaigns),

@@ -88,9 +88,9 @@ pub(crate) fn html(
     }
     // Skid ratios are of the kind (raw or debiased) that the fits use.
     let listed = |rows: Vec<&TrialRow>| {
-        let listed = rows
-            .into_iter()
-            .map(|row| Value::from(Serde((row, row.sigma(input.sigma), codes.get(&*row.trial)))));
+        let listed = rows.into_iter().map(|row| {
+            Value::from(Serde((row, &row.sigma(input.sigma)[..3], codes.get(&*row.trial))))
+        });
         listed.collect::<Vec<_>>()
     };
     let (first, folded) = listed_first(&tables.trials);

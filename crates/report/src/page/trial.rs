@@ -101,7 +101,10 @@ fn predicted(
     let models = source.models(&trial.campaign).into_iter();
     let rows = models.filter_map(|model| source.of_trial(trial, model)).collect::<Vec<_>>();
     let passive = input.campaign_setup(&trial.campaign).and_then(|(_, gait)| gait.passive_joint());
-    let shown = fitted().into_iter().filter(|of| of.metric != Metric::Alpha1 || passive == Some(0));
+    let shown = fitted().into_iter().filter(|of| match of.metric {
+        Metric::Alpha1 => passive == Some(0),
+        metric => metric.is_of_three_links() || trial.metrics[metric].is_finite(),
+    });
     let of_quantity = shown.map(|quantity| {
         let measured = quantity.of_trial(trial, source.sigma);
         let of_model = rows.iter().map(|row| {

@@ -47,7 +47,7 @@ impl Point {
         }
         Ok(match quantity {
             "v_over_omega_mm" => 1e3 * metrics.v_m_s / omega_rad_s,
-            "sigma_sum" => metrics.sigma.iter().sum(),
+            "sigma_sum" => metrics.sigma[..Robot::LINKS].iter().sum(),
             // Largest RMS skid speed of any wheel, divided by the mean forward speed; the skid ratios (eq. 20) are
             // converted with the link length l that both tables of the paper give.
             "skid_percent" => {

@@ -5,6 +5,7 @@ use std::time::Instant;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
+use trilink_robot::Parameter;
 use trilink_tables::{FitRow, PredictionRow, Table, poses_path, wheels_path};
 
 use super::recording::{save, wheels};
@@ -105,20 +106,24 @@ fn numbers_of(tables: &mut MadeUp) -> Vec<&mut f64> {
         let metrics = &mut row.metrics;
         let se = &mut row.metrics_se;
         numbers.extend([&mut row.omega_rad_s, &mut row.omega_commanded_rad_s, &mut se.d_m]);
-        numbers.extend([&mut metrics.d_m, &mut metrics.v_m_s, &mut metrics.alpha1_rad]);
-        numbers.extend(&mut metrics.sigma);
-        numbers.extend(&mut se.sigma);
+        numbers.extend([&mut metrics.d_m, &mut metrics.v_m_s, &mut metrics.alpha_rad[0]]);
+        numbers.extend(&mut metrics.sigma[..3]);
+        numbers.extend(&mut se.sigma[..3]);
         numbers.extend(row.gait.iter_mut().flat_map(|joint| {
             [&mut joint.offset_rad, &mut joint.amplitude_rad, &mut joint.phase_rad]
         }));
     }
     for PredictionRow { omega_rad_s, metrics, .. } in &mut tables.predictions {
         numbers.extend([omega_rad_s, &mut metrics.d_m, &mut metrics.v_m_s]);
-        numbers.extend(&mut metrics.sigma);
+        numbers.extend(&mut metrics.sigma[..3]);
     }
     for FitRow { parameters, lower, upper, j, .. } in &mut tables.fits {
         numbers.push(j);
-        numbers.extend([parameters, lower, upper].into_iter().flat_map(|of| of.iter_mut()));
+        numbers.extend(
+            [parameters, lower, upper]
+                .into_iter()
+                .flat_map(|of| of.iter_mut().take(Parameter::ALL.len())),
+        );
     }
     numbers
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use trilink_mechanics::{FromRest, Model, MotionStatus};
 use trilink_robot::decay::DecayLaw;
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{ByParameter, Parameter, Quantity};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, GaitInput};
@@ -356,7 +356,7 @@ fn prediction(
     let metrics = |factor: f64| {
         let [d_m, sigma @ ..] = predicted.unwrap_or([f64::NAN; 4]).map(|of| factor * of);
         let v_m_s = d_m * omega_rad_s / std::f64::consts::TAU;
-        GaitMetrics { d_m, v_m_s, sigma, alpha1_rad: 0.5, dtheta_rad: 0.0 }
+        GaitMetrics::from_array([d_m, v_m_s, sigma[0], sigma[1], sigma[2], 0.5, 0.0])
     };
     let is_known = model == Model::SKID_ROLL;
     PredictionRow {
@@ -393,12 +393,18 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
         omega_rad_s: omega * 1.0004,
         omega_rad_s_se: 0.0003,
         cycles: 8,
-        metrics: GaitMetrics { d_m, v_m_s, sigma, alpha1_rad: 0.52, dtheta_rad: 0.01 },
+        metrics: GaitMetrics {
+            d_m,
+            v_m_s,
+            sigma: padded(&sigma),
+            alpha_rad: padded(&[0.52]),
+            dtheta_rad: 0.01,
+        },
         metrics_se: GaitMetrics {
             d_m: 0.011 * d_m,
             v_m_s: 0.011 * v_m_s,
-            sigma: sigma.map(|sigma| 0.02 * sigma),
-            alpha1_rad: 0.001,
+            sigma: padded(&sigma.map(|sigma| 0.02 * sigma)),
+            alpha_rad: padded(&[0.001]),
             dtheta_rad: 0.001,
         },
         sigma_debiased: sigma.map(|sigma| Estimate::new(sigma, 0.02 * sigma)),
@@ -418,9 +424,7 @@ pub(crate) fn trial(campaign: &str, omega: f64, [d_m, sigma @ ..]: [f64; 4]) -> 
                 ..JointGait::blank()
             },
         ],
-        more_sigma: Numbered::default(),
         more_sigma_debiased: Numbered::default(),
-        more_alpha_rad: Numbered::default(),
         more_gait: Numbered::default(),
         heading_rad: 0.3,
         coverage: 0.9934,

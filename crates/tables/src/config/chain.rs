@@ -15,7 +15,7 @@ use trilink_robot::{
 
 pub(super) use split::take_chains;
 
-use super::{Config, GaitConfig, JointConfig, Weights};
+use super::{Config, Free, GaitConfig, JointConfig, Weights};
 
 /// Chains in the configuration, with the gaits and campaigns that belong to chains alone.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
@@ -132,6 +132,14 @@ pub struct ChainCampaign {
     #[serde(default)]
     pub models: Vec<Model>,
     pub weights: Option<Weights>,
+    /// Free parameters by model, as in [`Campaign`](super::Campaign).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub free: BTreeMap<Model, Free>,
+}
+
+impl ChainCampaign {
+    /// Weights of the metrics in the objective if none are configured.
+    pub const WEIGHTS: Weights = Weights { d: 1.0, v: 1.0, sigma: 1.0, alpha: 1.0 };
 }
 
 impl CommandConfig {

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use toml::Value;
 use trilink_base::pattern::{matches, matches_label};
-use trilink_robot::{Gait, Laws, Model, Parameter, Quantity, Robot};
+use trilink_robot::{AnyGait, AnyRobot, Gait, Laws, Model, Parameter, Quantity, Robot};
 
 use super::{
     Campaign, Config, ConfigError, GaitConfig, JointConfig, Markers, ModelConfig, RobotConfig,
@@ -120,10 +120,9 @@ impl Config {
             }
         }
         for (name, model) in &self.model {
-            // A gait with a passive joint allows all parameters; the actual gaits are checked with their
-            // campaigns.
+            // The actual robots and gaits are checked with their campaigns.
             let key = format!("model.{name}.free");
-            check.free(&key, *name, model, &model.free(), &Gait::passive_symmetric())?;
+            check.free(&key, *name, model, &model.free(), None)?;
         }
         self.check_bounds(&check, &values["fit"])?;
         let font_pt = self.report.font_pt;
@@ -225,13 +224,14 @@ impl Config {
             check.entry(&self.model, model, &key("models"))?;
             self.check_laws(check.path, robot, *model)?;
         }
+        let setup = (self.robot[robot].to_robot().into(), commanded.into());
         for (model, free) in &campaign.free {
             let key = key(&format!("free.{model}"));
             let known: Vec<&str> = models.iter().map(|model| model.name()).collect();
             let hint = did_you_mean(model.name(), known.iter().copied());
             let needed = format!("one of the campaign's models `{}`{hint}", known.join("`, `"));
             check.that(models.contains(model), &key, &model.name(), &needed)?;
-            check.free(&key, *model, &self.model[model], &free.0, &commanded)?;
+            check.free(&key, *model, &self.model[model], &free.0, Some(&setup))?;
         }
         Ok(())
     }
@@ -468,28 +468,43 @@ impl Checker<'_> {
         })
     }
 
-    /// Checks that all free parameters exist in the model under the given gait, and that none is listed
-    /// twice.
-    fn free(
+    /// Checks that all free parameters exist in the model, for the given robot and gait if there are any, and that none
+    /// is listed twice.
+    pub(super) fn free(
         &self,
         key: &str,
         name: Model,
         model: &ModelConfig,
         free: &[Parameter],
-        gait: &Gait,
+        setup: Option<&(AnyRobot, AnyGait)>,
     ) -> Result<(), ConfigError> {
         let ModelConfig { skid, roll, .. } = model;
-        let known = |one: &Parameter| model.laws().is_relevant(*one, gait);
-        let joint = if gait.passive_joint().is_some() { "a" } else { "no" };
+        let laws = model.laws();
+        let known = |one: &Parameter| match setup {
+            Some((robot, gait)) => robot.depends_on(*one, laws, gait),
+            None => laws.is_used(one.quantity()),
+        };
+        let of = match setup {
+            Some((AnyRobot::Chain(_), _)) => "of this chain",
+            Some((robot, gait)) if !(0..robot.joints()).any(|i| robot.is_free(i, gait)) => {
+                "with no passive joint"
+            }
+            _ => "with a passive joint",
+        };
         for (i, one) in free.iter().enumerate() {
-            let keys: Vec<&str> =
-                Parameter::ALL.into_iter().filter(known).map(Parameter::key).collect();
+            let all = Parameter::OF_ANY_ROBOT.into_iter();
+            let is_listed = |one: &Parameter| setup.is_some() || one.is_of_three_links();
+            let keys: Vec<&str> = all.filter(is_listed).filter(known).map(Parameter::key).collect();
             let keys = if keys.is_empty() { "none".to_owned() } else { keys.join(", ") };
             let needed = format!(
-                "a parameter of model `{name}` (skid = \"{skid}\", roll = \"{roll}\") with {joint} passive joint: \
-                 {keys}"
+                "a parameter of model `{name}` (skid = \"{skid}\", roll = \"{roll}\") {of}: {keys}"
             );
-            self.that(known(one), key, &one.key(), &needed)?;
+            // A quantity listed for all wheels means those that the robot has.
+            let of_each: Vec<Parameter> = one.quantity().of_any_wheel().collect();
+            let is_of_all = !of_each.is_empty()
+                && of_each.iter().all(|one| free.contains(one))
+                && of_each.iter().any(known);
+            self.that(is_of_all || known(one), key, &one.key(), &needed)?;
             let overlaps = |other: &Parameter| one.is_part_of(*other) || other.is_part_of(*one);
             let repeated = free[..i].iter().any(overlaps);
             self.that(!repeated, key, &free, "each coefficient once")?;

@@ -33,12 +33,13 @@ impl ModelConfig {
         Laws { skid: self.skid, roll: self.roll }
     }
 
-    /// Returns the parameters that are free in a fit unless the campaign specifies others.
+    /// Returns the parameters that are free in a fit unless the campaign specifies others, for as many wheels as a robot
+    /// can have.
     pub fn free(&self) -> Vec<Parameter> {
         if let Some(Free(listed)) = &self.free {
             return listed.clone();
         }
-        let mut free = Parameter::ALL.to_vec();
+        let mut free = Parameter::OF_ANY_ROBOT.to_vec();
         free.retain(|parameter| {
             let quantity = parameter.quantity();
             quantity.definition().is_free_by_default && self.laws().is_used(quantity)
@@ -74,14 +75,23 @@ impl GaitInput {
     }
 }
 
-/// Free parameters of a model. The configuration lists their names; `skid`, `skid_dry` and `skid_static`
-/// stand for the coefficients of all three wheels.
+/// Free parameters of a model. The configuration lists their names; `skid`, `skid_dry` and `skid_static` stand for the
+/// coefficients of all wheels, as many as a robot can have.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Free(pub Vec<Parameter>);
 
 impl Serialize for Free {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.iter().map(|parameter| parameter.key()))
+        let is_of_all = |parameter: &Parameter| {
+            let mut of_each = parameter.quantity().of_any_wheel().peekable();
+            of_each.peek().is_some() && of_each.all(|one| self.0.contains(&one))
+        };
+        let names = self.0.iter().filter_map(|parameter| match parameter.number() {
+            Some(0) if is_of_all(parameter) => Some(parameter.quantity().stem()),
+            Some(_) if is_of_all(parameter) => None,
+            _ => Some(parameter.key()),
+        });
+        serializer.collect_seq(names)
     }
 }
 
@@ -91,11 +101,11 @@ impl<'de> Deserialize<'de> for Free {
         for name in Vec::<String>::deserialize(deserializer)? {
             // A parameter may be named with or without its unit.
             let has_name = |one: &Parameter| [one.key(), one.name()].contains(&name.as_str());
-            if let Some(parameter) = Parameter::ALL.into_iter().find(has_name) {
+            if let Some(parameter) = Parameter::OF_ANY_ROBOT.into_iter().find(has_name) {
                 parameters.push(parameter);
                 continue;
             }
-            let mut of_all_wheels = Parameter::ALL.to_vec();
+            let mut of_all_wheels = Parameter::OF_ANY_ROBOT.to_vec();
             of_all_wheels.retain(|one| one.quantity().stem() == name);
             if of_all_wheels.is_empty() {
                 let known = Parameter::ALL.map(Parameter::key).join("`, `");
@@ -118,7 +128,11 @@ mod tests {
 
     #[test]
     fn skid_coefficients_are_free_by_default() {
-        let free = |text: &str| toml::from_str::<ModelConfig>(text).map(|model| model.free());
+        let free = |text: &str| {
+            let mut free = toml::from_str::<ModelConfig>(text).map(|model| model.free())?;
+            free.retain(|one| one.is_of_three_links());
+            Ok::<_, toml::de::Error>(free)
+        };
         assert_eq!(
             free("skid = \"viscous\"\nroll = \"none\""),
             Ok(Quantity::Skid.of_each().into())

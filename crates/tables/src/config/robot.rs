@@ -289,7 +289,7 @@ struct Given<'n>(Quantity, &'n [f64]);
 impl Serialize for Given<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match (self.0.definition().per, self.1) {
-            (Per::Robot | Per::Joint, [number]) => number.serialize(serializer),
+            (Per::Robot | Per::FreeJoint | Per::Joint, [number]) => number.serialize(serializer),
             (_, numbers) => numbers.serialize(serializer),
         }
     }
@@ -334,7 +334,9 @@ impl<'de> DeserializeSeed<'de> for NumbersOf {
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Vec<f64>, D::Error> {
         match self.0.definition().per {
-            Per::Robot => f64::deserialize(deserializer).map(|number| vec![number]),
+            Per::Robot | Per::FreeJoint => {
+                f64::deserialize(deserializer).map(|number| vec![number])
+            }
             Per::Link | Per::Wheel => {
                 <[f64; Robot::LINKS]>::deserialize(deserializer).map(Vec::from)
             }
@@ -469,7 +471,7 @@ impl<'de> Visitor<'de> for DeviationsOf {
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let number = match self.0.definition().per {
-            Per::Robot => "a number".to_owned(),
+            Per::Robot | Per::FreeJoint => "a number".to_owned(),
             Per::Joint => "a number, or a list of two numbers, front and rear".to_owned(),
             Per::Link | Per::Wheel => format!("a list of length {}", Robot::LINKS),
         };
@@ -478,7 +480,7 @@ impl<'de> Visitor<'de> for DeviationsOf {
 
     fn visit_f64<E: Error>(self, number: f64) -> Result<Self::Value, E> {
         match self.0.definition().per {
-            Per::Robot | Per::Joint => Ok(vec![Deviation::Absolute(number)]),
+            Per::Robot | Per::FreeJoint | Per::Joint => Ok(vec![Deviation::Absolute(number)]),
             Per::Link | Per::Wheel => Err(E::invalid_type(Unexpected::Float(number), &self)),
         }
     }
@@ -494,7 +496,9 @@ impl<'de> Visitor<'de> for DeviationsOf {
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
         let list = Strict(SeqAccessDeserializer::new(list));
         match self.0.definition().per {
-            Per::Robot => f64::deserialize(list).map(|number| vec![Deviation::Absolute(number)]),
+            Per::Robot | Per::FreeJoint => {
+                f64::deserialize(list).map(|number| vec![Deviation::Absolute(number)])
+            }
             Per::Link | Per::Wheel => <[Deviation; Robot::LINKS]>::deserialize(list).map(Vec::from),
             Per::Joint => <[Deviation; Robot::JOINTS]>::deserialize(list).map(Vec::from),
         }

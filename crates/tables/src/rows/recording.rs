@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use trilink_base::named;
+use trilink_robot::MAX_JOINTS;
 use trilink_robot::metrics::GaitMetrics;
 
-use crate::{ByJoint, ByLink, FrameTexts, Numbered, frames, rows};
+use crate::{ByJoint, ByLink, Columns as _, FrameTexts, Numbered, frames, rows};
 
 /// Returns the path of `poses/<trial>.parquet` in the folder `derived`.
 pub fn poses_path(derived: &Path, trial: &str) -> PathBuf {
@@ -174,16 +175,20 @@ rows! {
         pub metrics: GaitMetrics,
         /// Measured motion of the joints in the cycle.
         pub gait: [JointCycle; 2] as "phi{}_{}",
-        /// Skid ratios of the wheels that `metrics` does not have.
-        pub more_sigma: Numbered<f64, 3> as "sigma{}" after "sigma2",
-        /// Amplitudes of the joints that `metrics` does not have, rad; only for robots that do not have three links.
-        pub more_alpha_rad: Numbered<f64, 2> as "alpha{}_rad" after "alpha1_rad",
         /// Measured motion of the joints behind the second.
         pub more_gait: Numbered<JointCycle, 3> as "phi{}_{}" after "phi2_phase_rad",
         /// Whether the cycle is used for the trial means.
         pub used: bool,
         /// Reason why the cycle is not used; otherwise empty.
         pub reason: String,
+    }
+}
+
+impl CycleRow {
+    /// Returns the measured motion of the joints from front to rear; blank for joints that the robot lacks.
+    pub fn joints(&self) -> [JointCycle; MAX_JOINTS] {
+        let mut all = self.gait.iter().chain(&*self.more_gait).copied();
+        std::array::from_fn(|_| all.next().unwrap_or_else(JointCycle::blank))
     }
 }
 

@@ -2,21 +2,13 @@
 
 use trilink_base::named;
 use trilink_robot::Model;
-use trilink_robot::metrics::Metric;
 
 use crate::{Extrapolation, rows};
 
 /// Names of the metrics for which sensitivities are computed: the fitted metrics, and the work of the
 /// actuators per cycle.
-pub const SENSITIVE_METRICS: [&str; Metric::FITTED.len() + 1] = {
-    let mut metrics = ["work_j"; Metric::FITTED.len() + 1];
-    let mut i = 0;
-    while i < Metric::FITTED.len() {
-        metrics[i] = Metric::FITTED[i].column();
-        i += 1;
-    }
-    metrics
-};
+pub const SENSITIVE_METRICS: [&str; 7] =
+    ["d_m", "v_m_s", "sigma0", "sigma1", "sigma2", "alpha1_rad", "work_j"];
 
 named! {
     /// Source of a parameter's standard deviation.

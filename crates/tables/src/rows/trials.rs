@@ -1,13 +1,13 @@
 //! Tables of all trials, written by the ingest stage.
 
 use serde::Serialize;
-use trilink_robot::JointCommand;
 use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{JointCommand, MAX_JOINTS, MAX_LINKS};
 use trilink_statistics::Estimate;
 
 use crate::config::SigmaKind;
 use crate::trial::TrialKind;
-use crate::{Numbered, Severity, TrialStatus, rows};
+use crate::{Columns as _, Numbered, Severity, TrialStatus, rows};
 
 fn is_empty<T, const FIRST: usize>(values: &Numbered<T, FIRST>) -> bool {
     values.0.is_empty()
@@ -45,16 +45,9 @@ rows! {
         pub sigma_debiased: [Estimate; 3] as "sigma{}_debiased{}" after "sigma2_se",
         /// Measured gait of the joints.
         pub gait: [JointGait; 2] as "phi{}_{}",
-        /// Skid ratios of the wheels that `metrics` does not have, with standard errors.
-        #[serde(skip_serializing_if = "is_empty")]
-        pub more_sigma: Numbered<Estimate, 3> as "sigma{}{}",
-        /// Debiased skid ratios of these wheels.
+        /// Debiased skid ratios of the other wheels.
         #[serde(skip_serializing_if = "is_empty")]
         pub more_sigma_debiased: Numbered<Estimate, 3> as "sigma{}_debiased{}",
-        /// Amplitudes of the joints that `metrics` does not have, rad, with standard errors; only for robots that do
-        /// not have three links.
-        #[serde(skip_serializing_if = "is_empty")]
-        pub more_alpha_rad: Numbered<Estimate, 2> as "alpha{}_rad{}",
         /// Measured gait of the joints behind the second.
         #[serde(skip_serializing_if = "is_empty")]
         pub more_gait: Numbered<JointGait, 3> as "phi{}_{}",
@@ -81,12 +74,25 @@ rows! {
 }
 
 impl TrialRow {
-    /// Returns the measured skid ratios of wheels 0, 1, 2. If `kind` is debiased, a debiased ratio that is zero or
-    /// below is returned as missing, and a raw ratio is returned for a wheel without a debiased one.
-    pub fn sigma(&self, kind: SigmaKind) -> [Estimate; 3] {
+    /// Returns the measured gait of the joints from front to rear; blank for joints that the robot lacks.
+    pub fn joints(&self) -> [JointGait; MAX_JOINTS] {
+        let mut all = self.gait.iter().chain(&*self.more_gait).copied();
+        std::array::from_fn(|_| all.next().unwrap_or_else(JointGait::blank))
+    }
+
+    /// Returns the debiased skid ratios by the number of the link; missing for a link without a wheel.
+    pub fn all_debiased(&self) -> [Estimate; MAX_LINKS] {
+        let mut all = self.sigma_debiased.iter().chain(&*self.more_sigma_debiased).copied();
+        std::array::from_fn(|_| all.next().unwrap_or(Estimate::MISSING))
+    }
+
+    /// Returns the measured skid ratios by the number of the link. If `kind` is debiased, a debiased ratio that is zero
+    /// or below is returned as missing, and a raw ratio is returned for a wheel without a debiased one.
+    pub fn sigma(&self, kind: SigmaKind) -> [Estimate; MAX_LINKS] {
+        let all_debiased = self.all_debiased();
         std::array::from_fn(|wheel| {
             let raw = Estimate::new(self.metrics.sigma[wheel], self.metrics_se.sigma[wheel]);
-            let debiased = self.sigma_debiased[wheel];
+            let debiased = all_debiased[wheel];
             match kind {
                 SigmaKind::Debiased if debiased.value > 0.0 => debiased,
                 SigmaKind::Debiased if !debiased.value.is_nan() => Estimate::MISSING,
@@ -104,7 +110,7 @@ impl TrialRow {
     /// Returns whether, for at least one wheel, [`TrialRow::sigma`] has to return the raw skid ratio because there is
     /// no debiased one.
     pub fn lacks_debiased(&self) -> bool {
-        let both = self.metrics.sigma.iter().zip(&self.sigma_debiased);
+        let both = self.metrics.sigma.into_iter().zip(self.all_debiased());
         both.into_iter().any(|(raw, debiased)| raw.is_finite() && debiased.value.is_nan())
     }
 }

@@ -4,10 +4,10 @@ use std::fmt::{self, Display, Formatter};
 
 use trilink_base::named;
 use trilink_base::text::known;
-use trilink_robot::metrics::Metric;
+use trilink_robot::metrics::{ByFitted, Metric};
 
 use super::{serialize_as_sentence, verdict};
-use crate::{Column, Columns, StoreError, Table, fill, rows};
+use crate::{Column, Columns, StoreError, Table, fill};
 
 named! {
     /// Side of the model's predictions on which the measurements lie.
@@ -40,34 +40,15 @@ verdict! {
     }
 }
 
-rows! {
-    /// RMS of predicted / measured - 1 over the trials for each metric; missing for a metric without
-    /// measurements.
-    pub struct MisfitRms {
-        pub d: f64,
-        pub v: f64,
-        pub sigma: [f64; 3] as "sigma{}",
-        pub alpha1: f64,
-    }
-}
-
-impl MisfitRms {
-    /// Returns each metric whose RMS deviation is not missing, with this deviation.
-    fn by_metric(&self) -> impl Iterator<Item = (Metric, f64)> {
-        let Self { d, v, sigma: [sigma0, sigma1, sigma2], alpha1 } = *self;
-        let values = Metric::FITTED.into_iter().zip([d, v, sigma0, sigma1, sigma2, alpha1]);
-        values.filter(|(_, value)| value.is_finite())
-    }
-}
-
 /// Deviation of a model from the measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Misfit {
     /// Deviations larger than noise explains: one run of residuals for each of the worst metrics, at most
     /// [`Misfit::MAX_RUNS`] runs.
     Off(Vec<MisfitRun>),
-    /// RMS deviations, if the noise is unknown.
-    Rms(MisfitRms),
+    /// RMS of predicted / measured - 1 over the trials for each metric, if the noise is unknown; missing for a metric
+    /// without measurements.
+    Rms(ByFitted<f64>),
 }
 
 impl Misfit {
@@ -79,7 +60,7 @@ impl Misfit {
     pub fn largest(&self) -> Option<String> {
         let deviations: Vec<(Metric, f64)> = match self {
             Self::Off(runs) => runs.iter().map(|run| (run.metric, run.largest.abs())).collect(),
-            Self::Rms(rms) => rms.by_metric().collect(),
+            Self::Rms(rms) => rms.iter().map(|(metric, value)| (metric, *value)).collect(),
         };
         let known = deviations.into_iter().filter(|(_, value)| value.is_finite());
         let (metric, most) = known.max_by(|(a, x), (b, y)| {
@@ -99,8 +80,8 @@ impl Misfit {
     }
 
     /// Creates a misfit from RMS deviations; `None` if all of them are missing.
-    pub fn rms(rms: MisfitRms) -> Option<Self> {
-        let has_value = rms.by_metric().next().is_some();
+    pub fn rms(rms: ByFitted<f64>) -> Option<Self> {
+        let has_value = rms.values().iter().any(|value| value.is_finite());
         has_value.then_some(Self::Rms(rms))
     }
 }
@@ -121,7 +102,7 @@ impl Columns for Option<Misfit> {
                 .push(std::array::from_fn::<_, { Misfit::MAX_RUNS }, _>(|i| runs.get(i).cloned()));
             all_rms.push(match value {
                 Some(Misfit::Rms(rms)) => rms.clone(),
-                _ => MisfitRms::blank(),
+                _ => ByFitted::<f64>::blank(),
             });
         }
         Columns::write_all(all_runs, &fill(pattern, "{}{}"), columns);
@@ -130,7 +111,7 @@ impl Columns for Option<Misfit> {
 
     fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
         let runs = <[Option<MisfitRun>; Misfit::MAX_RUNS]>::read(table, &fill(pattern, "{}{}"))?;
-        let rms = MisfitRms::read(table, &fill(pattern, "_rms_{}"))?;
+        let rms = ByFitted::<f64>::read(table, &fill(pattern, "_rms_{}"))?;
         let both = runs.into_iter().zip(rms);
         let misfits = both.map(|(runs, rms)| {
             Misfit::off(runs.into_iter().flatten().collect()).or_else(|| Misfit::rms(rms))
@@ -166,7 +147,7 @@ impl Display for Misfit {
                 f.write_str(&runs.iter().map(MisfitRun::to_string).collect::<Vec<_>>().join("; "))
             }
             Self::Rms(rms) => {
-                let errors = rms.by_metric();
+                let errors = rms.iter().filter(|(_, error)| error.is_finite());
                 let errors: Vec<String> = errors
                     .map(|(metric, error)| format!("{} % in {metric}", two_digits(100.0 * error)))
                     .collect();
@@ -187,6 +168,8 @@ fn two_digits(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::metrics::GaitMetrics;
+
     use super::super::tests::stored;
     use super::*;
 
@@ -206,13 +189,16 @@ mod tests {
         let below = run(Side::Below, Metric::Sigma0, [0.031, 0.031, 0.5, 0.5]);
         let none = run(Side::Absent, Metric::Alpha1, [0.5, 0.5, 1.0, 3.0]);
         let shared = MisfitRun { campaign: "ours".to_owned(), ..above.clone() };
-        let sigma = [0.29, 0.5, 0.002];
-        let rms = MisfitRms { d: 0.12, sigma, ..MisfitRms::blank() };
+        let of = |[d, v, sigma0, sigma1, sigma2, alpha1]: [f64; 6]| {
+            let values = [d, v, sigma0, sigma1, sigma2, alpha1, f64::NAN];
+            ByFitted::from(GaitMetrics::from_array(values))
+        };
+        let rms = of([0.12, f64::NAN, 0.29, 0.5, 0.002, f64::NAN]);
         let all = [
             None,
             Misfit::off(vec![above, below, none]),
             Misfit::off(vec![shared]),
-            Misfit::rms(MisfitRms { v: 0.1, alpha1: 0.03, d: 2.0, sigma }),
+            Misfit::rms(of([2.0, 0.1, 0.29, 0.5, 0.002, 0.03])),
         ];
         stored(&all);
         // A missing number (NaN) does not equal itself, so values with missing numbers are compared by their
@@ -234,6 +220,6 @@ mod tests {
         );
         assert!(sentence(&all[2]).starts_with("ours: the measured d is"));
         assert_eq!(Misfit::off(Vec::new()), None);
-        assert_eq!(Misfit::rms(MisfitRms::blank()), None);
+        assert_eq!(Misfit::rms(ByFitted::<f64>::blank()), None);
     }
 }

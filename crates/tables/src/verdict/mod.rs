@@ -10,7 +10,7 @@ mod why;
 
 pub use contradiction::{Contradiction, ContradictionKind, Resistance};
 pub use law_like::{LINEAR_PART, LawKind, LawLike};
-pub use misfit::{Misfit, MisfitRms, MisfitRun, Side};
+pub use misfit::{Misfit, MisfitRun, Side};
 pub use notes::FitNotes;
 pub use outcome::{Comparison, Outcome};
 pub use why::{

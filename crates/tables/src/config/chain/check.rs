@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use toml::{Table, Value};
-use trilink_robot::{Chain, Laws, MAX_LINKS, Model, Per, Quantity};
+use trilink_robot::{AnyRobot, Chain, Laws, MAX_LINKS, Model, Per, Quantity};
 
 use super::super::check::{Checker, NAME, is_valid_name};
 use super::super::{Config, ConfigError};
@@ -47,7 +47,7 @@ impl Config {
         self.chains.robot.iter().try_for_each(|(name, robot)| robot.check(check, name))?;
         self.chains.gait.iter().try_for_each(|(name, gait)| gait.check(check, name))?;
         for (name, campaign) in &self.chains.campaign {
-            let ChainCampaign { robot, gait, models, weights } = campaign;
+            let ChainCampaign { robot, gait, models, weights, free } = campaign;
             let key = |field: &str| format!("campaign.{name}.{field}");
             if self.chain_gait(gait).is_none() {
                 let own = self.gait.keys().chain(self.chains.gait.keys());
@@ -61,6 +61,13 @@ impl Config {
             }
             if let Some(weights) = weights {
                 check.numbers(&key("weights"), &Value::Table(table_of(weights)))?;
+            }
+            let Some(chain) = self.chain_setup(name) else { continue };
+            let setup = (AnyRobot::from(chain.clone()), chain.gait());
+            for (model, free) in free {
+                let key = key(&format!("free.{model}"));
+                check.entry(&self.model, model, &key)?;
+                check.free(&key, *model, &self.model[model], &free.0, Some(&setup))?;
             }
         }
         Ok(())

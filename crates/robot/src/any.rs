@@ -1,0 +1,255 @@
+//! Robots of any number of links behind one interface.
+
+use super::{
+    Chain, ChainNumber, Gait, Joint, JointNumber, Laws, Link, LinkNumber, MAX_JOINTS, Parameter,
+    Per, Quantity, Robot,
+};
+
+/// Robot of three links, or a chain of two to eight.
+#[derive(Debug, Clone, PartialEq)]
+pub enum AnyRobot {
+    ThreeLinks(Robot),
+    /// Chain, with the commands of its elastic joints, torques and rotors. Those of its driven joints are replaced by
+    /// the gait with which it moves.
+    Chain(Chain),
+}
+
+/// Commands of the driven joints, from front to rear.
+pub type AnyGait = Gait<MAX_JOINTS>;
+
+impl From<Robot> for AnyRobot {
+    fn from(robot: Robot) -> Self {
+        Self::ThreeLinks(robot)
+    }
+}
+
+impl From<Chain> for AnyRobot {
+    fn from(chain: Chain) -> Self {
+        Self::Chain(chain)
+    }
+}
+
+impl From<Gait> for AnyGait {
+    fn from(gait: Gait) -> Self {
+        let mut joints = [None; MAX_JOINTS];
+        joints[..Robot::JOINTS].copy_from_slice(&gait.joints);
+        Self { joints }
+    }
+}
+
+impl From<AnyGait> for Gait {
+    /// Returns the commands of the first two joints.
+    fn from(gait: AnyGait) -> Self {
+        Self { joints: [gait.joints[0], gait.joints[1]] }
+    }
+}
+
+impl AnyRobot {
+    /// Returns the robot of three links; `None` for a chain.
+    pub fn three_links(&self) -> Option<&Robot> {
+        match self {
+            Self::ThreeLinks(robot) => Some(robot),
+            Self::Chain(_) => None,
+        }
+    }
+
+    /// Returns the number of joints.
+    pub fn joints(&self) -> usize {
+        match self {
+            Self::ThreeLinks(_) => Robot::JOINTS,
+            Self::Chain(chain) => chain.joints.len(),
+        }
+    }
+
+    /// Returns whether the angle of a joint, given its index, follows from the motion if the robot has the given gait.
+    pub fn is_free(&self, joint: usize, gait: &AnyGait) -> bool {
+        match self {
+            Self::ThreeLinks(_) => joint < Robot::JOINTS && gait.joints[joint].is_none(),
+            Self::Chain(chain) => matches!(chain.joints.get(joint), Some(Joint::Free(_))),
+        }
+    }
+
+    /// Returns whether the mirror image of each motion under a given gait is also a motion, under the mirrored gait.
+    pub fn has_mirror_images(&self, gait: &AnyGait) -> bool {
+        match self {
+            Self::ThreeLinks(robot) => {
+                Gait::from(*gait).passive_joint().is_none() || robot.rest_angle_rad == 0.0
+            }
+            Self::Chain(chain) => {
+                let is_straight =
+                    |link: &Link| link.wheel.is_none_or(|wheel| wheel.steer_rad == 0.0);
+                let is_centred = |joint: &Joint| match joint {
+                    Joint::Driven(_) => true,
+                    Joint::Free(free) => {
+                        free.target.offset_rad == 0.0 && free.torque.mean_nm == 0.0
+                    }
+                };
+                chain.links.iter().all(is_straight) && chain.joints.iter().all(is_centred)
+            }
+        }
+    }
+
+    /// Returns the value of a parameter, in SI units; NaN if the robot does not have it.
+    pub fn value(&self, parameter: Parameter) -> f64 {
+        match self {
+            Self::ThreeLinks(robot) => parameter.value_in(robot),
+            Self::Chain(chain) => chain.value(parameter),
+        }
+    }
+
+    /// Sets the value of a parameter, in SI units, as [`Parameter::set`] does; ignored if the robot does not have it.
+    pub fn set(&mut self, parameter: Parameter, value: f64) {
+        match self {
+            Self::ThreeLinks(robot) => parameter.set(robot, value),
+            Self::Chain(chain) => chain.set(parameter, value),
+        }
+    }
+
+    /// Returns whether, under the given laws, the motion of the robot with the given gait depends on a parameter.
+    pub fn depends_on(&self, parameter: Parameter, laws: Laws, gait: &AnyGait) -> bool {
+        match self {
+            Self::ThreeLinks(_) => laws.is_relevant(parameter, &Gait::from(*gait)),
+            Self::Chain(chain) => {
+                laws.is_used(parameter.quantity()) && !chain.numbers_of(parameter).is_empty()
+            }
+        }
+    }
+}
+
+impl Chain {
+    /// Returns the numbers of the chain that a parameter comprises: one for a wheel, link or joint, and one for each
+    /// wheel for a sum or for a characteristic speed. Empty if the chain does not have the parameter.
+    pub fn numbers_of(&self, parameter: Parameter) -> Vec<ChainNumber> {
+        let quantity = parameter.quantity();
+        let of_link = LinkNumber::ALL.into_iter().find(|number| number.name() == quantity.name());
+        let mut chain = self.clone();
+        let mut known = |numbers: Vec<ChainNumber>| -> Vec<ChainNumber> {
+            numbers.into_iter().filter(|number| chain.number_mut(*number).is_some()).collect()
+        };
+        let order = self.numbering();
+        match (quantity.definition().per, of_link) {
+            (Per::Wheel | Per::Link, Some(number)) => match parameter.number() {
+                Some(i) => known(
+                    order.get(i).map(|link| ChainNumber::Link(*link, number)).into_iter().collect(),
+                ),
+                None => {
+                    known(order.into_iter().map(|link| ChainNumber::Link(link, number)).collect())
+                }
+            },
+            (Per::Robot, Some(number)) => {
+                known(order.into_iter().map(|link| ChainNumber::Link(link, number)).collect())
+            }
+            (Per::FreeJoint, _) => {
+                let own = match quantity {
+                    Quantity::Stiffness => JointNumber::Stiffness,
+                    Quantity::Damping => JointNumber::Damping,
+                    _ => return Vec::new(),
+                };
+                let joint = parameter.number().map(|number| ChainNumber::Joint(number - 1, own));
+                known(joint.into_iter().collect())
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Returns the value of a number, in SI units; `None` if the chain does not have it.
+    pub fn number(&self, number: ChainNumber) -> Option<f64> {
+        self.clone().number_mut(number).copied()
+    }
+
+    fn value(&self, parameter: Parameter) -> f64 {
+        let numbers = self.numbers_of(parameter);
+        let mut values = numbers.iter().filter_map(|number| self.number(*number));
+        match values.next() {
+            Some(first) if parameter.is_sum() => first + values.sum::<f64>(),
+            first => first.unwrap_or(f64::NAN),
+        }
+    }
+
+    fn set(&mut self, parameter: Parameter, value: f64) {
+        let numbers = self.numbers_of(parameter);
+        let sum = self.value(parameter);
+        for number in &numbers {
+            if let Some(own) = self.number_mut(*number) {
+                *own = match parameter.is_sum() {
+                    true if sum > 0.0 => *own / sum * value,
+                    true => value / numbers.len() as f64,
+                    false => value,
+                };
+            }
+        }
+    }
+
+    /// Returns the commands of the driven joints.
+    pub fn gait(&self) -> AnyGait {
+        let mut joints = [None; MAX_JOINTS];
+        for (own, joint) in joints.iter_mut().zip(&self.joints) {
+            if let Joint::Driven(command) = joint {
+                *own = Some(*command);
+            }
+        }
+        AnyGait { joints }
+    }
+
+    /// Returns the chain with other commands of its driven joints.
+    #[must_use]
+    pub fn with_gait(&self, gait: &AnyGait) -> Self {
+        let mut chain = self.clone();
+        for (joint, command) in chain.joints.iter_mut().zip(gait.joints) {
+            if let (Joint::Driven(own), Some(command)) = (joint, command) {
+                *own = command;
+            }
+        }
+        chain
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::JointCommand;
+    use super::*;
+
+    /// The paper's semi-passive robot as a chain: its links 1, 0 and 2 from front to rear.
+    fn chain() -> Chain {
+        Robot::semi_passive().chain(&Gait::passive_symmetric())
+    }
+
+    #[test]
+    fn parameters_of_a_chain_are_numbered_like_those_of_three_links() {
+        let (robot, chain) = (Robot::semi_passive(), AnyRobot::from(chain()));
+        let gait = Gait::passive_symmetric();
+        for parameter in Parameter::ALL {
+            let of_chain = match parameter.quantity().definition().per {
+                Per::FreeJoint => parameter.quantity().parameter(1),
+                _ => parameter,
+            };
+            assert_eq!(parameter.value_in(&robot), chain.value(of_chain), "{parameter}");
+            for laws in [Laws::NO_SKID, Laws::SKID_ROLL, Laws::COULOMB] {
+                let depends =
+                    AnyRobot::from(robot.clone()).depends_on(parameter, laws, &gait.into());
+                assert_eq!(chain.depends_on(of_chain, laws, &gait.into()), depends, "{parameter}");
+            }
+        }
+        assert!(chain.value(Quantity::Skid.parameter(3)).is_nan());
+        assert!(chain.value(Quantity::Stiffness.parameter(2)).is_nan());
+        assert!(chain.is_free(0, &gait.into()) && !chain.is_free(1, &gait.into()));
+    }
+
+    #[test]
+    fn setting_a_parameter_of_a_chain_changes_that_of_its_link_alone() {
+        let mut robot = AnyRobot::from(chain());
+        robot.set(Quantity::Skid.parameter(0), 7.0);
+        robot.set(Quantity::Roll.sum(), 2.4);
+        robot.set(Quantity::Stiffness.parameter(1), 0.3);
+        robot.set(Quantity::Stiffness.parameter(2), 0.4);
+        let AnyRobot::Chain(changed) = &robot else { panic!("a chain") };
+        let of = |link: usize| changed.links[link].wheel.expect("a wheel").friction;
+        assert_eq!([0, 1, 2].map(|link| of(link).skid_kg_s), [200.0, 7.0, 200.0]);
+        assert_eq!([0, 1, 2].map(|link| of(link).roll_kg_s), [0.6, 1.2, 0.6]);
+        let Joint::Free(spring) = changed.joints[0] else { panic!("free") };
+        assert_eq!(spring.stiffness_nm_rad, 0.3);
+        let command = JointCommand::new(0.1, 0.2, 0.3);
+        let gait = AnyGait { joints: [Some(command); MAX_JOINTS] };
+        assert_eq!(changed.with_gait(&gait).gait().joints[..2], [None, Some(command)]);
+    }
+}
