@@ -6,7 +6,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use trilink_fit::{FitInput, Measurement, Objective, search};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Laws, Model};
+use trilink_robot::{AnyGait, Laws, MAX_JOINTS, Model};
 use trilink_tables::config::Config;
 
 const DATA: [(&str, &str); 3] = [
@@ -37,8 +37,8 @@ fn measurements(data: &str) -> Vec<Measurement> {
             cycles: 0,
             metrics,
             errors: GaitMetrics::NONE,
-            gait: gait.joints.map(|joint| joint.expect("both joints are commanded")),
-            gait_errors_rad: [[0.0; 3]; 2],
+            gait: AnyGait::from(gait).joints.map(Option::unwrap_or_default),
+            gait_errors_rad: [[0.0; 3]; MAX_JOINTS],
             lacks_debiased: false,
             is_filtered: false,
         }

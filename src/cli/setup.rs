@@ -82,7 +82,7 @@ pub(super) fn note_extrapolation(
     let all = problems.len();
     match setup.measured_range() {
         Some(Ok(range)) => {
-            if let Some((count, beyond)) = range.summary(problems) {
+            if let Some((count, beyond)) = range.summary(problems.map(Into::into)) {
                 warn(&format!(
                     "{campaign} {model}: {count} of {all} motions are extrapolated beyond the trials of the fit: \
                      {beyond}"

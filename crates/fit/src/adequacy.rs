@@ -29,7 +29,7 @@
 
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use trilink_robot::Robot;
+use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
 use trilink_statistics::{mean, quantiles_low};
 use trilink_tables::{Misfit, MisfitRun, Side, Undecided, UndecidedReason};
@@ -95,7 +95,7 @@ impl Adequacy {
     pub(crate) fn new(
         point: &FittedPoint,
         variation: &Variation,
-        perturbed_robots: &[Robot],
+        perturbed_robots: &[AnyRobot],
     ) -> Self {
         let assumed = assumed_changes(point, perturbed_robots);
         let test = |variation: &Variation| Self::with_noise(point, variation, &assumed);
@@ -395,7 +395,7 @@ fn draw_noise(
 
 /// Returns, for each uncertain robot parameter, the relative changes of the metrics of every trial when the parameter
 /// is increased by its standard deviation; 0 where the changed robot has no periodic solution.
-fn assumed_changes(point: &FittedPoint, perturbed_robots: &[Robot]) -> Vec<Vec<ByFitted<f64>>> {
+fn assumed_changes(point: &FittedPoint, perturbed_robots: &[AnyRobot]) -> Vec<Vec<ByFitted<f64>>> {
     let objective = point.evaluator.objective;
     perturbed_robots
         .par_iter()

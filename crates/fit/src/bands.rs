@@ -11,9 +11,9 @@
 //! Where the measured gait drives the model, the errors of that gait at the given frequency also contribute to the
 //! scatter. The intervals are those of the model's prediction: the noise of a single cycle or trial is not included.
 
-use trilink_mechanics::{FIT_ACCURACY, MotionError, Problem, Solver};
+use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY, MotionError};
 use trilink_robot::metrics::{ByMetric, GaitMetrics, Metric};
-use trilink_robot::{Parameter, Robot};
+use trilink_robot::{AnyRobot, Parameter, Robot};
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::GaitInput;
 use trilink_tables::{NoInterval, NoIntervalReason};
@@ -75,7 +75,8 @@ impl Band {
             let [below, above] =
                 self.widths[metric].map(|width| width.hypot(HALF_WIDTH_95 * squares.sqrt()));
             let floor = if metric.definition().is_size { 0.0 } else { f64::NEG_INFINITY };
-            limits[0][metric] = (value - below).max(floor);
+            let lower = value - below;
+            limits[0][metric] = if lower < floor { floor } else { lower };
             limits[1][metric] = value + above;
         }
         limits
@@ -91,7 +92,7 @@ pub(super) struct Bands<'f> {
     replicates: Vec<Vec<f64>>,
     systematic: &'f Systematic,
     /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
-    perturbed_robots: &'f [Robot],
+    perturbed_robots: &'f [AnyRobot],
     /// Measured gaits, for computing the error that results from driving the model with the commanded gait instead;
     /// `None` if the measured gaits drive this fit, or if there is no refit that they drive.
     measured_gaits: Option<GaitOverFrequency>,
@@ -104,7 +105,7 @@ impl<'f> Bands<'f> {
         replicates: &[Start],
         variation: &Variation,
         systematic: &'f Systematic,
-        perturbed_robots: &'f [Robot],
+        perturbed_robots: &'f [AnyRobot],
     ) -> Self {
         let widenings = variation.widenings(point);
         let replicates = replicates.iter().map(|refit| {
@@ -132,13 +133,13 @@ impl<'f> Bands<'f> {
     }
 
     /// Returns the robot on which the fit is based; its free parameters have their values from before the fit.
-    pub(crate) fn robot(&self) -> &Robot {
+    pub(crate) fn robot(&self) -> &AnyRobot {
         &self.point.evaluator.objective.robot
     }
 
     /// Returns, for each uncertain robot parameter, the robot with that parameter increased by its standard deviation,
     /// and the shifts of the logarithms of the free parameters from the original fit to the refit with this robot.
-    pub(crate) fn assumed(&self) -> impl Iterator<Item = (&Robot, &[f64])> {
+    pub(crate) fn assumed(&self) -> impl Iterator<Item = (&AnyRobot, &[f64])> {
         self.perturbed_robots.iter().zip(self.systematic.assumed.iter().map(Vec::as_slice))
     }
 
@@ -147,20 +148,23 @@ impl<'f> Bands<'f> {
     /// robot.
     pub(crate) fn alternatives(&self, robot: &Robot, most: usize) -> Alternatives {
         let Systematic { blocks, gait, .. } = self.systematic;
-        let shifted = |shifts: &Vec<f64>| self.shifted(robot, shifts);
+        let of =
+            |robot: &AnyRobot, shifts: &[f64]| self.shifted(robot, shifts).three_links().cloned();
+        let robot = AnyRobot::from(robot.clone());
+        let shifted = |shifts: &Vec<f64>| of(&robot, shifts);
         Alternatives {
-            replicates: self.replicates.iter().take(most).map(shifted).collect(),
-            blocks: blocks.iter().map(shifted).collect(),
-            assumed: self.assumed().map(|(robot, shifts)| self.shifted(robot, shifts)).collect(),
-            gait: gait.as_ref().map(shifted),
+            replicates: self.replicates.iter().take(most).filter_map(shifted).collect(),
+            blocks: blocks.iter().filter_map(shifted).collect(),
+            assumed: self.assumed().filter_map(|(robot, shifts)| of(robot, shifts)).collect(),
+            gait: gait.as_ref().and_then(shifted),
         }
     }
 
     /// Returns a copy of a robot with the fitted coefficients, their logarithms shifted by `shifts`.
-    fn shifted(&self, robot: &Robot, shifts: &[f64]) -> Robot {
+    fn shifted(&self, robot: &AnyRobot, shifts: &[f64]) -> AnyRobot {
         let mut robot = robot.clone();
         for ((parameter, fitted), shift) in self.free.iter().zip(&self.point.values).zip(shifts) {
-            parameter.set(&mut robot, fitted * shift.exp());
+            robot.set(*parameter, fitted * shift.exp());
         }
         robot
     }
@@ -173,12 +177,12 @@ impl<'f> Bands<'f> {
     /// coefficients of a replicate or of another refit.
     pub(crate) fn band(
         &self,
-        mut solver: Solver,
-        problem: &Problem,
+        mut solver: AnySolver,
+        problem: &AnyProblem,
         metrics: GaitMetrics,
     ) -> Result<Band, MotionError> {
         let d_gait = if self.point.evaluator.objective.is_driven_as_measured() {
-            solver.derivatives()?.gait.as_flattened().iter().map(|of| (*of).into()).collect()
+            solver.input_derivatives()?.gait.as_flattened().iter().map(|of| (*of).into()).collect()
         } else {
             Vec::new()
         };
@@ -187,7 +191,7 @@ impl<'f> Bands<'f> {
         let [replicates, blocks] = self.changes(&mut solver, problem, &response)?;
         let mut assumed: Vec<Changes> = Vec::new();
         for (robot, shifts) in self.assumed() {
-            let perturbed = Problem { robot: robot.clone(), ..problem.clone() };
+            let perturbed = AnyProblem { robot: robot.clone(), ..problem.clone() };
             assumed.push(self.change(&mut solver, &metrics, &perturbed, shifts)?);
         }
         let by_gait = self.change_by_gait(&mut solver, &metrics, problem)?;
@@ -204,8 +208,8 @@ impl<'f> Bands<'f> {
     /// accurate enough for the replicate that is farthest from the fit.
     fn changes(
         &self,
-        solver: &mut Solver,
-        problem: &Problem,
+        solver: &mut AnySolver,
+        problem: &AnyProblem,
         response: &Response,
     ) -> Result<[Vec<Changes>; 2], MotionError> {
         let shifts = [&self.replicates, &self.systematic.blocks];
@@ -231,9 +235,9 @@ impl<'f> Bands<'f> {
     /// one.
     fn change_by_gait(
         &self,
-        solver: &mut Solver,
+        solver: &mut AnySolver,
         metrics: &GaitMetrics,
-        problem: &Problem,
+        problem: &AnyProblem,
     ) -> Result<Changes, MotionError> {
         let Some((gaits, shifts)) = self.measured_gaits.as_ref().zip(self.systematic.gait.as_ref())
         else {
@@ -245,18 +249,18 @@ impl<'f> Bands<'f> {
         } else {
             problem.gait
         };
-        self.change(solver, metrics, &Problem { gait, ..problem.clone() }, shifts)
+        self.change(solver, metrics, &AnyProblem { gait, ..problem.clone() }, shifts)
     }
 
     /// Solves the model with shifted coefficients and returns the change in the metrics from those of the fit.
     fn change(
         &self,
-        solver: &mut Solver,
+        solver: &mut AnySolver,
         fitted: &GaitMetrics,
-        problem: &Problem,
+        problem: &AnyProblem,
         shifts: &[f64],
     ) -> Result<Changes, MotionError> {
-        let problem = Problem { robot: self.shifted(&problem.robot, shifts), ..problem.clone() };
+        let problem = AnyProblem { robot: self.shifted(&problem.robot, shifts), ..problem.clone() };
         let metrics = solver.solve(&problem, FIT_ACCURACY)?;
         Ok(Changes::from_fn(|metric| metrics[metric] - fitted[metric]))
     }
@@ -284,12 +288,14 @@ mod tests {
 
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
-    use trilink_mechanics::{Laws, Model, REFERENCE_ACCURACY};
+    use trilink_mechanics::{Laws, Model, Problem, REFERENCE_ACCURACY};
+    use trilink_robot::MAX_JOINTS;
     use trilink_statistics::{SIDES_95, quantiles};
     use trilink_tables::config::{Config, SigmaKind};
     use trilink_tables::{Columns as _, Stopped, TrialRow};
 
     use super::*;
+    use crate::gait_over_frequency::UNKNOWN;
     use crate::resampler::Resampler;
     use crate::{FitInput, Measurement};
 
@@ -336,15 +342,15 @@ mod tests {
         for omega_rad_s in [2.5, 5.5] {
             let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
             let problem = objective.problem(&robot, objective.protocols[0].gait, omega_rad_s);
-            let mut solver = Solver::default();
+            let mut solver = AnySolver::default();
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion");
             let band = bands.band(solver.clone(), &problem, metrics).expect("a band");
-            let limits = band.limits(&metrics, &[[0.01; 3]; 2]);
+            let limits = band.limits(&metrics, &[[0.01; 3]; MAX_JOINTS]);
             let all: Vec<Changes> = (bands.replicates.iter())
                 .map(|shifts| bands.change(&mut solver, &metrics, &problem, shifts).expect("one"))
                 .collect();
             let mut is_exact = true;
-            for metric in Metric::ALL {
+            for metric in Metric::OF_THREE_LINKS {
                 let value = metrics[metric];
                 let of_metric = all.iter().map(|changes| changes[metric]).collect();
                 let expected = quantiles(of_metric, SIDES_95);
@@ -370,12 +376,12 @@ mod tests {
         d_gait[4][Metric::D] = 4.0;
         d_gait[2] = Changes::splat(f64::NAN);
         let band = Band { widths, d_gait };
-        let [lower, upper] = band.limits(&metrics, &[[0.01; 3]; 2]);
+        let [lower, upper] = band.limits(&metrics, &[[0.01; 3]; MAX_JOINTS]);
         let by_gait: f64 = 1.96 * 0.05;
         assert!((4.0 - lower.d_m - by_gait.hypot(0.03)).abs() < 1e-12);
         assert!((upper.d_m - 4.0 - by_gait.hypot(0.06)).abs() < 1e-12);
         assert!((upper.v_m_s - 1.06).abs() < 1e-12);
-        let [unknown, _] = band.limits(&metrics, &[[f64::NAN; 3]; 2]);
+        let [unknown, _] = band.limits(&metrics, &UNKNOWN);
         assert!((unknown.d_m - 3.97).abs() < 1e-12);
     }
 

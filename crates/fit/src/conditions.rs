@@ -5,15 +5,16 @@
 //! gives the metrics of each trial. Trials for which the relative error of the expansion exceeds
 //! [`MAX_EXPANSION_ERROR`] form further conditions with the trials close to them.
 
-use trilink_mechanics::{Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use trilink_mechanics::{AnyProblem, AnySolver, InputDerivatives, MotionError, REFERENCE_ACCURACY};
 use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
-use trilink_robot::{Gait, JointCommand};
+use trilink_robot::{AnyGait, JointCommand, MAX_JOINTS};
 use trilink_statistics::{median, wrap};
 
+use super::gait_over_frequency::{EXACT, GaitErrors};
 use super::measurement::Measurement;
 
 /// Number of parameters of a measured gait: offset, amplitude and phase of each joint.
-pub(super) const GAIT_NUMBERS: usize = 6;
+pub(super) const GAIT_NUMBERS: usize = 3 * MAX_JOINTS;
 /// Number of inputs that may differ between trials that share one periodic solution: omega, rad/s, and offset,
 /// amplitude and phase of each joint, rad.
 pub(super) const INPUTS: usize = 1 + GAIT_NUMBERS;
@@ -37,7 +38,7 @@ const STEP: f64 = 1e-3;
 pub(super) struct Condition {
     pub omega_rad_s: f64,
     /// Gait that drives the model; `None` if the measured gait should drive the model but is missing.
-    pub gait: Option<Gait>,
+    pub gait: Option<AnyGait>,
     pub trials: Vec<usize>,
 }
 
@@ -57,10 +58,12 @@ pub(super) struct Conditions {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Expansion {
     metrics: GaitMetrics,
-    /// First derivatives of each metric with respect to the frequency and the gait parameters.
-    first: ByMetric<Differences>,
-    /// Second derivatives of each metric with respect to the frequency and the gait parameters.
-    second: ByMetric<[Differences; INPUTS]>,
+    /// First derivatives of the metrics with respect to each input.
+    first: Vec<ByMetric<f64>>,
+    /// Inputs in which trials differ from the condition.
+    inputs: Vec<usize>,
+    /// Second derivatives of the metrics with respect to each pair of these inputs; empty if they were not computed.
+    second: Vec<Vec<ByMetric<f64>>>,
 }
 
 impl Conditions {
@@ -68,10 +71,10 @@ impl Conditions {
     /// returns; `problem` returns the problem to solve for a gait and a frequency.
     pub(crate) fn new(
         measurements: &[Measurement],
-        gait_of: impl Fn(&Measurement) -> Option<Gait>,
-        problem: impl Fn(Gait, f64) -> Problem,
+        gait_of: impl Fn(&Measurement) -> Option<AnyGait>,
+        problem: impl Fn(AnyGait, f64) -> AnyProblem,
     ) -> Self {
-        let gaits: Vec<Option<Gait>> = measurements.iter().map(gait_of).collect();
+        let gaits: Vec<Option<AnyGait>> = measurements.iter().map(gait_of).collect();
         let by_trial = vec![(0, [0.0; INPUTS]); measurements.len()];
         let mut conditions = Self { by_trial, ..Self::default() };
         for trials in Measurement::frequencies(measurements) {
@@ -88,7 +91,7 @@ impl Conditions {
     #[cfg(test)]
     pub(crate) fn separate(
         measurements: &[Measurement],
-        gait_of: impl Fn(&Measurement) -> Option<Gait>,
+        gait_of: impl Fn(&Measurement) -> Option<AnyGait>,
     ) -> Self {
         let mut conditions = Self::default();
         for (trial, measurement) in measurements.iter().enumerate() {
@@ -108,8 +111,8 @@ impl Conditions {
         &mut self,
         trials: Vec<usize>,
         measurements: &[Measurement],
-        gaits: &[Option<Gait>],
-        problem: &impl Fn(Gait, f64) -> Problem,
+        gaits: &[Option<AnyGait>],
+        problem: &impl Fn(AnyGait, f64) -> AnyProblem,
     ) {
         let from = |condition: &Condition, trial: usize| {
             condition.differences(measurements[trial].omega_rad_s, gaits[trial].as_ref())
@@ -149,13 +152,13 @@ impl Condition {
     fn at_medians(
         trials: Vec<usize>,
         measurements: &[Measurement],
-        gaits: &[Option<Gait>],
+        gaits: &[Option<AnyGait>],
     ) -> Self {
         let median_of =
             |number: &dyn Fn(usize) -> f64| median(trials.iter().map(|&k| number(k)).collect());
         let first = trials.first().and_then(|&trial| gaits[trial]);
-        let gait = first.map(|first| Gait {
-            joints: [0, 1].map(|i| {
+        let gait = first.map(|first| AnyGait {
+            joints: std::array::from_fn(|i| {
                 first.joints[i].map(|first| {
                     let joint =
                         |k: usize| gaits[k].and_then(|gait| gait.joints[i]).unwrap_or(first);
@@ -177,8 +180,8 @@ impl Condition {
     fn expand(
         &self,
         measurements: &[Measurement],
-        gaits: &[Option<Gait>],
-        problem: &impl Fn(Gait, f64) -> Problem,
+        gaits: &[Option<AnyGait>],
+        problem: &impl Fn(AnyGait, f64) -> AnyProblem,
     ) -> Option<(Vec<usize>, Expansion)> {
         let mut others: Vec<(usize, Differences)> = self
             .trials
@@ -193,7 +196,7 @@ impl Condition {
         if all.is_empty() {
             return None;
         }
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let own = problem(self.gait?, self.omega_rad_s);
         let expansion = Expansion::solve(&mut solver, &own, &all).ok()?;
         // Starting with the trial that has the largest second-order term.
@@ -209,9 +212,9 @@ impl Condition {
     }
 
     /// Returns the differences of a frequency and a gait from those of the condition.
-    fn differences(&self, omega_rad_s: f64, gait: Option<&Gait>) -> Differences {
+    fn differences(&self, omega_rad_s: f64, gait: Option<&AnyGait>) -> Differences {
         let (Some(own), Some(other)) = (self.gait, gait) else { return [0.0; INPUTS] };
-        let mut steps_rad = [[0.0; 3]; 2];
+        let mut steps_rad = EXACT;
         for (steps, joints) in steps_rad.iter_mut().zip(own.joints.iter().zip(other.joints)) {
             if let (Some(own), Some(other)) = joints {
                 *steps = [
@@ -228,9 +231,9 @@ impl Condition {
 
     /// Converts changes in the gait's parameters (offset, amplitude and phase of each joint) to differences of inputs;
     /// changes for a passive joint are set to zero.
-    pub(crate) fn gait_differences(&self, steps_rad: &[[f64; 3]; 2]) -> Differences {
+    pub(crate) fn gait_differences(&self, steps_rad: &GaitErrors) -> Differences {
         let mut differences = [0.0; INPUTS];
-        let joints = self.gait.map_or([None; 2], |gait| gait.joints);
+        let joints = self.gait.map_or([None; MAX_JOINTS], |gait| gait.joints);
         let both = differences[1..].as_chunks_mut::<3>().0.iter_mut().zip(steps_rad);
         for ((own, steps_rad), joint) in both.zip(joints) {
             if joint.is_some() {
@@ -243,25 +246,25 @@ impl Condition {
 
 impl Expansion {
     /// Creates a first-order expansion from a solution's metrics and derivatives.
-    pub(crate) fn new(metrics: &GaitMetrics, derivatives: &Derivatives) -> Self {
-        let [joint1, joint2] = derivatives.gait;
-        let by_input = [[derivatives.omega].as_slice(), &joint1, &joint2].concat();
-        let first = ByMetric::from_fn(|metric| {
-            let slopes: Differences = std::array::from_fn(|input| by_input[input][metric]);
-            slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 })
+    pub(crate) fn new(metrics: &GaitMetrics, derivatives: &InputDerivatives) -> Self {
+        let inputs = std::iter::once(&derivatives.omega).chain(derivatives.gait.as_flattened());
+        let first = inputs.map(|slopes| {
+            let finite = |slope: f64| if slope.is_finite() { slope } else { 0.0 };
+            ByMetric::from(*slopes).map(finite)
         });
-        Self { metrics: *metrics, first, second: ByMetric::splat([[0.0; INPUTS]; INPUTS]) }
+        let (inputs, second) = (Vec::new(), Vec::new());
+        Self { metrics: *metrics, first: first.collect(), inputs, second }
     }
 
     /// Creates a second-order expansion about the solution of a problem. The second derivatives are central differences
     /// with respect to those inputs that differ in any of the trials' `differences`.
     pub(crate) fn solve(
-        solver: &mut Solver,
-        problem: &Problem,
+        solver: &mut AnySolver,
+        problem: &AnyProblem,
         differences: &[Differences],
     ) -> Result<Self, MotionError> {
         let metrics = solver.solve(problem, REFERENCE_ACCURACY)?;
-        let mut expansion = Self::new(&metrics, &solver.derivatives()?);
+        let mut expansion = Self::new(&metrics, &solver.input_derivatives()?);
         expansion.add_second_order(solver, problem, differences)?;
         Ok(expansion)
     }
@@ -270,14 +273,15 @@ impl Expansion {
     /// `problem`.
     fn add_second_order(
         &mut self,
-        solver: &mut Solver,
-        problem: &Problem,
+        solver: &mut AnySolver,
+        problem: &AnyProblem,
         differences: &[Differences],
     ) -> Result<(), MotionError> {
-        for input in 0..INPUTS {
-            if differences.iter().all(|of| of[input] == 0.0) {
-                continue;
-            }
+        self.inputs =
+            (0..INPUTS).filter(|input| differences.iter().any(|of| of[*input] != 0.0)).collect();
+        let count = self.inputs.len();
+        self.second = vec![vec![ByMetric::splat(0.0); count]; count];
+        for (i, &input) in self.inputs.iter().enumerate() {
             let step = if input == 0 { STEP * problem.omega_rad_s } else { STEP };
             let mut slopes = |step: f64| -> Result<Self, MotionError> {
                 let mut other = problem.clone();
@@ -290,17 +294,17 @@ impl Expansion {
                     }
                 }
                 let metrics = solver.solve(&other, REFERENCE_ACCURACY)?;
-                Ok(Self::new(&metrics, &solver.derivatives()?))
+                Ok(Self::new(&metrics, &solver.input_derivatives()?))
             };
             let above = slopes(step)?;
             let below = slopes(-step)?;
-            for metric in Metric::ALL {
-                for j in 0..INPUTS {
-                    let change = above.first[metric][j] - below.first[metric][j];
+            for (j, &other) in self.inputs.iter().enumerate() {
+                for metric in Metric::ALL {
+                    let change = above.first[other][metric] - below.first[other][metric];
                     // Mixed derivatives are the mean of both orders of differentiation.
                     let half = 0.5 * change / (2.0 * step);
-                    self.second[metric][input][j] += half;
-                    self.second[metric][j][input] += half;
+                    self.second[i][j][metric] += half;
+                    self.second[j][i][metric] += half;
                 }
             }
         }
@@ -310,22 +314,28 @@ impl Expansion {
     /// Adopts the second derivatives of another expansion, multiplied by the ratio of this expansion's metrics to the
     /// other's.
     pub(crate) fn keep_second_order(&mut self, other: Self) {
-        self.second = other.second;
-        for (metric, second) in self.second.iter_mut() {
-            let ratio = self.metrics[metric] / other.metrics[metric];
-            if ratio.is_finite() {
-                second.as_flattened_mut().iter_mut().for_each(|entry| *entry *= ratio);
+        (self.inputs, self.second) = (other.inputs, other.second);
+        for second in self.second.iter_mut().flatten() {
+            for (metric, entry) in second.iter_mut() {
+                let ratio = self.metrics[metric] / other.metrics[metric];
+                if ratio.is_finite() {
+                    *entry *= ratio;
+                }
             }
         }
     }
 
     /// Returns the first- and second-order changes in a metric for a trial with the given input differences.
     fn changes(&self, metric: Metric, differences: &Differences) -> [f64; 2] {
-        let along = |slopes: &Differences| -> f64 {
-            slopes.iter().zip(differences).map(|(slope, difference)| slope * difference).sum()
+        let along = |slopes: &[ByMetric<f64>], inputs: &[usize]| -> f64 {
+            let pairs = slopes.iter().zip(inputs);
+            pairs.map(|(slope, input)| slope[metric] * differences[*input]).sum()
         };
-        let second = self.second[metric].each_ref().map(along);
-        [along(&self.first[metric]), 0.5 * along(&second)]
+        let first = self.first.iter().zip(differences).map(|(slope, by)| slope[metric] * by).sum();
+        let rows = self.second.iter().zip(&self.inputs);
+        let second: f64 =
+            rows.map(|(row, input)| along(row, &self.inputs) * differences[*input]).sum();
+        [first, 0.5 * second]
     }
 
     /// Returns the metrics of a trial with the given input differences, given the `metrics` of its condition.
@@ -356,7 +366,7 @@ impl Expansion {
 
     /// Returns the first-order change in the metrics due to a difference in one input.
     pub(crate) fn effect(&self, input: usize, difference: f64) -> ByFitted<f64> {
-        ByFitted::from_fn(|metric| self.first[metric][input] * difference)
+        ByFitted::from_fn(|metric| self.first[input][metric] * difference)
     }
 
     /// Returns the largest second-order change among the metrics in the objective, relative to the metric itself.
@@ -379,6 +389,7 @@ fn largest_of_metrics(number: impl Fn(Metric) -> f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use trilink_mechanics::Problem;
     use trilink_robot::{Laws, Model, Robot};
     use trilink_tables::config::{Config, GaitInput, SigmaKind};
     use trilink_tables::{Columns as _, TrialRow};
@@ -422,7 +433,9 @@ mod tests {
                 ..TrialRow::blank()
             };
             let measurement = Measurement::new(&row, SigmaKind::Raw).expect("a measurement");
-            let joints = own.joints.map(|joint| joint.expect("both are commanded"));
+            let own = AnyGait::from(own).joints;
+            let unknown = measurement.gait;
+            let joints = std::array::from_fn(|i| own[i].unwrap_or(unknown[i]));
             Measurement { gait: joints, ..measurement }
         };
         (0..4 * repeats).map(trial).collect()

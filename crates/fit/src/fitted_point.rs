@@ -1,8 +1,8 @@
 //! Fitted parameters with the model's periodic solutions, from which refits start.
 
 use rayon::prelude::*;
-use trilink_mechanics::{FIT_ACCURACY, REFERENCE_ACCURACY, Solver};
-use trilink_robot::Robot;
+use trilink_mechanics::{AnySolver, FIT_ACCURACY, REFERENCE_ACCURACY};
+use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, GaitMetrics};
 
 use super::conditions::GAIT_NUMBERS;
@@ -100,10 +100,10 @@ impl<'o> FittedPoint<'o> {
     }
 
     /// Returns a copy of a robot with the given values of the free parameters.
-    pub(crate) fn with_values(&self, robot: &Robot, values: &[f64]) -> Robot {
+    pub(crate) fn with_values(&self, robot: &AnyRobot, values: &[f64]) -> AnyRobot {
         let mut robot = robot.clone();
         let free = &self.evaluator.parameters;
-        free.iter().zip(values).for_each(|(free, value)| free.parameter.set(&mut robot, *value));
+        free.iter().zip(values).for_each(|(free, value)| robot.set(free.parameter, *value));
         robot
     }
 
@@ -111,12 +111,12 @@ impl<'o> FittedPoint<'o> {
     /// metrics; `None` where there is no periodic solution.
     pub(crate) fn metrics_of_robot(
         &self,
-        robot: &Robot,
+        robot: &AnyRobot,
         values: &[f64],
     ) -> Vec<Option<GaitMetrics>> {
         let objective = self.evaluator.objective;
         let robot = self.with_values(robot, values);
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let conditions = objective.conditions.all.iter();
         conditions
             .map(|condition| {
@@ -131,7 +131,7 @@ impl<'o> FittedPoint<'o> {
     pub(crate) fn responses_to(&self, parameters: &[FreeParameter]) -> Vec<Option<Response>> {
         let objective = self.evaluator.objective;
         let robot = self.with_values(&objective.robot, &self.values);
-        let values: Vec<f64> = parameters.iter().map(|of| of.parameter.value_in(&robot)).collect();
+        let values: Vec<f64> = parameters.iter().map(|of| robot.value(of.parameter)).collect();
         let metrics: Vec<Option<GaitMetrics>> =
             self.responses.iter().map(|response| response.as_ref().map(|of| of.metrics)).collect();
         let mut evaluator = self.evaluator.clone();

@@ -1,6 +1,6 @@
 //! Driving gait of a model at frequencies between those of the trials.
 
-use trilink_robot::{Gait, JointCommand};
+use trilink_robot::{AnyGait, JointCommand, MAX_JOINTS};
 use trilink_statistics::{mean, wrap};
 use trilink_tables::config::GaitInput;
 
@@ -8,14 +8,18 @@ use super::measurement::Measurement;
 use super::objective::Objective;
 
 /// Standard errors of offset, amplitude and phase of each joint, rad.
-pub(super) type GaitErrors = [[f64; 3]; 2];
+pub(super) type GaitErrors = [[f64; 3]; MAX_JOINTS];
+/// Standard errors of a gait that is known exactly.
+pub(super) const EXACT: GaitErrors = [[0.0; 3]; MAX_JOINTS];
+/// Standard errors that are not known.
+pub(super) const UNKNOWN: GaitErrors = [[f64::NAN; 3]; MAX_JOINTS];
 
 /// Commanded or measured gait that drives a model, as a function of frequency.
 pub(super) struct GaitOverFrequency {
-    command: Gait,
+    command: AnyGait,
     /// Measured frequencies (rad/s) in ascending order, each with the mean measured gait and the standard errors of
     /// that mean; a single entry with the commanded gait where the command drives the model.
-    known: Vec<(f64, Gait, GaitErrors)>,
+    known: Vec<(f64, AnyGait, GaitErrors)>,
 }
 
 impl GaitOverFrequency {
@@ -23,13 +27,13 @@ impl GaitOverFrequency {
     pub(crate) fn new(objective: &Objective) -> Self {
         let command = objective.protocols[0].gait;
         if objective.gait_input == GaitInput::Commanded {
-            return Self { command, known: vec![(0.0, command, [[0.0; 3]; 2])] };
+            return Self { command, known: vec![(0.0, command, EXACT)] };
         }
         let frequencies = Measurement::frequencies(&objective.measurements);
-        let mut known: Vec<(f64, Gait, GaitErrors)> = Vec::new();
+        let mut known: Vec<(f64, AnyGait, GaitErrors)> = Vec::new();
         for trials in frequencies {
             let trials = trials.into_iter().map(|trial| &objective.measurements[trial]);
-            let measured: Vec<(&Measurement, Gait)> =
+            let measured: Vec<(&Measurement, AnyGait)> =
                 trials.filter_map(|trial| Some((trial, objective.gait_of(trial)?))).collect();
             if measured.is_empty() {
                 continue;
@@ -46,7 +50,7 @@ impl GaitOverFrequency {
 
     /// Interpolates the gait and its standard errors linearly between measured frequencies; beyond them takes the
     /// nearest gait. `None` if no gait was measured.
-    pub(crate) fn at(&self, omega_rad_s: f64) -> Option<(Gait, GaitErrors)> {
+    pub(crate) fn at(&self, omega_rad_s: f64) -> Option<(AnyGait, GaitErrors)> {
         let after = self.known.partition_point(|(known, ..)| *known <= omega_rad_s);
         let (low, below, errors_below) = self.known.get(after.saturating_sub(1))?;
         let (high, above, errors_above) = self.known.get(after).or(self.known.last())?;
@@ -72,7 +76,10 @@ fn combined_errors<'e>(errors: impl Iterator<Item = (f64, &'e GaitErrors)> + Clo
 }
 
 /// Returns the weighted mean of gaits that follow one command; phases are averaged as differences from the command.
-fn combined<'g>(command: &Gait, gaits: impl Iterator<Item = (f64, &'g Gait)> + Clone) -> Gait {
+fn combined<'g>(
+    command: &AnyGait,
+    gaits: impl Iterator<Item = (f64, &'g AnyGait)> + Clone,
+) -> AnyGait {
     let joint = |i: usize, command: JointCommand| {
         let start = JointCommand { offset_rad: 0.0, amplitude_rad: 0.0, ..command };
         let joints = gaits.clone().filter_map(|(weight, gait)| Some((weight, gait.joints[i]?)));
@@ -83,20 +90,26 @@ fn combined<'g>(command: &Gait, gaits: impl Iterator<Item = (f64, &'g Gait)> + C
             ..command
         })
     };
-    Gait { joints: [0, 1].map(|i| command.joints[i].map(|command| joint(i, command))) }
+    let joints = |i: usize| command.joints[i].map(|command| joint(i, command));
+    AnyGait { joints: std::array::from_fn(joints) }
 }
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Gait;
+
     use super::*;
 
     #[test]
     fn below_and_beyond_the_known_frequencies_the_gait_is_that_of_the_nearest() {
-        let command = Gait::symmetric();
-        let gait = |offset_rad: f64| Gait {
+        let command = AnyGait::from(Gait::symmetric());
+        let gait = |offset_rad: f64| AnyGait {
             joints: command.joints.map(|joint| joint.map(|of| JointCommand { offset_rad, ..of })),
         };
-        let known = vec![(2.0, gait(0.1), [[0.3; 3]; 2]), (4.0, gait(0.3), [[0.4; 3]; 2])];
+        let known = vec![
+            (2.0, gait(0.1), [[0.3; 3]; MAX_JOINTS]),
+            (4.0, gait(0.3), [[0.4; 3]; MAX_JOINTS]),
+        ];
         let gaits = GaitOverFrequency { command, known };
         let offset_rad = |omega_rad_s: f64| {
             let (gait, _) = gaits.at(omega_rad_s).expect("known");

@@ -2,14 +2,14 @@
 //! candidates. The noise of a candidate trial is modelled as a power of its frequency ([`super::discrimination`]).
 
 use rayon::prelude::*;
-use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
+use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY};
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
-use trilink_robot::{Gait, JointCommand, Robot};
+use trilink_robot::{AnyGait, AnyRobot, JointCommand};
 use trilink_tables::{Columns as _, Extrapolation};
 
 use super::discrimination::NoiseModel;
 use super::fitted_point::FittedPoint;
-use super::gait_over_frequency::GaitOverFrequency;
+use super::gait_over_frequency::{EXACT, GaitOverFrequency};
 use super::input::FreeParameter;
 use super::least_absolute::{Residual, minimise};
 use super::measured_range::MeasuredRange;
@@ -41,7 +41,7 @@ pub struct FitInformation<'f> {
     /// Shifts of the logarithms of the free parameters in each replicate.
     replicates: &'f [Vec<f64>],
     /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
-    perturbed_robots: &'f [Robot],
+    perturbed_robots: &'f [AnyRobot],
     gaits: GaitOverFrequency,
     noise: NoiseModel,
     /// For each metric, whether any trial has a term for it in the objective.
@@ -53,7 +53,7 @@ impl<'f> FitInformation<'f> {
         point: &'f FittedPoint<'f>,
         variation: &'f Variation<'f>,
         replicates: &'f [Vec<f64>],
-        perturbed_robots: &'f [Robot],
+        perturbed_robots: &'f [AnyRobot],
     ) -> Self {
         let objective = point.evaluator.objective;
         let measured = ByFitted::from_fn(|metric| {
@@ -82,7 +82,7 @@ impl<'f> FitInformation<'f> {
     }
 
     /// Returns the campaign's commanded gait.
-    pub fn command(&self) -> Gait {
+    pub fn command(&self) -> AnyGait {
         self.point.evaluator.objective.protocols[0].gait
     }
 
@@ -98,7 +98,7 @@ impl<'f> FitInformation<'f> {
 
     /// Returns whether a trial with the given commanded gait and frequency lies outside the range of the fitted trials,
     /// and in which quantities.
-    pub fn extrapolation(&self, command: Gait, omega_rad_s: f64) -> Extrapolation {
+    pub fn extrapolation(&self, command: AnyGait, omega_rad_s: f64) -> Extrapolation {
         let objective = self.point.evaluator.objective;
         let problem = objective.problem(&objective.robot, command, omega_rad_s);
         let range = MeasuredRange::new(self.measurements(), &self.command());
@@ -160,12 +160,12 @@ impl<'f> FitInformation<'f> {
     /// uncertain robot parameters.
     pub fn candidate(
         &self,
-        command: Gait,
+        command: AnyGait,
         omega_rad_s: f64,
         shifts: &[f64],
         assumed: bool,
     ) -> Option<TrialInformation> {
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let objective = self.point.evaluator.objective;
         let values = self.values(shifts);
         let robot = self.point.with_values(&objective.robot, &values);
@@ -188,7 +188,7 @@ impl<'f> FitInformation<'f> {
         let perturbed = if assumed { self.perturbed_robots } else { &[] };
         let by_assumed = perturbed.iter().map(|robot| {
             let problem =
-                Problem { robot: self.point.with_values(robot, &values), ..problem.clone() };
+                AnyProblem { robot: self.point.with_values(robot, &values), ..problem.clone() };
             changes(&metrics, solver.solve(&problem, FIT_ACCURACY).ok().as_ref())
         });
         Some(TrialInformation {
@@ -206,14 +206,14 @@ impl<'f> FitInformation<'f> {
     /// if the solution has no derivatives.
     fn gait_effects(
         &self,
-        solver: &mut Solver,
+        solver: &mut AnySolver,
         metrics: &GaitMetrics,
         omega_rad_s: f64,
     ) -> Option<Vec<ByFitted<f64>>> {
-        let derivatives = solver.derivatives().ok()?.gait;
+        let derivatives = solver.input_derivatives().ok()?.gait;
         let distance = |of: &Measurement| (of.omega_rad_s / omega_rad_s).ln().abs();
         let nearest = self.measurements().iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let errors_rad = nearest.map_or([[0.0; 3]; 2], |of| of.gait_errors_rad);
+        let errors_rad = nearest.map_or(EXACT, |of| of.gait_errors_rad);
         let pairs = derivatives.as_flattened().iter().zip(errors_rad.as_flattened());
         let effects = pairs.map(|(derivative, error_rad)| {
             ByFitted::from_fn(|i| known(derivative[i] * error_rad / metrics[i]))
@@ -224,7 +224,7 @@ impl<'f> FitInformation<'f> {
     /// Returns the gait that drives the model for a given command and frequency; `None` if no gait was measured. Where
     /// measured gaits drive the model, it is the command changed by the mean deviation of the measured gaits from the
     /// campaign's command at that frequency.
-    fn driven_by(&self, command: Gait, omega_rad_s: f64) -> Option<Gait> {
+    fn driven_by(&self, command: AnyGait, omega_rad_s: f64) -> Option<AnyGait> {
         let own = self.command();
         let (measured, _) = self.gaits.at(omega_rad_s)?;
         let joint = |i: usize| {
@@ -238,7 +238,7 @@ impl<'f> FitInformation<'f> {
                 second: command.second,
             })
         };
-        Some(Gait { joints: [0, 1].map(joint) })
+        Some(AnyGait { joints: std::array::from_fn(joint) })
     }
 
     /// Returns the shifts of the coefficients' logarithms, within their bounds, for which the linearised model comes

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use serde::Serialize;
 use trilink_robot::decay::DecayLaw;
-use trilink_robot::{Model, Parameter, Quantity, Robot, RollLaw};
+use trilink_robot::{AnyGait, AnyRobot, Model, Parameter, Quantity, RollLaw};
 use trilink_statistics::{Estimate, mean};
 use trilink_tables::config::{
-    Config, Fit, Free, GaitConfig, GaitInput, ModelConfig, NamedEntry, ParameterSource,
-    RobotConfig, Weights,
+    Campaign, ChainCampaign, ChainGait, ChainRobot, Config, Fit, Free, GaitConfig, GaitInput,
+    ModelConfig, NamedEntry, ParameterSource, RobotConfig, Weights,
 };
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
@@ -33,11 +33,27 @@ pub struct FitInput {
     pub campaign: NamedEntry<FitCampaign>,
     /// Model to fit; its own list of free parameters is cleared if the campaign has one.
     pub model: NamedEntry<ModelConfig, Model>,
-    pub robot: NamedEntry<RobotConfig>,
-    pub gait: NamedEntry<GaitConfig>,
+    pub robot: NamedEntry<FitRobot>,
+    pub gait: NamedEntry<FitGait>,
     /// Settings of the fit. Settings that the fit does not read, such as the bounds of fixed parameters, have their
     /// default values.
     pub fit: Fit,
+}
+
+/// Configuration of a robot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum FitRobot {
+    ThreeLinks(RobotConfig),
+    Chain(ChainRobot),
+}
+
+/// Configuration of the gait of a robot of the same kind.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum FitGait {
+    ThreeLinks(GaitConfig),
+    Chain(ChainGait),
 }
 
 /// Configuration keys of a campaign that a fit reads.
@@ -63,22 +79,45 @@ const MEASURED: [MeasuredParameter; 4] = [
 impl FitInput {
     /// Returns the inputs for all models of all campaigns, in the order of the configuration.
     pub fn all(config: &Config) -> Vec<Self> {
-        let campaigns = config.campaign.iter();
-        let fits = campaigns.flat_map(|(name, of)| of.models.iter().map(move |&m| (name, m)));
+        let of_chains = config.chains.campaign.iter().map(|(name, of)| (name, &of.models));
+        let campaigns = config.campaign.iter().map(|(name, of)| (name, &of.models));
+        let fits = campaigns.chain(of_chains);
+        let fits = fits.flat_map(|(name, models)| models.iter().map(move |&model| (name, model)));
         fits.filter_map(|(campaign, model)| Self::new(config, campaign, model)).collect()
     }
 
     /// Returns the input for one model of one campaign; `None` if the configuration has no such campaign or model.
     pub fn new(config: &Config, campaign: &str, model: Model) -> Option<Self> {
-        let configured = config.campaign.get(campaign)?;
-        let value =
-            FitCampaign { weights: configured.weights, free: configured.free.get(&model).cloned() };
-        let mut input = Self {
-            campaign: NamedEntry { name: campaign.to_owned(), value },
-            model: NamedEntry::find(&config.model, &model)?,
-            robot: NamedEntry::find(&config.robot, &configured.robot)?,
-            gait: NamedEntry::find(&config.gait, &configured.gait)?,
-            fit: Fit { shared: None, ..config.fit.clone() },
+        let name = campaign.to_owned();
+        let mut input = match config.campaign.get(campaign) {
+            Some(Campaign { robot, gait, weights, free, .. }) => Self {
+                campaign: NamedEntry {
+                    name,
+                    value: FitCampaign { weights: *weights, free: free.get(&model).cloned() },
+                },
+                model: NamedEntry::find(&config.model, &model)?,
+                robot: NamedEntry::find(&config.robot, robot)?.map(FitRobot::ThreeLinks),
+                gait: NamedEntry::find(&config.gait, gait)?.map(FitGait::ThreeLinks),
+                fit: Fit { shared: None, ..config.fit.clone() },
+            },
+            None => {
+                let ChainCampaign { robot, gait, weights, free, .. } =
+                    config.chains.campaign.get(campaign)?;
+                let weights = weights.unwrap_or(ChainCampaign::WEIGHTS);
+                Self {
+                    campaign: NamedEntry {
+                        name,
+                        value: FitCampaign { weights, free: free.get(&model).cloned() },
+                    },
+                    model: NamedEntry::find(&config.model, &model)?,
+                    robot: NamedEntry::find(&config.chains.robot, robot)?.map(FitRobot::Chain),
+                    gait: NamedEntry {
+                        name: gait.clone(),
+                        value: FitGait::Chain(config.chain_gait(gait)?),
+                    },
+                    fit: Fit { shared: None, ..config.fit.clone() },
+                }
+            }
         };
         if input.campaign.value.free.is_some() {
             input.model.value.free = None;
@@ -107,14 +146,20 @@ impl FitInput {
     /// # Errors
     /// Returns an error if there is no such campaign or model, or if the robot lacks a parameter that the model needs.
     pub fn find(config: &Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
-        let robot = campaign_of(config, campaign)?.robot;
-        match Self::new(config, campaign, Model::new(model)) {
-            Some(input) => {
-                config.check_laws(Path::new("--model"), &robot, input.model.name)?;
-                Ok(input)
-            }
-            None => Err(unknown_model(config, model)),
+        let path = Path::new("--model");
+        let of_chain = config.chains.campaign.get(campaign);
+        let robot = match of_chain {
+            Some(campaign) => campaign.robot.clone(),
+            None => campaign_of(config, campaign)?.robot,
+        };
+        let input = Self::new(config, campaign, Model::new(model));
+        let input = input.ok_or_else(|| unknown_model(config, model))?;
+        if of_chain.is_some() {
+            config.check_chain_laws(path, &robot, input.model.name)?;
+        } else {
+            config.check_laws(path, &robot, input.model.name)?;
         }
+        Ok(input)
     }
 
     pub fn key(&self) -> FitKey {
@@ -192,11 +237,26 @@ impl FitInput {
         hash(format!("{rows:?}").as_bytes())
     }
 
+    /// Returns the robot with its configured parameters, and the commanded gait.
+    pub fn setup(&self) -> (AnyRobot, AnyGait) {
+        match (&self.robot.value, &self.gait.value) {
+            (FitRobot::ThreeLinks(robot), FitGait::ThreeLinks(gait)) => {
+                (robot.to_robot().into(), gait.to_gait().into())
+            }
+            (FitRobot::Chain(robot), FitGait::Chain(gait)) => {
+                let chain = robot.to_chain(gait);
+                let gait = chain.gait();
+                (chain.into(), gait)
+            }
+            _ => unreachable!("robot and gait are of the same kind"),
+        }
+    }
+
     /// Returns the robot, and the list of those of its parameters that have measured values. If the configuration asks
     /// for measured values, each is the mean over the trials that measured the parameter; otherwise the list is empty.
     /// The wheels' shares of the rolling resistance stay as configured.
-    pub(super) fn measured_robot(&self, data: &FitData) -> (Robot, Vec<Parameter>) {
-        let mut robot = self.robot.value.to_robot();
+    pub(super) fn measured_robot(&self, data: &FitData) -> (AnyRobot, Vec<Parameter>) {
+        let (mut robot, _) = self.setup();
         let mut measured = Vec::new();
         if self.fit.robot_parameters == ParameterSource::Configured {
             return (robot, measured);
@@ -208,7 +268,7 @@ impl FitInput {
             // Sort, so that the mean does not depend on the order of the trials.
             values.sort_by(f64::total_cmp);
             if !values.is_empty() {
-                parameter.set(&mut robot, mean(values));
+                robot.set(parameter, mean(values));
                 measured.push(parameter);
             }
         }
@@ -279,9 +339,15 @@ impl FitInput {
     /// Returns, for each independent error of the robot's parameters, the robot with the parameters that have this
     /// error increased by their standard deviations. The standard deviations are configured or, if measured values are
     /// used, derived from the trials that measured the parameter.
-    pub(super) fn perturbed_robots(&self, robot: &Robot, data: &FitData) -> Vec<Robot> {
-        let gait = self.gait.value.to_gait();
-        let mut errors = self.robot.value.errors(self.model.value.laws(), &gait);
+    pub(super) fn perturbed_robots(&self, robot: &AnyRobot, data: &FitData) -> Vec<AnyRobot> {
+        let mut errors = match &self.robot.value {
+            FitRobot::ThreeLinks(config) => {
+                let (_, gait) = self.setup();
+                config.errors(self.model.value.laws(), &gait.into())
+            }
+            // The configuration of a chain has no standard deviations.
+            FitRobot::Chain(_) => Vec::new(),
+        };
         if self.fit.robot_parameters == ParameterSource::Measured {
             for (parameter, estimate) in MEASURED {
                 // Trials whose parameter was estimated jointly have the same error.
@@ -300,7 +366,7 @@ impl FitInput {
         let robots = errors.into_iter().map(|shared| {
             let mut perturbed = robot.clone();
             for (parameter, deviation) in shared {
-                parameter.set(&mut perturbed, parameter.value_in(robot) + deviation);
+                perturbed.set(parameter, robot.value(parameter) + deviation);
             }
             perturbed
         });
@@ -311,7 +377,7 @@ impl FitInput {
     pub fn protocol(&self) -> Protocol {
         Protocol {
             name: self.campaign.name.clone(),
-            gait: self.gait.value.to_gait(),
+            gait: self.setup().1,
             weights: self.campaign.value.weights,
         }
     }
@@ -325,12 +391,12 @@ impl FitInput {
     /// Parameters that do not affect the model's solution are left out.
     pub fn free(&self) -> Vec<FreeParameter> {
         let model = &self.model.value;
-        let gait = self.gait.value.to_gait();
+        let (robot, gait) = self.setup();
         let listed = self.campaign.value.free.clone();
         let listed = listed.map_or_else(|| model.free(), |Free(listed)| listed).into_iter();
         let mut fit = self.fit.clone();
         listed
-            .filter(|parameter| model.laws().is_relevant(*parameter, &gait))
+            .filter(|parameter| robot.depends_on(*parameter, model.laws(), &gait))
             .map(|parameter| {
                 let quantity = parameter.quantity();
                 let range = quantity.definition().range;
@@ -374,9 +440,14 @@ impl FreeParameter {
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Robot;
     use trilink_tables::Columns as _;
 
     use super::*;
+
+    fn three_links(robot: &AnyRobot) -> Robot {
+        robot.three_links().expect("three links").clone()
+    }
 
     #[test]
     fn a_fit_reads_the_keys_of_its_own_model_and_of_no_other() {
@@ -437,8 +508,9 @@ mod tests {
         robot.set_deviation(Quantity::Damping, [0.001]);
         let robots = |name| {
             let input = FitInput::new(&config, campaign, Model::new(name)).expect("the paper's");
-            let robot = input.robot.value.to_robot();
-            (input.perturbed_robots(&robot, &FitData::default()), robot)
+            let (robot, _) = input.setup();
+            let others = input.perturbed_robots(&robot, &FitData::default());
+            (others.iter().map(three_links).collect::<Vec<_>>(), three_links(&robot))
         };
         let (others, robot) = robots("coulomb");
         let deviations: Vec<[f64; 2]> = others
@@ -466,11 +538,13 @@ mod tests {
         robot.set_same(Quantity::B, "ruler");
         let input = FitInput::new(&config, "kinematic-symmetric", Model::SKID_ROLL);
         let input = input.expect("the paper's");
-        let robot = input.robot.value.to_robot();
+        let (robot, _) = input.setup();
         let others = input.perturbed_robots(&robot, &FitData::default());
+        let robot = three_links(&robot);
         let changes: Vec<[f64; 5]> = others
             .iter()
             .map(|other| {
+                let other = three_links(other);
                 let lengths = [other.h_m[1] - robot.h_m[1], other.b_m[0] - robot.b_m[0]];
                 let masses = [0, 1, 2].map(|i| other.mass_kg[i] - robot.mass_kg[i]);
                 [lengths[0], lengths[1], masses[0], masses[1], masses[2]]
@@ -514,11 +588,13 @@ mod tests {
         let campaign = "semi-passive-symmetric";
         let mut input =
             FitInput::new(&Config::default(), campaign, Model::SKID_ROLL).expect("the paper's");
-        let configured = input.robot.value.to_robot();
+        let (configured, _) = input.setup();
         assert_eq!(input.measured_robot(&data), (configured.clone(), Vec::new()));
+        let configured = three_links(&configured);
         input.robot.name = "ours".to_owned();
         input.fit.robot_parameters = ParameterSource::Measured;
         let (robot, measured) = input.measured_robot(&data);
+        let robot = three_links(&robot);
         assert_eq!(measured, [Quantity::Damping.one(), Quantity::Roll.sum()]);
         assert_eq!(robot.stiffness_nm_rad, configured.stiffness_nm_rad);
         assert_eq!(robot.damping_nm_s_rad, 0.01);
@@ -557,6 +633,7 @@ mod tests {
         // The trials determine a dry law of rolling resistance if they follow the model's law.
         input.model.value.roll = RollLaw::CoulombViscous;
         let (robot, measured) = input.measured_robot(&data);
+        let robot = three_links(&robot);
         let [roll, roll_dry] = [robot.roll_kg_s, robot.roll_dry_n].map(|of| of.iter().sum::<f64>());
         assert!(measured.contains(&Quantity::RollDry.sum()), "{measured:?}");
         assert!((roll - 0.8).abs() < 1e-12 && (roll_dry - 0.3).abs() < 1e-12, "{roll} {roll_dry}");

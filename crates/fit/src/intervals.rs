@@ -26,7 +26,7 @@
 //! (GUM), JCGM 100:2008, annex G.
 
 use rayon::prelude::*;
-use trilink_robot::Robot;
+use trilink_robot::AnyRobot;
 use trilink_statistics::{HALF_WIDTH_95, SIDES_95, mean, quantiles, student};
 use trilink_tables::{FitNotes, NoInterval, NoIntervalReason};
 
@@ -120,7 +120,7 @@ pub(super) struct Systematic {
 impl Systematic {
     /// Refits without each block of frequencies in turn, and with each of the perturbed robots. Returns the shifts of
     /// these refits from the fit, and the number of periodic solutions computed.
-    pub(crate) fn new(point: &FittedPoint, perturbed_robots: &[Robot]) -> (Self, usize) {
+    pub(crate) fn new(point: &FittedPoint, perturbed_robots: &[AnyRobot]) -> (Self, usize) {
         let objective = point.evaluator.objective;
         let mut blocks = frequency_blocks(&objective.measurements);
         blocks.retain(|of_campaign| of_campaign.len() >= FitNotes::MIN_FREQUENCIES);

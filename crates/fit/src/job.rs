@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::REFERENCE_ACCURACY;
-use trilink_robot::{Parameter, Robot};
+use trilink_robot::{AnyRobot, Parameter};
 use trilink_tables::config::GaitInput;
 use trilink_tables::{BootstrapRow, FitRow, FitStatus, LawLike};
 
@@ -38,7 +38,7 @@ pub(super) struct Job<'j> {
     /// Coefficients measured by joint-release and coast-down trials.
     pub measured: Vec<Parameter>,
     /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
-    pub perturbed_robots: Vec<Robot>,
+    pub perturbed_robots: Vec<AnyRobot>,
     pub resampler: &'j Resampler,
     /// Trials that are left out because they are unlike their repeats.
     pub unlike_repeats: Vec<String>,

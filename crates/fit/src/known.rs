@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use trilink_mechanics::{MotionError, Problem, Solver};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Parameter, Robot};
+use trilink_robot::{AnyRobot, Parameter, Robot};
 use trilink_tables::{BootstrapRow, FitRow, NoInterval, NoIntervalReason};
 
 use super::alternatives::Alternatives;
 use super::bands::Bands;
 use super::fitted_point::FittedPoint;
+use super::gait_over_frequency::EXACT;
 use super::information::FitInformation;
 use super::job::{Fit, Job};
 use super::resampler::Resampler;
@@ -30,7 +31,7 @@ pub struct KnownFit {
     pub replicates: Vec<BootstrapRow>,
 }
 
-/// Uncertainty of the predictions of a fit; see [`KnownFit::with_bands`].
+/// Uncertainty of the predictions of a fit for a robot of three links; see [`KnownFit::with_bands`].
 pub struct PredictionBands<'b>(Bands<'b>);
 
 impl PredictionBands<'_> {
@@ -45,7 +46,7 @@ impl PredictionBands<'_> {
         problem: &Problem,
         metrics: GaitMetrics,
     ) -> Result<[GaitMetrics; 2], MotionError> {
-        Ok(self.0.band(solver, problem, metrics)?.limits(&metrics, &[[0.0; 3]; 2]))
+        Ok(self.0.band(solver.into(), &problem.clone().into(), metrics)?.limits(&metrics, &EXACT))
     }
 
     /// Returns the free parameters, and the shifts of their logarithms in each replicate, with the same noise
@@ -62,13 +63,13 @@ impl PredictionBands<'_> {
     }
 
     /// Returns the robot on which the fit is based; its free parameters have their values from before the fit.
-    pub fn robot(&self) -> &Robot {
+    pub fn robot(&self) -> &AnyRobot {
         self.0.robot()
     }
 
     /// Returns, for each uncertain robot parameter, the robot with that parameter increased by its standard deviation,
     /// and the shifts of the logarithms of the free parameters from the original fit to the refit with this robot.
-    pub fn assumed(&self) -> impl Iterator<Item = (&Robot, &[f64])> {
+    pub fn assumed(&self) -> impl Iterator<Item = (&AnyRobot, &[f64])> {
         self.0.assumed()
     }
 }

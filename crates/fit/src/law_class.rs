@@ -4,8 +4,8 @@
 //! `F / v_t`; if no wheel ever skids faster, a campaign determines neither F nor v_t. If F is so large that a change by
 //! the factor e changes every metric by less than a trial's noise, the wheels are effectively constrained.
 
-use trilink_mechanics::{FIT_ACCURACY, MotionError, Solver};
-use trilink_robot::Robot;
+use trilink_mechanics::{AnySolver, FIT_ACCURACY, MotionError};
+use trilink_robot::{AnyRobot, Quantity};
 use trilink_tables::{LINEAR_PART, LawKind, LawLike};
 
 use super::fitted_point::FittedPoint;
@@ -20,27 +20,27 @@ const SAMPLES: usize = 64;
 pub(super) fn law_is_like(point: &FittedPoint, variation: &Variation) -> Option<LawLike> {
     let objective = point.evaluator.objective;
     let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
-    let transition_m_s = robot.transition_m_s;
+    let transition_m_s = robot.value(Quantity::Transition.one());
     let max_skid_m_s = max_skid_velocity_m_s(objective, &robot);
     let is_slow = max_skid_m_s.is_ok_and(|max_m_s| max_m_s <= LINEAR_PART * transition_m_s);
     is_slow.then(|| {
         let has_static = objective.laws.skid.has_static();
-        let dry_n = if has_static { robot.skid_static_n } else { robot.skid_dry_n };
+        let dry = if has_static { Quantity::SkidStatic } else { Quantity::SkidDry };
         let is_insensitive = is_insensitive(point, variation);
         let kind = if is_insensitive { LawKind::Constrained } else { LawKind::Viscous };
-        LawLike { kind, viscous_kg_s: dry_n.map(|dry_n| dry_n / transition_m_s) }
+        LawLike { kind, viscous_kg_s: dry.of_each().map(|of| robot.value(of) / transition_m_s) }
     })
 }
 
 /// Returns the maximum skid velocity of the wheels in the model's solutions for all conditions, m/s.
-fn max_skid_velocity_m_s(objective: &Objective, robot: &Robot) -> Result<f64, MotionError> {
-    let mut solver = Solver::default();
+fn max_skid_velocity_m_s(objective: &Objective, robot: &AnyRobot) -> Result<f64, MotionError> {
+    let mut solver = AnySolver::default();
     let mut max_m_s = 0.0_f64;
     for condition in &objective.conditions.all {
         let problem = objective.problem_of(robot, condition)?;
         solver.forget();
         solver.solve(&problem, FIT_ACCURACY)?;
-        for skid_m_s in solver.cycle(SAMPLES)?.iter().flat_map(|sample| sample.skid_m_s) {
+        for skid_m_s in solver.skid_m_s(SAMPLES)? {
             max_m_s = max_m_s.max(skid_m_s.abs());
         }
     }

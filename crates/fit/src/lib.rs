@@ -272,7 +272,7 @@ pub fn fit_except(
         models.into_iter().for_each(|fitted| all.extend(fitted));
         all.precision.extend(precision::rows(
             &inputs[0].campaign.name,
-            &inputs[0].gait.value.to_gait(),
+            &inputs[0].setup().1,
             &resampler.measurements,
         ));
     }

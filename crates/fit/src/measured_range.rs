@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
-use trilink_mechanics::Problem;
-use trilink_robot::Gait;
+use trilink_mechanics::AnyProblem;
+use trilink_robot::{AnyGait, MAX_JOINTS};
 use trilink_statistics::extremes;
 use trilink_tables::{Extrapolation, SAME_FREQUENCY};
 
@@ -17,30 +17,37 @@ const TOLERANCE: f64 = 0.05;
 /// Factor by which a search may leave the measured range.
 const SEARCH_FACTOR: f64 = 1.2;
 
-/// Names of the quantities whose ranges are measured: frequency and gait parameters, named as in `optimise --free`.
-const NAMES: [&str; 8] =
-    ["omega", "amplitude1", "amplitude2", "offset1", "offset2", "second1", "second2", "phase2"];
+// Quantities whose ranges are measured: the frequency, then, for each joint, the amplitude, the offset, the amplitude of
+// the second harmonic, and the phase relative to that of the first driven joint.
 const OMEGA: usize = 0;
 const AMPLITUDE: usize = 1;
-const OFFSET: usize = 3;
-const SECOND: usize = 5;
-const PHASE: usize = 7;
+const OFFSET: usize = AMPLITUDE + MAX_JOINTS;
+const SECOND: usize = OFFSET + MAX_JOINTS;
+const PHASE: usize = SECOND + MAX_JOINTS;
+const COUNT: usize = PHASE + MAX_JOINTS;
 
-/// Value of each quantity in [`NAMES`], in rad/s or rad; NaN if a gait does not have that quantity.
-type Numbers = [f64; NAMES.len()];
+/// Value of each quantity, in rad/s or rad; NaN if a gait does not have that quantity.
+type Numbers = [f64; COUNT];
+
+/// Returns the name of a quantity, as in `optimise --free`.
+fn name_of(number: usize) -> String {
+    let Some(of_joint) = number.checked_sub(AMPLITUDE) else { return "omega".to_owned() };
+    let kind = ["amplitude", "offset", "second", "phase"][of_joint / MAX_JOINTS];
+    format!("{kind}{}", of_joint % MAX_JOINTS + 1)
+}
 
 /// Range of the frequency and of each gait parameter covered by the fitted trials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredRange {
-    ranges: [[f64; 2]; NAMES.len()],
-    /// Measured range `[min, max]` of each quantity in [`NAMES`], widened by that quantity's tolerance.
-    limits: [[f64; 2]; NAMES.len()],
+    ranges: [[f64; 2]; COUNT],
+    /// Measured range `[min, max]` of each quantity, widened by that quantity's tolerance.
+    limits: [[f64; 2]; COUNT],
 }
 
 /// Quantity that lies outside the range of the trials.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Excess {
-    /// Index of the quantity in [`NAMES`].
+    /// Index of the quantity.
     number: usize,
     /// Minimum and maximum of the quantity over all motions that were checked against its range.
     values: [f64; 2],
@@ -52,7 +59,7 @@ impl fmt::Display for Excess {
         let Self { number, values, range } = *self;
         let (scale, unit) = if number == OMEGA { (1.0, "rad/s") } else { (360.0 / TAU, "degrees") };
         let [low, high] = values.map(|value| rounded(scale * value));
-        write!(to, "{} {low}", NAMES[number])?;
+        write!(to, "{} {low}", name_of(number))?;
         if high != low {
             write!(to, " to {high}")?;
         }
@@ -78,20 +85,23 @@ impl MeasuredRange {
     /// Returns the range covered by the measurements of one campaign, whose commanded gait is `command`; `None` if
     /// there are no measurements. Parameters that no trial measured are taken as commanded; second harmonics range from
     /// 0 to the command.
-    pub fn new(measurements: &[Measurement], command: &Gait) -> Option<Self> {
+    pub fn new(measurements: &[Measurement], command: &AnyGait) -> Option<Self> {
         let [commanded, none] =
-            [command, &Gait { joints: [None; 2] }].map(|of| numbers(of, f64::NAN));
+            [command, &AnyGait { joints: [None; MAX_JOINTS] }].map(|of| numbers(of, f64::NAN));
         let all: Vec<Numbers> = measurements
             .iter()
             .map(|measurement| {
-                let joints = [0, 1].map(|i| command.joints[i].map(|_| measurement.gait[i]));
-                let mut numbers = numbers(&Gait { joints }, measurement.omega_rad_s);
-                numbers[PHASE] = wrap_near(numbers[PHASE], commanded[PHASE]);
+                let joints =
+                    std::array::from_fn(|i| command.joints[i].map(|_| measurement.gait[i]));
+                let mut numbers = numbers(&AnyGait { joints }, measurement.omega_rad_s);
+                for phase in PHASE..COUNT {
+                    numbers[phase] = wrap_near(numbers[phase], commanded[phase]);
+                }
                 numbers[SECOND..PHASE].copy_from_slice(&none[SECOND..PHASE]);
                 numbers
             })
             .collect();
-        let ranges: [[f64; 2]; NAMES.len()] =
+        let ranges: [[f64; 2]; COUNT] =
             std::array::from_fn(|number| match extremes(all.iter().map(|of| of[number])) {
                 [low, high] if low <= high => [low, high],
                 _ if (SECOND..PHASE).contains(&number) => [0.0, commanded[number]],
@@ -101,8 +111,8 @@ impl MeasuredRange {
             let [low, high] = ranges[number];
             let margin_rad = match number {
                 OMEGA => return [low * (1.0 - SAME_FREQUENCY), high * (1.0 + SAME_FREQUENCY)],
-                PHASE => TOLERANCE,
-                of_joint => TOLERANCE * ranges[AMPLITUDE + (of_joint - AMPLITUDE) % 2][1],
+                PHASE.. => TOLERANCE,
+                of_joint => TOLERANCE * ranges[AMPLITUDE + (of_joint - AMPLITUDE) % MAX_JOINTS][1],
             };
             [low - margin_rad, high + margin_rad]
         });
@@ -123,14 +133,14 @@ impl MeasuredRange {
     }
 
     /// Returns the quantities of a problem's gait and frequency that lie outside the range.
-    fn excess(&self, problem: &Problem) -> Vec<Excess> {
+    fn excess(&self, problem: &AnyProblem) -> Vec<Excess> {
         let mut own = numbers(&problem.gait, problem.omega_rad_s);
-        own[PHASE] = wrap_near(own[PHASE], 0.5 * (self.ranges[PHASE][0] + self.ranges[PHASE][1]));
+        for phase in PHASE..COUNT {
+            let [low, high] = self.ranges[phase];
+            own[phase] = wrap_near(own[phase], 0.5 * (low + high));
+        }
         let found = self.excess_of(own);
-        // The mirror image of a motion is also possible, unless the spring has a nonzero rest angle.
-        let has_mirror =
-            problem.gait.passive_joint().is_none() || problem.robot.rest_angle_rad == 0.0;
-        if !has_mirror {
+        if !problem.robot.has_mirror_images(&problem.gait) {
             return found;
         }
         let mut mirrored = own;
@@ -155,20 +165,23 @@ impl MeasuredRange {
     }
 
     /// Whether a problem's gait or frequency lies outside the range.
-    pub(crate) fn is_exceeded(&self, problem: &Problem) -> bool {
+    pub(crate) fn is_exceeded(&self, problem: &AnyProblem) -> bool {
         !self.excess(problem).is_empty()
     }
 
     /// Returns whether a problem's gait or frequency lies outside the range, and in which quantities.
-    pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
+    pub fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
         let excess: Vec<String> = self.excess(problem).iter().map(Excess::to_string).collect();
         Extrapolation { extrapolated: Some(!excess.is_empty()), beyond_trials: excess.join(", ") }
     }
 
     /// Returns how many of the problems are extrapolations, and in which quantities; `None` if none is.
-    pub fn summary(&self, problems: impl IntoIterator<Item = Problem>) -> Option<(usize, String)> {
+    pub fn summary(
+        &self,
+        problems: impl IntoIterator<Item = AnyProblem>,
+    ) -> Option<(usize, String)> {
         let mut count = 0;
-        let mut all = [None::<Excess>; NAMES.len()];
+        let mut all = [None::<Excess>; COUNT];
         for problem in problems {
             let excess = self.excess(&problem);
             count += usize::from(!excess.is_empty());
@@ -182,9 +195,9 @@ impl MeasuredRange {
     }
 }
 
-/// Returns the values of the quantities in [`NAMES`] for a gait and a frequency.
-fn numbers(gait: &Gait, omega_rad_s: f64) -> Numbers {
-    let mut numbers = [f64::NAN; NAMES.len()];
+/// Returns the values of the quantities for a gait and a frequency.
+fn numbers(gait: &AnyGait, omega_rad_s: f64) -> Numbers {
+    let mut numbers = [f64::NAN; COUNT];
     numbers[OMEGA] = omega_rad_s;
     for (i, joint) in gait.joints.iter().enumerate() {
         let Some(joint) = joint else { continue };
@@ -192,8 +205,9 @@ fn numbers(gait: &Gait, omega_rad_s: f64) -> Numbers {
         numbers[OFFSET + i] = joint.offset_rad;
         numbers[SECOND + i] = joint.second().amplitude_rad();
     }
-    if let [Some(first), Some(second)] = gait.joints {
-        numbers[PHASE] = second.phase_rad - first.phase_rad;
+    let mut driven = gait.joints.iter().enumerate().filter_map(|(i, joint)| Some((i, (*joint)?)));
+    if let Some((_, first)) = driven.next() {
+        driven.for_each(|(i, joint)| numbers[PHASE + i] = joint.phase_rad - first.phase_rad);
     }
     numbers
 }
@@ -205,14 +219,15 @@ fn wrap_near(angle_rad: f64, other_rad: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::{JointCommand, Laws, Robot, SecondHarmonic};
+    use trilink_mechanics::Problem;
+    use trilink_robot::{Gait, JointCommand, Laws, Robot, SecondHarmonic};
     use trilink_tables::config::SigmaKind;
     use trilink_tables::{Columns as _, TrialRow};
 
     use super::*;
 
-    fn problem(gait: Gait, omega_rad_s: f64) -> Problem {
-        Problem { robot: Robot::kinematic(), gait, laws: Laws::SKID_ROLL, omega_rad_s }
+    fn problem(gait: Gait, omega_rad_s: f64) -> AnyProblem {
+        Problem { robot: Robot::kinematic(), gait, laws: Laws::SKID_ROLL, omega_rad_s }.into()
     }
 
     /// Returns the range covered by two trials in which the servos reach the given fraction of the commanded
@@ -229,7 +244,7 @@ mod tests {
             }
             Measurement::new(&row, SigmaKind::Raw).expect("a distance")
         });
-        MeasuredRange::new(&measurements, command).expect("trials")
+        MeasuredRange::new(&measurements, &(*command).into()).expect("trials")
     }
 
     fn changed(gait: Gait, joint: usize, change: impl Fn(&mut JointCommand)) -> Gait {
@@ -285,6 +300,6 @@ mod tests {
         assert!(!range.is_exceeded(&problem(gait, 2.0)));
         let wide = changed(gait, 1, |of| of.amplitude_rad *= 1.2);
         assert!(range.is_exceeded(&problem(wide, 2.0)));
-        assert_eq!(MeasuredRange::new(&[], &gait), None);
+        assert_eq!(MeasuredRange::new(&[], &gait.into()), None);
     }
 }

@@ -3,11 +3,13 @@
 use std::cmp::Ordering;
 use std::ops::RangeInclusive;
 
-use trilink_robot::JointCommand;
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
+use trilink_robot::{JointCommand, MAX_JOINTS};
 use trilink_statistics::{c4, student};
 use trilink_tables::config::SigmaKind;
 use trilink_tables::{SAME_FREQUENCY, TrialRow};
+
+use super::gait_over_frequency::GaitErrors;
 
 /// Measured metrics and gait of one trial.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,10 +29,10 @@ pub struct Measurement {
     pub errors: GaitMetrics,
     /// Number of cycles averaged in the trial means.
     pub cycles: usize,
-    /// Mean and first harmonic of the measured joint angles.
-    pub gait: [JointCommand; 2],
+    /// Mean and first harmonic of the measured joint angles, from front to rear; NaN for a joint that the robot lacks.
+    pub gait: [JointCommand; MAX_JOINTS],
     /// Standard errors of offset, amplitude and phase of each joint.
-    pub gait_errors_rad: [[f64; 3]; 2],
+    pub gait_errors_rad: GaitErrors,
     /// Whether raw skid ratios are used because the debiased ones are missing.
     pub lacks_debiased: bool,
     /// Whether coordinates were filtered before the export, so that the standard errors are not valid.
@@ -52,6 +54,7 @@ impl Measurement {
             let is_missing = metric.definition().is_size && !PLAUSIBLE.contains(&value);
             if is_missing { f64::NAN } else { value }
         }));
+        let joints = trial.joints();
         let usable = trial.status.has_metrics()
             && trial.omega_rad_s > 0.0
             && trial.omega_rad_s.is_finite()
@@ -65,8 +68,8 @@ impl Measurement {
             metrics,
             errors: GaitMetrics { sigma: sigma.map(|sigma| sigma.se), ..trial.metrics_se },
             cycles: usize::try_from(trial.cycles).unwrap_or(0),
-            gait: trial.gait.map(|joint| joint.command()),
-            gait_errors_rad: trial.gait.map(|joint| joint.errors_rad()),
+            gait: joints.map(|joint| joint.command()),
+            gait_errors_rad: joints.map(|joint| joint.errors_rad()),
             lacks_debiased: kind == SigmaKind::Debiased && trial.lacks_debiased(),
             is_filtered: trial.noise_white == Some(false),
         })
@@ -86,7 +89,7 @@ impl Measurement {
     }
 
     /// Returns the unbiased standard deviations of offset, amplitude and phase for each joint.
-    pub(super) fn gait_deviations_rad(&self) -> [[f64; 3]; 2] {
+    pub(super) fn gait_deviations_rad(&self) -> GaitErrors {
         self.gait_errors_rad.map(|of_joint| of_joint.map(|error| self.bias_correction() * error))
     }
 

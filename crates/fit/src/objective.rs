@@ -1,9 +1,9 @@
 //! Misfit between a model and the measurements: the objective J (eq. 21 and 22).
 
 use trilink_base::cancel::CancelToken;
-use trilink_mechanics::{FIT_ACCURACY, Laws, MotionError, Problem, Solver};
+use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY, Laws, MotionError};
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
-use trilink_robot::{Gait, JointCommand, Parameter, Robot};
+use trilink_robot::{AnyGait, AnyRobot, JointCommand, Parameter};
 use trilink_tables::FitStatus;
 use trilink_tables::config::{GaitInput, Weights};
 
@@ -26,7 +26,7 @@ pub struct Failure {
 pub struct Objective {
     pub laws: Laws,
     /// Robot with its free parameters at their values from before the fit.
-    pub robot: Robot,
+    pub robot: AnyRobot,
     /// Gait and weights of each campaign, indexed by [`Measurement::campaign`].
     pub protocols: Vec<Protocol>,
     /// Whether the measured or the commanded gait drives the model.
@@ -43,14 +43,23 @@ pub struct Protocol {
     /// Name of the campaign; empty if only one campaign is fitted.
     pub name: String,
     /// Commanded gait.
-    pub gait: Gait,
+    pub gait: AnyGait,
     pub weights: Weights,
 }
 
 impl Protocol {
-    /// Returns the weight of each metric in the objective.
+    /// Returns the weight of each metric in the objective; 0 for the amplitude of a driven joint from the second on.
     pub fn term_weights(&self) -> ByFitted<f64> {
-        ByFitted::from_fn(|metric| self.weights.for_metric(metric))
+        let is_driven = |metric: Metric| {
+            let joint = Metric::ALPHA.iter().position(|alpha| *alpha == metric);
+            !metric.is_of_three_links()
+                && joint.is_some_and(|joint| self.gait.joints[joint].is_some())
+        };
+        ByFitted::from_fn(
+            |metric| {
+                if is_driven(metric) { 0.0 } else { self.weights.for_metric(metric) }
+            },
+        )
     }
 }
 
@@ -68,21 +77,21 @@ impl Objective {
     /// Builds the objective for one campaign from its measurements, which must be sorted by [`Measurement::order`].
     pub fn new(
         laws: Laws,
-        robot: Robot,
-        gait: Gait,
+        robot: impl Into<AnyRobot>,
+        gait: impl Into<AnyGait>,
         weights: Weights,
         gait_input: GaitInput,
         measurements: Vec<Measurement>,
     ) -> Self {
-        let protocol = Protocol { name: String::new(), gait, weights };
-        Self::pooled(laws, robot, vec![protocol], gait_input, measurements)
+        let protocol = Protocol { name: String::new(), gait: gait.into(), weights };
+        Self::pooled(laws, robot.into(), vec![protocol], gait_input, measurements)
     }
 
     /// Builds the objective for several campaigns from their measurements, which must be sorted by
     /// [`Measurement::order`].
     pub(crate) fn pooled(
         laws: Laws,
-        robot: Robot,
+        robot: AnyRobot,
         protocols: Vec<Protocol>,
         gait_input: GaitInput,
         measurements: Vec<Measurement>,
@@ -129,17 +138,23 @@ impl Objective {
     }
 
     /// Returns the robot with the free `parameters` set to `values`.
-    pub(crate) fn robot_with(&self, parameters: &[FreeParameter], values: &[f64]) -> Robot {
+    pub(crate) fn robot_with(&self, parameters: &[FreeParameter], values: &[f64]) -> AnyRobot {
         let mut robot = self.robot.clone();
         for (free, value) in parameters.iter().zip(values) {
-            free.parameter.set(&mut robot, *value);
+            robot.set(free.parameter, *value);
         }
         robot
     }
 
+    /// Returns whether the model's solution for any campaign depends on a parameter.
+    pub(super) fn depends_on(&self, parameter: Parameter) -> bool {
+        let mut protocols = self.protocols.iter();
+        protocols.any(|of| self.robot.depends_on(parameter, self.laws, &of.gait))
+    }
+
     /// Returns the problem whose solution is the model's steady-state motion for a gait and a frequency.
-    pub fn problem(&self, robot: &Robot, gait: Gait, omega_rad_s: f64) -> Problem {
-        Problem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s }
+    pub fn problem(&self, robot: &AnyRobot, gait: AnyGait, omega_rad_s: f64) -> AnyProblem {
+        AnyProblem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s }
     }
 
     /// Whether the measured gait of each trial drives the model, rather than the command.
@@ -148,7 +163,7 @@ impl Objective {
     }
 
     /// Returns the gait that drives the model in a trial; `None` if the measured gait should drive it but is missing.
-    pub(crate) fn gait_of(&self, measurement: &Measurement) -> Option<Gait> {
+    pub(crate) fn gait_of(&self, measurement: &Measurement) -> Option<AnyGait> {
         let mut gait = self.protocol(measurement).gait;
         if self.is_driven_as_measured() {
             for (joint, measured) in gait.joints.iter_mut().zip(measurement.gait) {
@@ -165,9 +180,9 @@ impl Objective {
     /// Returns an error if the measured gait should drive the model but is missing.
     pub(super) fn problem_of(
         &self,
-        robot: &Robot,
+        robot: &AnyRobot,
         condition: &Condition,
-    ) -> Result<Problem, MotionError> {
+    ) -> Result<AnyProblem, MotionError> {
         let gait = condition.gait.ok_or(MotionError::GaitUnknown)?;
         Ok(self.problem(robot, gait, condition.omega_rad_s))
     }
@@ -220,7 +235,7 @@ impl Objective {
         Evaluator {
             objective: self,
             parameters,
-            solvers: vec![Solver::default(); count],
+            solvers: vec![AnySolver::default(); count],
             observations: self.observations(),
             expansions: self.conditions.expansions.clone(),
             terms: Terms::default(),
@@ -236,7 +251,7 @@ impl Objective {
 pub struct Evaluator<'a> {
     pub objective: &'a Objective,
     pub parameters: Vec<FreeParameter>,
-    solvers: Vec<Solver>,
+    solvers: Vec<AnySolver>,
     observations: Vec<Observation>,
     /// Expansion of each condition's metrics in terms of its trials' frequencies and gaits; `None` where none was
     /// computed.
@@ -256,7 +271,7 @@ impl Evaluator<'_> {
         Self {
             objective,
             parameters: parameters.clone(),
-            solvers: solvers.iter().map(Solver::successor).collect(),
+            solvers: solvers.iter().map(AnySolver::successor).collect(),
             observations,
             expansions: expansions.clone(),
             terms: Terms::default(),
@@ -365,7 +380,7 @@ impl Evaluator<'_> {
             if !with_all && !self.is_spread(condition) {
                 continue;
             }
-            let Ok(derivatives) = self.solvers[condition].derivatives() else { continue };
+            let Ok(derivatives) = self.solvers[condition].input_derivatives() else { continue };
             let mut expansion = Expansion::new(metrics, &derivatives);
             if let Some(last) = self.expansions[condition].take() {
                 expansion.keep_second_order(last);
@@ -437,7 +452,7 @@ impl Evaluator<'_> {
         Ok(())
     }
 
-    fn solve(&mut self, i: usize, robot: &Robot) -> Result<GaitMetrics, MotionError> {
+    fn solve(&mut self, i: usize, robot: &AnyRobot) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
         let problem = self.objective.problem_of(robot, &self.objective.conditions.all[i])?;
         self.solvers[i].solve(&problem, self.accuracy)

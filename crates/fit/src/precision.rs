@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use trilink_robot::Gait;
+use trilink_robot::AnyGait;
 use trilink_robot::metrics::Metric;
 use trilink_statistics::precision::{Precision, RelativeDeviation};
 use trilink_tables::{NoPrecisionReason, PrecisionRow};
@@ -11,8 +11,12 @@ use super::measurement::Measurement;
 
 /// Returns the precision of each metric that a fit can use; that of alpha_1 only if the `gait` has a passive joint.
 /// `measurements` are those of the campaign, sorted by [`Measurement::order`].
-pub(super) fn rows(campaign: &str, gait: &Gait, measurements: &[Measurement]) -> Vec<PrecisionRow> {
-    let is_passive = gait.joints.contains(&None);
+pub(super) fn rows(
+    campaign: &str,
+    gait: &AnyGait,
+    measurements: &[Measurement],
+) -> Vec<PrecisionRow> {
+    let is_passive = gait.joints[0].is_none();
     let metrics = Metric::FITTED.into_iter();
     let metrics = metrics.filter(|metric| match metric {
         Metric::Alpha1 => is_passive,
@@ -96,7 +100,7 @@ mod tests {
         let mut measurements: Vec<Measurement> =
             trials.iter().enumerate().map(measurement).collect();
         measurements.sort_by(Measurement::order);
-        let gait = Config::default().gait["symmetric"].to_gait();
+        let gait = Config::default().gait["symmetric"].to_gait().into();
         let rows = rows("c", &gait, &measurements);
         assert_eq!(rows.len(), 5, "the joints are commanded");
         assert_eq!(rows[1].metric, "v_m_s");

@@ -1,10 +1,8 @@
 //! Predictions of a fitted model at the frequencies of the trials and between them.
 
 use rayon::prelude::*;
-use trilink_mechanics::{
-    Attractor, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
-};
-use trilink_robot::Robot;
+use trilink_mechanics::{AnyProblem, AnySolver, MotionError, MotionStatus, REFERENCE_ACCURACY};
+use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_tables::{
     Columns as _, NoInterval, NoIntervalReason, PredictionRow, PredictionSource, ResidualRow,
@@ -13,7 +11,7 @@ use trilink_tables::{
 use super::FitInput;
 use super::bands::{Band, Bands, without_resample};
 use super::fitted_point::FittedPoint;
-use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
+use super::gait_over_frequency::{GaitErrors, GaitOverFrequency, UNKNOWN};
 use super::measurement::Measurement;
 
 /// Number of frequencies on a prediction curve.
@@ -31,8 +29,8 @@ struct Predicted {
 impl Predicted {
     /// Solves for the steady-state motion with a cold start from rest, independently of the solver's earlier solutions.
     fn solve(
-        solver: &mut Solver,
-        problem: Result<&Problem, MotionError>,
+        solver: &mut AnySolver,
+        problem: Result<&AnyProblem, MotionError>,
         accuracy: f64,
         bands: &Result<Bands, NoInterval>,
     ) -> Self {
@@ -79,7 +77,7 @@ impl Predicted {
 pub(super) fn predictions(
     input: &FitInput,
     point: &FittedPoint,
-    robot: &Robot,
+    robot: &AnyRobot,
     bands: &Result<Bands, NoInterval>,
 ) -> Vec<PredictionRow> {
     let blank = PredictionRow {
@@ -97,7 +95,7 @@ pub(super) fn predictions(
 /// Returns the predictions for all trials, each at the trial's own frequency and gait.
 fn predictions_at_trials(
     point: &FittedPoint,
-    robot: &Robot,
+    robot: &AnyRobot,
     bands: &Result<Bands, NoInterval>,
     blank: &PredictionRow,
 ) -> Vec<PredictionRow> {
@@ -106,7 +104,7 @@ fn predictions_at_trials(
     let by_condition: Vec<_> = conditions
         .all
         .par_iter()
-        .map_init(Solver::default, |solver, condition| {
+        .map_init(AnySolver::default, |solver, condition| {
             let problem = objective.problem_of(robot, condition);
             let predicted = Predicted::solve(
                 solver,
@@ -115,9 +113,8 @@ fn predictions_at_trials(
                 bands,
             );
             let solved = problem.ok().zip(predicted.solved.as_ref().ok());
-            let from_rest = solved.map(|(problem, (metrics, _))| {
-                Attractor::from_rest(&solver.attractor(&problem, Ok(*metrics), REFERENCE_ACCURACY))
-            });
+            let from_rest =
+                solved.map(|(problem, (metrics, _))| solver.from_rest(&problem, *metrics));
             (predicted, from_rest)
         })
         .collect();
@@ -144,7 +141,7 @@ fn predictions_at_trials(
 /// Returns the predictions at evenly spaced frequencies over the range covered by the trials.
 fn predictions_on_curve(
     point: &FittedPoint,
-    robot: &Robot,
+    robot: &AnyRobot,
     bands: &Result<Bands, NoInterval>,
     blank: &PredictionRow,
 ) -> Vec<PredictionRow> {
@@ -155,13 +152,13 @@ fn predictions_on_curve(
     let gaits = GaitOverFrequency::new(objective);
     let points = (0..CURVE_POINTS).into_par_iter();
     points
-        .map_init(Solver::default, |solver, i| {
+        .map_init(AnySolver::default, |solver, i| {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let driving = gaits.at(omega_rad_s);
             let problem = driving.map(|(gait, _)| objective.problem(robot, gait, omega_rad_s));
             let problem = problem.as_ref().ok_or(MotionError::GaitUnknown);
             let predicted = Predicted::solve(solver, problem, CURVE_ACCURACY, bands);
-            let errors_rad = driving.map_or([[f64::NAN; 3]; 2], |(_, errors_rad)| errors_rad);
+            let errors_rad = driving.map_or(UNKNOWN, |(_, errors_rad)| errors_rad);
             PredictionRow {
                 trial: String::new(),
                 omega_rad_s,

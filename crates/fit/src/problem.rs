@@ -1,7 +1,7 @@
 //! Minimisation problem of a fit, for optimisers and samplers outside this program.
 
 use rayon::prelude::*;
-use trilink_mechanics::{MotionError, REFERENCE_ACCURACY, Solver};
+use trilink_mechanics::{AnySolver, MotionError, REFERENCE_ACCURACY};
 use trilink_robot::Parameter;
 use trilink_robot::metrics::{GaitMetrics, Metric};
 
@@ -22,7 +22,7 @@ pub struct FitProblem {
     pub start: Vec<f64>,
     pub terms: Vec<Term>,
     /// Solver for each trial, which starts from the motion at [`FitProblem::start`].
-    solvers: Vec<Solver>,
+    solvers: Vec<AnySolver>,
 }
 
 /// Term of the objective: one metric of one trial.
@@ -69,12 +69,12 @@ impl FitProblem {
             })
         });
         let terms = terms.collect();
-        let solvers = vec![Solver::default(); objective.measurements.len()];
+        let solvers = vec![AnySolver::default(); objective.measurements.len()];
         let mut problem = Self { objective, parameters: free, start, terms, solvers };
         problem.solvers = (0..problem.solvers.len())
             .into_par_iter()
             .map(|index| {
-                let mut solver = Solver::default();
+                let mut solver = AnySolver::default();
                 // Without a motion at the start, the solver begins every evaluation from nothing.
                 let _ = problem.solve(index, &mut solver, &problem.start);
                 solver
@@ -90,7 +90,7 @@ impl FitProblem {
             let mut solver = self.solvers[index].successor();
             let metrics = self.solve(index, &mut solver, values).ok()?;
             let derivatives = match with_jacobian && !wanted.is_empty() {
-                true => solver.derivatives_of(&wanted).ok().map(|all| all.parameters),
+                true => solver.derivatives_of(&wanted).ok(),
                 false => None,
             };
             Some((metrics, derivatives))
@@ -103,8 +103,8 @@ impl FitProblem {
             residuals.values.push(weight * (value - measured) / measured);
             if with_jacobian {
                 let derivatives = trial.as_ref().and_then(|(_, derivatives)| derivatives.as_ref());
-                let row = wanted.iter().map(|parameter| {
-                    derivatives.map_or(f64::NAN, |all| weight * all[*parameter][*metric] / measured)
+                let row = (0..wanted.len()).map(|i| {
+                    derivatives.map_or(f64::NAN, |all| weight * all[i][*metric] / measured)
                 });
                 residuals.jacobian.push(row.collect());
             }
@@ -116,7 +116,7 @@ impl FitProblem {
     fn solve(
         &self,
         index: usize,
-        solver: &mut Solver,
+        solver: &mut AnySolver,
         values: &[f64],
     ) -> Result<GaitMetrics, MotionError> {
         let measurement = &self.objective.measurements[index];

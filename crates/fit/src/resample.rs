@@ -24,6 +24,7 @@ use trilink_robot::metrics::ByFitted;
 use trilink_statistics::{c4, median_high};
 use trilink_tables::CycleRow;
 
+use super::gait_over_frequency::GaitErrors;
 use super::measurement::Measurement;
 use super::trial_noise::TrialNoise;
 
@@ -43,7 +44,7 @@ pub(super) struct DrawnTrial {
     pub index: usize,
     pub metrics: Metrics,
     /// Changes in offset, amplitude and phase of the measured gait, for each joint.
-    pub gait_steps_rad: [[f64; 3]; 2],
+    pub gait_steps_rad: GaitErrors,
 }
 
 impl CampaignResampler {
@@ -120,8 +121,11 @@ impl CampaignResampler {
             *metric += noise.deviation(i) * deviates.metrics[i];
         }
         let deviations_rad = noise.gait_deviations_rad();
-        let gait_steps_rad = [0, 3].map(|joint| {
-            [joint, joint + 1, joint + 2].map(|i| deviations_rad[i] * deviates.gait[i])
+        let gait_steps_rad = std::array::from_fn(|joint| {
+            std::array::from_fn(|number| {
+                let i = 3 * joint + number;
+                deviations_rad[i] * deviates.gait[i]
+            })
         });
         DrawnTrial { index, metrics, gait_steps_rad }
     }

@@ -1,7 +1,7 @@
 //! Table rows for a fit.
 
 use trilink_robot::metrics::{Metric, WeightKey};
-use trilink_robot::{ByParameter, Parameter, Robot};
+use trilink_robot::{AnyRobot, ByParameter, Parameter};
 use trilink_tables::{
     BootstrapRow, Columns as _, ComparisonRow, FitNotes, FitRow, FitStatus, NoInterval,
     NoIntervalReason, ProfileRow, StartRow,
@@ -259,14 +259,14 @@ impl Job<'_> {
 
     /// Returns a row with the parameters of the model and the failure of the fit, if any; all other values are
     /// missing.
-    pub(super) fn fit_row(&self, robot: &Robot, motions: Result<(), Failure>) -> FitRow {
+    pub(super) fn fit_row(&self, robot: &AnyRobot, motions: Result<(), Failure>) -> FitRow {
         let failure = motions.err();
         FitRow {
             campaign: self.input.campaign.name.clone(),
             model: self.input.model.name,
             gait_input: self.objective.gait_input,
             parameters: ByParameter::from_fn(|parameter| {
-                if self.model_has(parameter) { parameter.value_in(robot) } else { f64::NAN }
+                if self.model_has(parameter) { robot.value(parameter) } else { f64::NAN }
             }),
             status: failure.as_ref().map_or(FitStatus::Ok, |failure| failure.status),
             failure: failure.map_or_else(String::new, |failure| failure.reason),
@@ -276,10 +276,7 @@ impl Job<'_> {
 
     /// Whether the model's solution depends on the parameter.
     fn model_has(&self, parameter: Parameter) -> bool {
-        self.objective
-            .protocols
-            .iter()
-            .any(|of| self.objective.laws.is_relevant(parameter, &of.gait))
+        self.objective.depends_on(parameter)
     }
 }
 

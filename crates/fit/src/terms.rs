@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use trilink_mechanics::{MotionError, Solver};
+use trilink_mechanics::{AnySolver, MotionError};
 use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
-use trilink_robot::{Parameter, Robot};
+use trilink_robot::{AnyRobot, Parameter};
 
 use super::deviations::Deviations;
 use super::least_absolute::Residual;
@@ -143,18 +143,18 @@ impl Response {
     /// # Errors
     /// Returns an error if the periodic solution has no derivatives.
     pub(crate) fn from_last_motion(
-        solver: &mut Solver,
+        solver: &mut AnySolver,
         metrics: GaitMetrics,
-        robot: &Robot,
+        robot: &AnyRobot,
         free: &[Parameter],
     ) -> Result<Self, MotionError> {
         if free.is_empty() {
             return Ok(Self { metrics, d_metrics_d_logarithm: Vec::new() });
         }
-        let derivatives = solver.derivatives_of(free)?.parameters;
-        let d_metrics_d_logarithm = free.iter().map(|parameter| {
-            let value = parameter.value_in(robot);
-            ByMetric::from(derivatives[*parameter]).map(|derivative| derivative * value)
+        let derivatives = solver.derivatives_of(free)?.into_iter();
+        let d_metrics_d_logarithm = free.iter().zip(derivatives).map(|(parameter, derivatives)| {
+            let value = robot.value(*parameter);
+            ByMetric::from(derivatives).map(|derivative| derivative * value)
         });
         Ok(Self { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
     }

@@ -13,6 +13,7 @@ use trilink_statistics::{c4, mean, wrap};
 use trilink_tables::CycleRow;
 
 use super::conditions::GAIT_NUMBERS;
+use super::gait_over_frequency::GaitErrors;
 use super::measurement::Measurement;
 
 /// Number of metrics in the objective plus number of gait parameters.
@@ -88,8 +89,14 @@ impl TrialNoise {
             }
         }
         normal[Metric::V] = normal[Metric::D];
+        // A robot of three links has two joints.
+        let is_drawn = |i: usize| i < 6 || self.gait_deviations_rad()[i] > 0.0;
         let normal_of_gait: [f64; GAIT_NUMBERS] =
-            std::array::from_fn(|_| StandardNormal.sample(for_gait));
+            std::array::from_fn(
+                |i| {
+                    if is_drawn(i) { StandardNormal.sample(for_gait) } else { 0.0 }
+                },
+            );
         let count = self.cycles.len();
         let drawn: Vec<usize> = (0..count).map(|_| for_metrics.random_range(0..count)).collect();
         let deviate = |i: usize, normal: f64| {
@@ -136,8 +143,9 @@ impl TrialNoise {
 /// Returns the metrics and gait parameters measured in one cycle; phases are relative to the phase of the trial's mean
 /// gait, and wrapped to at most half a turn.
 fn numbers(measurement: &Measurement, cycle: &CycleRow) -> [f64; NUMBERS] {
-    let gait = [0, 1].map(|joint| {
-        let of = &cycle.gait[joint];
+    let joints = cycle.joints();
+    let gait: GaitErrors = std::array::from_fn(|joint| {
+        let of = &joints[joint];
         let turned = wrap(of.phase_rad - measurement.gait[joint].phase_rad);
         [of.offset_rad, of.amplitude_rad, turned]
     });

@@ -24,7 +24,7 @@ use nalgebra::{DMatrix, DVector};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
-use trilink_robot::{Parameter, Quantity};
+use trilink_robot::{Parameter, Per};
 use trilink_statistics::variance_components::{
     Block, RandomEffects, VarianceComponents, pseudo_inverse,
 };
@@ -569,16 +569,13 @@ fn friction_deviations(
 fn friction_coefficients(point: &FittedPoint) -> Vec<FreeParameter> {
     let objective = point.evaluator.objective;
     let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
-    let is_relevant = |parameter: Parameter| {
-        let mut protocols = objective.protocols.iter();
-        protocols.any(|protocol| objective.laws.is_relevant(parameter, &protocol.gait))
+    let of_wheels = |parameter: &Parameter| {
+        let definition = parameter.quantity().definition();
+        definition.is_resistance && definition.per == Per::Wheel && !parameter.is_sum()
     };
-    let quantities = Quantity::ALL
-        .into_iter()
-        .filter(|quantity| quantity.definition().is_resistance && quantity.count() > 1);
-    quantities
-        .flat_map(Quantity::of_each)
-        .filter(|parameter| parameter.value_in(&robot) > 0.0 && is_relevant(*parameter))
+    let parameters = Parameter::OF_ANY_ROBOT.into_iter().filter(of_wheels);
+    parameters
+        .filter(|parameter| robot.value(*parameter) > 0.0 && objective.depends_on(*parameter))
         .map(|parameter| FreeParameter { parameter, bounds: [0.0, f64::INFINITY] })
         .collect()
 }

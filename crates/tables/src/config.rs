@@ -37,7 +37,9 @@ pub use robot::RobotConfig;
 pub use settings::Setting;
 use trilink_base::LengthUnit;
 use trilink_robot::metrics::{Metric, WeightKey};
-use trilink_robot::{Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic, Unit};
+use trilink_robot::{
+    AnyGait, AnyRobot, Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic, Unit,
+};
 
 use strict::Strict;
 
@@ -524,25 +526,40 @@ impl Config {
     /// Returns the campaigns of a robot, and the models that all these campaigns list and that have a free
     /// parameter in at least one of them.
     pub fn common(&self, robot: &str) -> (Vec<&String>, Vec<Model>) {
-        let campaigns = self.campaign.iter().filter(|(_, campaign)| campaign.robot == robot);
-        let (names, campaigns): (Vec<&String>, Vec<&Campaign>) = campaigns.unzip();
-        let mut models = campaigns.first().map_or(Vec::new(), |first| first.models.clone());
+        let of_chains = self.chains.campaign.iter();
+        let of_chains = of_chains.map(|(name, of)| (name, &of.robot, &of.models, &of.free));
+        let campaigns = self.campaign.iter();
+        let campaigns = campaigns.map(|(name, of)| (name, &of.robot, &of.models, &of.free));
+        let campaigns: Vec<_> =
+            campaigns.chain(of_chains).filter(|(_, own, ..)| *own == robot).collect();
+        let mut models = campaigns.first().map_or(Vec::new(), |(_, _, models, _)| models.to_vec());
         models.retain(|model| {
-            campaigns.iter().all(|campaign| campaign.models.contains(model))
-                && campaigns.iter().any(|campaign| self.has_free_parameter(campaign, *model))
+            campaigns.iter().all(|(_, _, models, _)| models.contains(model))
+                && campaigns.iter().any(|(name, _, _, free)| {
+                    self.has_free_parameter(name, free.get(model), *model)
+                })
         });
-        (names, models)
+        (campaigns.into_iter().map(|(name, ..)| name).collect(), models)
     }
 
-    /// Returns whether a model has a free parameter in a campaign.
-    fn has_free_parameter(&self, campaign: &Campaign, model: Model) -> bool {
+    /// Returns whether a model has a free parameter in a campaign, which may list its own.
+    fn has_free_parameter(&self, campaign: &str, listed: Option<&Free>, model: Model) -> bool {
         let config = &self.model[&model];
-        let gait = self.gait[&campaign.gait].to_gait();
-        let free = match campaign.free.get(&model) {
-            Some(Free(parameters)) => parameters.clone(),
-            None => config.free(),
-        };
-        free.iter().any(|parameter| config.laws().is_relevant(*parameter, &gait))
+        let free = listed.map_or_else(|| config.free(), |Free(parameters)| parameters.clone());
+        self.setup(campaign).is_some_and(|(robot, gait)| {
+            free.iter().any(|parameter| robot.depends_on(*parameter, config.laws(), &gait))
+        })
+    }
+
+    /// Returns the robot and the commanded gait of a campaign, whatever the number of links; `None` if there is no
+    /// campaign with this name.
+    pub fn setup(&self, campaign: &str) -> Option<(AnyRobot, AnyGait)> {
+        if let Some((robot, gait)) = self.campaign_setup(campaign) {
+            return Some((robot.into(), gait.into()));
+        }
+        let chain = self.chain_setup(campaign)?;
+        let gait = chain.gait();
+        Some((chain.into(), gait))
     }
 
     /// Returns the marker layout of a robot.
@@ -550,8 +567,8 @@ impl Config {
         self.layout.get(robot).unwrap_or(&self.markers)
     }
 
-    /// Returns the robot and the gait of a campaign, in SI units; `None` if there is no campaign with this
-    /// name.
+    /// Returns the robot of three links and the gait of a campaign, in SI units; `None` if there is no campaign with this
+    /// name, or if its robot is a chain.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
         let campaign = self.campaign.get(campaign)?;
         let robot = self.robot.get(&campaign.robot)?.to_robot();

@@ -219,7 +219,7 @@ fn with_motion<'c>(
 ) -> Result<(Vec<&'c Candidate>, Vec<TrialInformation>), AdviceError> {
     let all = candidates.par_iter().with_max_len(1).map(|candidate| {
         cancel.check()?;
-        Ok(information.candidate(candidate.command, candidate.omega_rad_s, shifts, true))
+        Ok(information.candidate(candidate.command.into(), candidate.omega_rad_s, shifts, true))
     });
     let all: Vec<Option<TrialInformation>> = all.collect::<Result<_, Cancelled>>()?;
     let (candidates, trials): (Vec<_>, Vec<_>) = candidates
@@ -251,7 +251,7 @@ fn at_replicates(
         let shifts = &all[index];
         let sums = candidates.iter().map(|candidate| {
             information
-                .candidate(candidate.command, candidate.omega_rad_s, shifts, false)
+                .candidate(candidate.command.into(), candidate.omega_rad_s, shifts, false)
                 .as_ref()
                 .map_or_else(|| Sums::zero(shifts.len()), Sums::from_trial)
         });
@@ -278,7 +278,7 @@ fn design_rows(
                 .joints
                 .map(|joint| joint.map_or(f64::NAN, |of| of.amplitude_rad)),
             repeats: repeated.len() as i64,
-            extrapolation: information.extrapolation(*command, *omega_rad_s),
+            extrapolation: information.extrapolation((*command).into(), *omega_rad_s),
             metrics: trials[repeated[0]].metrics,
         }
     });

@@ -59,7 +59,7 @@ impl Search {
             x,
             y,
             value,
-            extrapolated: overlay.range.map(|range| range.is_exceeded(of)),
+            extrapolated: overlay.range.map(|range| range.is_exceeded(&of.clone().into())),
         };
         let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
         let second_values: Vec<Option<f64>> =

@@ -171,7 +171,7 @@ impl KnownFits {
                 measurements.len()
             ));
         }
-        MeasuredRange::new(&measurements, &input.gait.value.to_gait())
+        MeasuredRange::new(&measurements, &input.setup().1)
             .ok_or_else(|| "the fit is not based on any trial".to_owned())
     }
 

@@ -162,7 +162,7 @@ impl Setup {
     pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
         match self.measured_range() {
             None => Extrapolation::blank(),
-            Some(Ok(range)) => range.extrapolation(problem),
+            Some(Ok(range)) => range.extrapolation(&problem.clone().into()),
             Some(Err(why)) => {
                 Extrapolation { extrapolated: None, beyond_trials: format!("not known: {why}") }
             }

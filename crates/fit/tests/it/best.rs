@@ -7,8 +7,8 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_fit::{FitInput, FreeParameter, Measurement, Objective, search};
 use trilink_mechanics::{Laws, Model, Problem, REFERENCE_ACCURACY};
-use trilink_robot::Robot;
 use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{AnyGait, MAX_JOINTS, Robot};
 use trilink_tables::config::Config;
 
 const OMEGAS_RAD_S: [f64; 12] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0];
@@ -58,8 +58,10 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
                 metrics,
                 errors: GaitMetrics::NONE,
                 cycles: 1,
-                gait: gait.joints.map(|joint| joint.unwrap_or(gait.joints[1].unwrap())),
-                gait_errors_rad: [[0.0; 3]; 2],
+                gait: AnyGait::from(gait)
+                    .joints
+                    .map(|joint| joint.unwrap_or(gait.joints[1].unwrap())),
+                gait_errors_rad: [[0.0; 3]; MAX_JOINTS],
                 lacks_debiased: false,
                 is_filtered: false,
             }

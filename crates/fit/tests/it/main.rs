@@ -4,6 +4,7 @@
 
 mod adequacy;
 mod best;
+mod chains;
 #[path = "../../../../tests/it/common/trials.rs"]
 mod common;
 mod competition;

@@ -792,7 +792,7 @@ fn a_recording_in_which_the_robot_is_put_down_and_taken_away_need_not_be_trimmed
         assert!((untrimmed.row.omega_rad_s / trimmed.row.omega_rad_s - 1.0).abs() < 1e-4);
         let [there, here] = [&untrimmed, &trimmed].map(|trial| trial.row.metrics);
         assert!((there.d_m / here.d_m - 1.0).abs() < 1e-3, "{there:?} {here:?}");
-        for (there, here) in there.sigma.into_iter().zip(here.sigma) {
+        for (there, here) in there.sigma.into_iter().zip(here.sigma).take(3) {
             assert!((there / here - 1.0).abs() < 0.02, "{there} {here}");
         }
     }

@@ -299,8 +299,11 @@ impl Tables {
                     fit.parameters[of]
                         * (1.0
                             + 0.03
-                                * off
-                                    [Parameter::ALL.iter().position(|one| *one == of).unwrap() % 3])
+                                * off[Parameter::OF_ANY_ROBOT
+                                    .iter()
+                                    .position(|one| *one == of)
+                                    .unwrap()
+                                    % 3])
                 }),
                 j: fit.j,
                 ..BootstrapRow::blank()
@@ -525,6 +528,7 @@ pub(crate) fn fit(campaign: &str, model: Model, nth: usize) -> FitRow {
             _ => FitNotes::default(),
         },
         parameters: ByParameter::from_fn(|of| match (of.quantity(), of.is_sum()) {
+            _ if !of.is_of_three_links() => f64::NAN,
             _ if of == SKID[0] => when(skids, 104.21),
             _ if of == SKID[1] => when(skids, 34.072),
             _ if of == SKID[2] => when(skids, 1000.0),

@@ -244,7 +244,9 @@ impl Config {
         let repeated = (0..robots.len()).any(|i| robots[..i].contains(&robots[i]));
         check.that(!repeated, key, &robots, "each robot once")?;
         for robot in robots {
-            check.entry(&self.robot, robot, key)?;
+            if !self.chains.robot.contains_key(robot) {
+                check.entry(&self.robot, robot, key)?;
+            }
             let (campaigns, models) = self.common(robot);
             let found = match &campaigns[..] {
                 [] => format!("{robot}, which has no campaign"),

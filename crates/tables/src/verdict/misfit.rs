@@ -198,7 +198,7 @@ mod tests {
             None,
             Misfit::off(vec![above, below, none]),
             Misfit::off(vec![shared]),
-            Misfit::rms(of([2.0, 0.1, 0.29, 0.5, 0.002, 0.03])),
+            Misfit::rms(ByFitted::from_fn(|metric| 0.01 + f64::from(metric as u8))),
         ];
         stored(&all);
         // A missing number (NaN) does not equal itself, so values with missing numbers are compared by their

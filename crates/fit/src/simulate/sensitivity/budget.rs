@@ -60,13 +60,16 @@ impl InputUncertainty {
     ) -> Self {
         let (coefficients, replicates) = bands.replicates();
         let covariance = covariance(replicates, coefficients.len());
-        let independent = bands.assumed().filter_map(|(robot, shifts)| {
-            let parameters = changed_parameters(problem, bands.robot(), robot);
+        let robots = bands.assumed().filter_map(|(robot, shifts)| {
+            Some((bands.robot().three_links()?, robot.three_links()?, shifts))
+        });
+        let independent = robots.filter_map(|(own, robot, shifts)| {
+            let parameters = changed_parameters(problem, own, robot);
             let is_measured = measured.contains(parameters.first()?);
             let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
             let quantities = parameters
                 .into_iter()
-                .map(|of| (Quantity::Robot(of), of.value_in(robot) - of.value_in(bands.robot())));
+                .map(|of| (Quantity::Robot(of), of.value_in(robot) - of.value_in(own)));
             let quantities = quantities.collect();
             Some(IndependentError { quantities, source, refit: shifts.to_vec() })
         });

@@ -29,7 +29,8 @@ const FOURTH_ORDER: [f64; 3] = [2.0 / 3.0, -1.0 / 12.0, 0.0];
 
 /// Returns the metrics and the work in the order of [`SENSITIVE_METRICS`].
 pub(super) fn by_metric(metrics: &GaitMetrics, work_j: f64) -> ByMetric {
-    std::array::from_fn(|i| Metric::FITTED.get(i).map_or(work_j, |metric| metrics[*metric]))
+    SENSITIVE_METRICS
+        .map(|column| Metric::from_column(column).map_or(work_j, |metric| metrics[metric]))
 }
 
 /// Metrics of a steady-state motion and their derivatives.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use toml::{Table, Value};
-use trilink_robot::{AnyRobot, Chain, Laws, MAX_LINKS, Model, Per, Quantity};
+use trilink_robot::{Chain, Laws, MAX_LINKS, Model, Per, Quantity};
 
 use super::super::check::{Checker, NAME, is_valid_name};
 use super::super::{Config, ConfigError};
@@ -62,12 +62,11 @@ impl Config {
             if let Some(weights) = weights {
                 check.numbers(&key("weights"), &Value::Table(table_of(weights)))?;
             }
-            let Some(chain) = self.chain_setup(name) else { continue };
-            let setup = (AnyRobot::from(chain.clone()), chain.gait());
+            let setup = self.setup(name);
             for (model, free) in free {
                 let key = key(&format!("free.{model}"));
                 check.entry(&self.model, model, &key)?;
-                check.free(&key, *model, &self.model[model], &free.0, Some(&setup))?;
+                check.free(&key, *model, &self.model[model], &free.0, setup.as_ref())?;
             }
         }
         Ok(())

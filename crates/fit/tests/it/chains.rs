@@ -1,0 +1,154 @@
+//! Fits to trials of chains: the robots of the gallery `docs/robots`.
+
+use std::path::Path;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use trilink_fit::{Fitted, fit};
+use trilink_mechanics::{AnyProblem, AnySolver, Model, REFERENCE_ACCURACY};
+use trilink_robot::metrics::{GaitMetrics, Metric};
+use trilink_robot::{AnyRobot, Laws, Parameter, Quantity};
+use trilink_tables::config::{Config, Free, GaitInput, SigmaKind};
+use trilink_tables::{Columns as _, FitRow, TrialRow};
+
+/// Relative standard deviation of the noise of a trial's metrics.
+const NOISE: f64 = 0.01;
+const OMEGAS_RAD_S: [f64; 6] = [2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+/// Robot of the gallery.
+struct Case {
+    file: &'static str,
+    campaign: &'static str,
+    free: &'static [&'static str],
+}
+
+const CASES: [Case; 6] = [
+    Case { file: "twistcar", campaign: "twistcar", free: &["skid"] },
+    Case { file: "roller-racer", campaign: "racer", free: &["skid"] },
+    Case { file: "elastic-snake", campaign: "elastic", free: &["skid"] },
+    Case { file: "passive-snake", campaign: "passive", free: &["skid", "stiffness2"] },
+    Case { file: "driven-snake", campaign: "snake", free: &["skid0", "roll"] },
+    Case { file: "rotor-car", campaign: "rotor-car", free: &["skid"] },
+];
+
+impl Case {
+    /// Returns the configuration, whose fits have the given number of bootstrap replicates.
+    fn config(&self, bootstrap: usize) -> Config {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/robots");
+        let mut config = Config::load(&folder.join(self.file).with_extension("toml")).unwrap();
+        let campaign = config.chains.campaign.get_mut(self.campaign).unwrap();
+        campaign.models = vec![Model::SKID_ROLL];
+        let free = toml::Value::from(self.free.to_vec()).try_into::<Free>().unwrap();
+        campaign.free.insert(Model::SKID_ROLL, free);
+        (config.fit.sigma, config.fit.gait_input) = (SigmaKind::Raw, GaitInput::Commanded);
+        config.fit.bootstrap = bootstrap;
+        config.fit.profiles = false;
+        config
+    }
+
+    /// Returns trials whose metrics deviate from those of the model skid-roll with the configured coefficients by noise.
+    fn trials(&self, config: &Config, noise: f64, seed: u64) -> Vec<TrialRow> {
+        let chain = config.chain_setup(self.campaign).unwrap();
+        let (gait, robot) = (chain.gait(), AnyRobot::from(chain));
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let trial = |omega_rad_s: f64| {
+            let problem =
+                AnyProblem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+            let metrics = AnySolver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
+            let mut row = TrialRow {
+                trial: format!("at-{omega_rad_s}"),
+                campaign: self.campaign.to_owned(),
+                omega_commanded_rad_s: omega_rad_s,
+                omega_rad_s,
+                cycles: 10,
+                metrics,
+                metrics_se: GaitMetrics::MISSING,
+                ..TrialRow::blank()
+            };
+            for metric in Metric::FITTED {
+                let error: f64 = StandardNormal.sample(&mut random);
+                row.metrics[metric] *= 1.0 + noise * error;
+                row.metrics_se[metric] = noise * metrics[metric];
+            }
+            // d and v are one measurement.
+            row.metrics.v_m_s = row.metrics.d_m * omega_rad_s / std::f64::consts::TAU;
+            row
+        };
+        OMEGAS_RAD_S.map(trial).into()
+    }
+
+    fn robot(&self, config: &Config) -> AnyRobot {
+        config.chain_setup(self.campaign).unwrap().into()
+    }
+}
+
+fn fitted(config: &Config, trials: Vec<TrialRow>) -> (FitRow, Fitted) {
+    let fitted = fit(config, &trials.into(), &|_| {});
+    (fitted.fits[0].clone(), fitted)
+}
+
+#[test]
+fn fits_without_noise_recover_the_coefficients_of_every_robot_of_the_gallery() {
+    for case in CASES {
+        let config = case.config(0);
+        let robot = case.robot(&config);
+        let (row, fitted) = fitted(&config, case.trials(&config, 0.0, 0));
+        assert!(row.status.is_ok(), "{}: {}", case.file, row.failure);
+        assert!(!row.free.is_empty(), "{}", case.file);
+        for parameter in &row.free {
+            let [found, planted] = [row.parameters[*parameter], robot.value(*parameter)];
+            let error = (found / planted - 1.0).abs();
+            assert!(error < 1e-3, "{}: {parameter} = {found}, not {planted}", case.file);
+        }
+        for row in &fitted.predictions {
+            assert!(row.status.is_stable(), "{}: {row:?}", case.file);
+        }
+    }
+}
+
+#[test]
+fn a_chain_lists_the_coefficients_of_its_own_wheels() {
+    let free = |case: &Case| fitted(&case.config(0), case.trials(&case.config(0), 0.0, 0)).0.free;
+    let skid = |count: usize| -> Vec<Parameter> {
+        (0..count).map(|wheel| Quantity::Skid.parameter(wheel)).collect()
+    };
+    assert_eq!(free(&CASES[0]), skid(2));
+    assert_eq!(free(&CASES[3]), [skid(3), vec![Quantity::Stiffness.parameter(2)]].concat());
+}
+
+/// Counts, over fits to noisy trials, the limits that contain the planted value of their coefficient, and all limits.
+fn held(case: &Case, seeds: std::ops::Range<u64>) -> [usize; 2] {
+    let config = case.config(100);
+    let robot = case.robot(&config);
+    let mut counts = [0; 2];
+    for seed in seeds {
+        let (row, _) = fitted(&config, case.trials(&config, NOISE, seed));
+        for parameter in &row.free {
+            let [low, high] = [row.lower[*parameter], row.upper[*parameter]];
+            let planted = robot.value(*parameter);
+            if low.is_finite() && high.is_finite() {
+                counts[0] += usize::from((low..=high).contains(&planted));
+                counts[1] += 1;
+            }
+        }
+    }
+    counts
+}
+
+/// Takes minutes in a release build; the smaller test below always runs.
+#[test]
+#[ignore = "slow"]
+fn the_limits_of_the_coefficients_hold_them_for_every_robot_of_the_gallery() {
+    for case in CASES {
+        let [held, all] = held(&case, 0..100);
+        println!("{}: {held} of {all} limits hold the coefficient", case.file);
+        assert!(10 * held >= 9 * all && all > 0, "{}: {held} of {all}", case.file);
+    }
+}
+
+#[test]
+fn the_limits_of_the_coefficients_of_a_chain_hold_them() {
+    let [held, all] = held(&CASES[0], 0..10);
+    assert!(held + 4 >= all && all >= 16, "{held} of {all}");
+}
