@@ -10,7 +10,7 @@ use super::{Context, Failure};
 use crate::build::check_unconfigured_tables;
 
 /// Default model of commands without `--fitted`.
-const MODEL: &str = "skid-roll";
+pub(super) const MODEL: &str = "skid-roll";
 
 /// Sources of the parameter values in a setup.
 #[derive(clap::Args)]
@@ -112,7 +112,9 @@ pub(super) fn preferred(
     fits: &KnownFits,
     campaign: &str,
 ) -> Result<Model, Failure> {
-    campaign_of(config, campaign)?;
+    if !config.chains.campaign.contains_key(campaign) {
+        campaign_of(config, campaign)?;
+    }
     let model = fits.preferred(campaign)?;
     note!("{campaign}: {model}, the preferred model of the comparison");
     Ok(model)

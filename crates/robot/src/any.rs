@@ -166,7 +166,8 @@ impl Chain {
         }
     }
 
-    fn set(&mut self, parameter: Parameter, value: f64) {
+    /// Sets the value of a parameter, in SI units, as [`Parameter::set`] does; ignored if the chain does not have it.
+    pub fn set(&mut self, parameter: Parameter, value: f64) {
         let numbers = self.numbers_of(parameter);
         let sum = self.value(parameter);
         for number in &numbers {

@@ -4,8 +4,9 @@ use rayon::prelude::*;
 use trilink_base::text::known;
 use trilink_fit::simulate::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
 
-use super::super::output::{note, say, write_json};
+use super::super::output::{note, say, warn, write_json};
 use super::super::results::{check_ending, write_table};
+use super::super::setup::{MODEL, preferred};
 use super::super::table::{Table, short};
 use super::super::terminal::Text;
 use super::super::{Context, Failure, Interrupted, Outcome};
@@ -16,7 +17,7 @@ use crate::template::fixed;
 pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Failure> {
     let Simulate { campaign, from_rest, trajectory, samples, format, .. } = command;
     for (option, is_given) in [
-        ("--fitted", command.numbers.fitted),
+        ("--bands", command.bands),
         ("--monte-carlo", command.sensitivities.draws_at_random()),
         ("--page", command.page.is_some()),
     ] {
@@ -28,15 +29,29 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
     if let Some(path) = trajectory {
         check_ending(path, "--trajectory")?;
     }
-    let models = models(&command.model, &context.config);
+    let fits = command.numbers.fits(context, false)?;
+    let mut models = models(&command.model, &context.config);
+    if models.is_empty() {
+        models.push(match &fits {
+            Some(fits) => preferred(&context.config, fits, campaign)?.name().to_owned(),
+            None => MODEL.to_owned(),
+        });
+    }
     let setups = models
         .iter()
         .filter_map(|model| ChainSetup::new(&context.config, campaign, model).transpose());
     let mut setups: Vec<ChainSetup> = setups.collect::<Result<_, _>>()?;
+    let omegas = command.omega.concat();
     for setup in &mut setups {
+        if let Some(fits) = &fits {
+            setup.use_fit(&context.config, campaign, fits)?;
+        }
         command.numbers.set.iter().try_for_each(|setting| setup.set(setting))?;
     }
-    let omegas = command.omega.concat();
+    for setup in &setups {
+        let cautions = setup.caution(&omegas).into_iter();
+        cautions.for_each(|caution| warn(&format!("{campaign} {}: {caution}", setup.model)));
+    }
     let all: Vec<(&ChainSetup, f64)> = setups
         .iter()
         .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))

@@ -1,19 +1,22 @@
 //! Simulation of campaigns whose robot is a chain of links.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 use trilink_mechanics::{
-    ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest, MotionError, MotionStatus,
-    REFERENCE_ACCURACY,
+    AnyProblem, ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest, MotionError,
+    MotionStatus, REFERENCE_ACCURACY,
 };
 use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Column, Columns, Table, rows};
 
+use super::fitted::{FitSummary, KnownFits};
 use super::trajectory::UNSETTLED_CYCLES;
 use super::{SetupError, keys_of, known_laws};
+use crate::{FitInput, KnownFit, MeasuredRange};
 
 rows! {
     /// Sensitivity of a metric of a chain's motion to a number of the chain: row of the table that
@@ -46,6 +49,18 @@ pub struct ChainSetup {
     parameters: Map<String, Value>,
     /// Keys and values of the gait in the configuration, as shown in answers.
     gait: Map<String, Value>,
+    /// Fit from which the coefficients come; `None` for configured coefficients.
+    fitted: Option<FittedChain>,
+}
+
+/// Fit from which the coefficients of a chain come.
+#[derive(Debug, Clone)]
+struct FittedChain {
+    summary: FitSummary,
+    /// Coefficients by the names of their table columns, as shown in answers.
+    coefficients: BTreeMap<&'static str, f64>,
+    /// Range of the fitted trials, or why it is unknown.
+    range: Result<MeasuredRange, String>,
 }
 
 impl ChainSetup {
@@ -64,7 +79,53 @@ impl ChainSetup {
         let parameters = toml::Table::try_from(&config.chains.robot[&names.robot]);
         let gait = toml::Table::try_from(config.chain_gait(&names.gait));
         let [parameters, gait] = [parameters, gait].map(|table| keys_of(&table.ok()));
-        Ok(Some(Self { chain, laws, model, parameters: parameters?, gait: gait? }))
+        Ok(Some(Self { chain, laws, model, parameters: parameters?, gait: gait?, fitted: None }))
+    }
+
+    /// Replaces the coefficients by those that were fitted to the campaign's trials.
+    ///
+    /// # Errors
+    /// Returns an error if there is no such fit or the fit failed.
+    pub fn use_fit(
+        &mut self,
+        config: &Config,
+        campaign: &str,
+        fits: &KnownFits,
+    ) -> Result<(), SetupError> {
+        let KnownFit { row, .. } = fits.get(campaign, self.model)?;
+        let input = FitInput::find(config, campaign, self.model.name())?;
+        let known = row.parameters.iter().filter(|(_, value)| value.is_finite());
+        let coefficients = known.map(|(parameter, value)| (parameter.name(), *value)).collect();
+        for (parameter, value) in row.parameters.iter().filter(|(_, value)| value.is_finite()) {
+            self.chain.set(parameter, *value);
+        }
+        let range = fits.measured_range(&row, &input);
+        self.fitted = Some(FittedChain { summary: FitSummary::new(&row), coefficients, range });
+        Ok(())
+    }
+
+    /// Returns warnings about the fit from which the coefficients come, and about motions at the given frequencies that
+    /// lie outside the range of its trials; empty if there are none.
+    pub fn caution(&self, omegas_rad_s: &[f64]) -> Vec<String> {
+        let Some(FittedChain { summary, range, .. }) = &self.fitted else { return Vec::new() };
+        let mut warnings = vec![summary.caution()];
+        let problems = omegas_rad_s.iter().map(|&omega_rad_s| AnyProblem {
+            gait: self.chain.gait(),
+            robot: self.chain.clone().into(),
+            laws: self.laws,
+            omega_rad_s,
+        });
+        match range {
+            Ok(range) => warnings.extend(range.summary(problems).map(|(count, beyond)| {
+                let all = omegas_rad_s.len();
+                format!(
+                    "{count} of {all} motions are extrapolated beyond the trials of the fit: {beyond}"
+                )
+            })),
+            Err(why) => warnings.push(format!("the range of the fit's trials is not known: {why}")),
+        }
+        warnings.retain(|warning| !warning.is_empty());
+        warnings
     }
 
     /// Applies a setting `NAME=VALUE` of a number of the chain, in the unit of its name.
@@ -337,7 +398,7 @@ fn add<T: Columns>(columns: &mut Vec<Column>, name: &str, values: impl Iterator<
 impl Serialize for ChainAnswer<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeMap as _;
-        let ChainSetup { model, parameters, gait, .. } = self.setup;
+        let ChainSetup { model, parameters, gait, fitted, .. } = self.setup;
         let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("model", model)?;
         map.serialize_entry("omega_rad_s", &self.omega_rad_s)?;
@@ -356,6 +417,9 @@ impl Serialize for ChainAnswer<'_> {
         map.serialize_entry("cycles_to_settle", &self.cycles_to_settle)?;
         map.serialize_entry("links", &self.setup.link_names())?;
         map.serialize_entry("parameters", parameters)?;
+        if let Some(FittedChain { coefficients, .. }) = fitted {
+            map.serialize_entry("coefficients", coefficients)?;
+        }
         map.serialize_entry("gait", gait)?;
         map.end()
     }
