@@ -259,19 +259,20 @@ pub(super) fn work_and_loss_j<const N: usize, R: Reduced<N>>(
     mesh: &Mesh<N, R>,
 ) -> [f64; 2] {
     let weights = RADAU.integrate[STAGES - 1];
+    let forces = model.forces();
     let mut work = 0.0;
     let mut loss = 0.0;
     for k in 0..mesh.count {
-        let nodes = mesh.nodes_of(model, k);
         let start = mesh.states.start_of(k);
         let stages = mesh.states.stages_of(k);
         let duration_s = mesh.duration_s(k);
         let phases_rad = mesh.phases_rad(k / LANES).map(|phase| phase.lane(k % LANES));
         let element: Element<N, R> =
-            Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
+            Element { nodes: &[], start: &start, stages: &stages, duration_s };
         for j in 0..STAGES {
+            let rate = element.rate(j);
             let [power_w, loss_w] =
-                model.power_and_loss_w(phases_rad[j], &nodes[j], &stages[j], &element.rate(j));
+                model.power_and_loss_w(&forces, phases_rad[j], &stages[j], &rate);
             let weight = mesh.spans() as f64 * duration_s * weights[j];
             work += weight * power_w;
             loss += weight * loss_w;

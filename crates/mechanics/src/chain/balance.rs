@@ -19,8 +19,7 @@ use trilink_robot::{Dry, Friction, MAX_LINKS, Number, WheelFriction};
 use super::cluster::{ClusterNode, Clusters, WheelNode, velocity_of};
 use super::plane::{Moving, Vector, inner, moment, normal, rotated, scaled, sum};
 
-/// Joint commands at one time, with the sums over the links of each of `C` clusters and the wheels, which are zero if
-/// their friction is part of the clusters' linear resistance.
+/// Joint commands at one time, with the sums over the links of each of `C` clusters, and the wheels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Node<T, const C: usize> {
     pub clusters: [ClusterNode<T>; C],
@@ -55,36 +54,39 @@ pub(crate) struct Balance<T, const C: usize, const D: usize> {
     pub dforce_dphi: [[T; D]; C],
 }
 
-/// Chain of `C` clusters: its equations of motion.
+/// Chain of clusters, of which there must be `C` in its functions: its equations of motion.
 #[derive(Debug, Clone)]
-pub(crate) struct System<const C: usize> {
+pub(crate) struct System {
     pub clusters: Clusters,
-    /// Cluster and friction coefficients of each wheel from front to rear.
-    pub wheels: Vec<(usize, WheelFriction)>,
+    /// Cluster, link and friction coefficients of each wheel from front to rear.
+    pub wheels: Vec<(usize, usize, WheelFriction)>,
 }
 
-impl<const C: usize> System<C> {
+impl System {
     pub(super) fn new(clusters: Clusters) -> Self {
-        debug_assert_eq!(clusters.all.len(), C);
         let wheels = clusters.wheel_friction();
         Self { clusters, wheels }
     }
 
     #[inline(always)]
-    pub(super) fn node<T: Number>(&self, phase_rad: T) -> Node<T, C> {
-        let wheels = if self.clusters.is_linear {
-            [WheelNode::zero(); MAX_LINKS]
-        } else {
-            self.clusters.wheels(phase_rad)
-        };
-        Node { clusters: self.clusters.nodes(phase_rad), wheels }
+    pub(super) fn node<T: Number, const C: usize>(&self, phase_rad: T) -> Node<T, C> {
+        let mut node =
+            Node { clusters: [ClusterNode::zero(); C], wheels: [WheelNode::zero(); MAX_LINKS] };
+        self.clusters.fill(phase_rad, &mut node.clusters, &mut node.wheels);
+        node
+    }
+
+    /// Returns the index of the parent of cluster `c`; that of cluster 1 is known to the compiler.
+    #[inline(always)]
+    pub(super) fn parent(&self, c: usize) -> usize {
+        if c < 2 { 0 } else { self.clusters.all[c].parent }
     }
 
     /// Returns the clusters between the reference link and cluster `c`, from `c` towards the reference link: the index
     /// of each one's parent, then its own.
     #[inline(always)]
     fn path(&self, c: usize) -> impl Iterator<Item = [usize; 2]> {
-        let parent = |c: usize| (c > 0).then(|| [self.clusters.all[c].parent, c]);
+        let parent = |c: usize| (c > 0).then(|| [self.parent(c), c]);
         std::iter::successors(parent(c), move |[above, _]| parent(*above))
     }
 
@@ -95,7 +97,7 @@ impl<const C: usize> System<C> {
     }
 
     #[inline(always)]
-    pub(super) fn posture<T: Number>(
+    pub(super) fn posture<T: Number, const C: usize>(
         &self,
         nodes: &[ClusterNode<T>; C],
         [u, v, r]: [T; 3],
@@ -116,7 +118,7 @@ impl<const C: usize> System<C> {
             let node = &nodes[c];
             let sign = T::splat(cluster.sign);
             let (sin, cos) = (sign * phi_rad[c]).sin_cos();
-            let p = cluster.parent;
+            let p = self.parent(c);
             posture.turn[c] = rotated(rotated(posture.turn[p], node.heading.turn), [cos, sin]);
             posture.rate[c] = posture.rate[p] + node.heading.rate + sign * joint_rate[c];
             posture.place[c] = node.place.rotated(posture.turn[p]);
@@ -129,7 +131,7 @@ impl<const C: usize> System<C> {
     /// Returns the rolling direction of a wheel and its place relative to its cluster's origin, along the axes of the
     /// reference link, and its roll and skid velocities.
     #[inline(always)]
-    pub(super) fn wheel<T: Number>(
+    pub(super) fn wheel<T: Number, const C: usize>(
         &self,
         posture: &Posture<T, C>,
         wheel: &WheelNode<T>,
@@ -149,21 +151,22 @@ impl<const C: usize> System<C> {
         }
     }
 
-    /// Returns the resisting force and torque on each cluster about its origin, and their derivatives with respect to
-    /// the velocity of the origin and the turning rate.
+    /// Adds the friction of the wheels, unless it is part of the clusters' linear resistance, to the resisting force and
+    /// torque on each cluster about its origin, and to their derivatives with respect to the velocity of the origin and
+    /// the turning rate.
     #[inline(always)]
-    fn resistances<T: Number>(
+    fn add_wheels<T: Number, const C: usize>(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
-    ) -> [([T; 3], [[T; 3]; 3]); C] {
-        let mut resistances: [([T; 3], [[T; 3]; 3]); C] = std::array::from_fn(|c| {
-            node.clusters[c].resist(posture.turn[c], posture.velocity[c], posture.rate[c])
-        });
+        force: &mut [[T; 3]; C],
+        slopes: &mut [[[T; 3]; 3]; C],
+    ) {
         let wheels = if self.clusters.is_linear { &[][..] } else { &self.wheels };
-        for (wheel, (cluster, friction)) in node.wheels.iter().zip(wheels) {
+        for (wheel, (cluster, _, friction)) in node.wheels.iter().zip(wheels) {
             let state = self.wheel(posture, wheel, *cluster);
-            let (force, slopes) = &mut resistances[*cluster];
+            let force = &mut force[*cluster];
+            let slopes = &mut slopes[*cluster];
             let mut add = |direction: Vector<T>, [resistance, slope]: [T; 2]| {
                 let row = [direction[0], direction[1], moment(state.place, direction)];
                 for i in 0..3 {
@@ -174,11 +177,10 @@ impl<const C: usize> System<C> {
             add(state.direction, Dry::roll(friction, state.roll_m_s));
             add(normal(state.direction), Dry::skid(friction, state.skid_m_s));
         }
-        resistances
     }
 
     /// Returns the power dissipated by drag on a cluster without commanded motion, W.
-    pub(super) fn drag_loss_w(
+    pub(super) fn drag_loss_w<const C: usize>(
         &self,
         c: usize,
         node: &Node<f64, C>,
@@ -191,9 +193,9 @@ impl<const C: usize> System<C> {
     }
 
     /// Evaluates the left-hand side of the equations of motion at a posture with the time derivatives `acceleration` of
-    /// the velocities.
+    /// the velocities, and its derivatives if `SLOPES`.
     #[inline(always)]
-    pub(super) fn balance<T: Number, const D: usize>(
+    pub(super) fn balance<T: Number, const C: usize, const D: usize, const SLOPES: bool>(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
@@ -216,7 +218,13 @@ impl<const C: usize> System<C> {
         let total = T::splat(self.clusters.all[0].mass_beyond_kg);
         mass[0][0] = total;
         mass[1][1] = total;
-        let resistances = self.resistances(node, posture);
+        let mut resistance = [[zero; 3]; C];
+        let mut dresistance = [[[zero; 3]; 3]; C];
+        for c in 0..C {
+            (resistance[c], dresistance[c]) =
+                node.clusters[c].resist(posture.turn[c], posture.velocity[c], posture.rate[c]);
+        }
+        self.add_wheels(node, posture, &mut resistance, &mut dresistance);
         let mut turning = [acceleration[2]; C];
         let mut moments = [[zero; 2]; C];
         // Forces of each cluster, and then of all clusters beyond its joint.
@@ -226,7 +234,7 @@ impl<const C: usize> System<C> {
             let rate = posture.rate[c];
             if c > 0 {
                 let cluster = &self.clusters.all[c];
-                let p = cluster.parent;
+                let p = self.parent(c);
                 let place = &posture.place[c];
                 turning[c] = turning[p]
                     + own.heading.acceleration
@@ -237,17 +245,19 @@ impl<const C: usize> System<C> {
             }
             let first = own.moment.rotated(posture.turn[c]);
             let carried = first.carried(rate, turning[c]);
-            let dcarried = first.dcarried_drate(rate);
-            let (resistance, dresistance) = &resistances[c];
             moments[c] = first.at;
-            beyond[c] = sum(carried, [resistance[0], resistance[1]]);
+            beyond[c] = sum(carried, [resistance[c][0], resistance[c][1]]);
             let row = 2 + c;
             let two = T::splat(2.0);
             force[row] = moment(first.at, origins[c])
                 + own.inertia * turning[c]
                 + two * own.half_inertia_rate * rate
                 + own.spin
-                + resistance[2];
+                + resistance[c][2];
+            if !SLOPES {
+                continue;
+            }
+            let dcarried = first.dcarried_drate(rate);
             mass[row][row] = own.inertia;
             slopes[row][row] += two * own.half_inertia_rate;
             let [x, y] = normal(first.at);
@@ -262,10 +272,10 @@ impl<const C: usize> System<C> {
                 slopes[2 + above][row] += moment(place, dcarried);
                 slopes[row][2 + above] += moment(first.at, dhung[hung]);
             }
-            self.spread(c, posture, dresistance, slopes);
+            self.spread(c, posture, &dresistance[c], slopes);
         }
         for c in (1..C).rev() {
-            let p = self.clusters.all[c].parent;
+            let p = self.parent(c);
             force[2 + p] += moment(posture.place[c].at, beyond[c]);
             beyond[p] = sum(beyond[p], beyond[c]);
         }
@@ -273,7 +283,7 @@ impl<const C: usize> System<C> {
         (force[0], force[1]) = (fx, fy);
 
         // Rotation of all clusters beyond a joint.
-        for b in 1..C {
+        for b in if SLOPES { 1..C } else { 1..1 } {
             let column = &mut dforce_dphi[b];
             let [x, y] = normal(beyond[b]);
             (column[0], column[1]) = (x, y);
@@ -286,16 +296,14 @@ impl<const C: usize> System<C> {
                     continue;
                 }
                 column[2 + c] += -inner(moments[c], origins[b]);
-                let (_, dresistance) = &resistances[c];
-                let change: [T; 3] =
-                    std::array::from_fn(|i| dresistance[i][0] * vy - dresistance[i][1] * vx);
+                let change = dresistance[c].map(|row| row[0] * vy - row[1] * vx);
                 self.spread_force(c, posture, &change, column);
             }
         }
-        self.by_joints(&mut balance);
+        self.by_joints::<T, C, D, SLOPES>(&mut balance);
         let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = &mut balance;
         // The rotation of the reference link accelerates all masses alike.
-        for i in 0..D {
+        for i in if SLOPES { 0..D } else { 0..0 } {
             let [along, across] = [mass[i][0], mass[i][1]];
             slopes[i][0] += across * r;
             slopes[i][1] += -(along * r);
@@ -316,7 +324,7 @@ impl<const C: usize> System<C> {
     /// Adds a force and torque on a cluster, about its origin, to the forces conjugate to the velocities of the
     /// reference link and to the turning rates of the clusters.
     #[inline(always)]
-    fn spread_force<T: Number, const D: usize>(
+    fn spread_force<T: Number, const C: usize, const D: usize>(
         &self,
         c: usize,
         posture: &Posture<T, C>,
@@ -334,7 +342,7 @@ impl<const C: usize> System<C> {
     /// Adds the derivatives of a force and torque on a cluster with respect to the velocity of its origin and its
     /// turning rate to those with respect to the velocities of the reference link and the turning rates.
     #[inline(always)]
-    fn spread<T: Number, const D: usize>(
+    fn spread<T: Number, const C: usize, const D: usize>(
         &self,
         c: usize,
         posture: &Posture<T, C>,
@@ -360,13 +368,18 @@ impl<const C: usize> System<C> {
     /// Converts forces and derivatives from the turning rates of the clusters to the turning rate of the reference link
     /// and the rates of the free joints.
     #[inline(always)]
-    fn by_joints<T: Number, const D: usize>(&self, balance: &mut Balance<T, C, D>) {
+    fn by_joints<T: Number, const C: usize, const D: usize, const SLOPES: bool>(
+        &self,
+        balance: &mut Balance<T, C, D>,
+    ) {
         let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = balance;
         for c in (1..C).rev() {
-            let cluster = &self.clusters.all[c];
-            let [own, above] = [2 + c, 2 + cluster.parent];
-            let sign = T::splat(cluster.sign);
+            let [own, above] = [2 + c, 2 + self.parent(c)];
+            let sign = T::splat(self.clusters.all[c].sign);
             self.fold(c, force);
+            if !SLOPES {
+                continue;
+            }
             dforce_dphi.iter_mut().for_each(|column| self.fold(c, column));
             for matrix in [&mut *mass, &mut *slopes] {
                 matrix.iter_mut().for_each(|row| self.fold(c, row));
@@ -387,16 +400,15 @@ impl<const C: usize> System<C> {
     /// all clusters that hang on it.
     #[inline(always)]
     fn fold<T: Number, const D: usize>(&self, c: usize, row: &mut [T; D]) {
-        let cluster = &self.clusters.all[c];
         let value = row[2 + c];
-        row[2 + cluster.parent] += value;
-        row[2 + c] = T::splat(cluster.sign) * value;
+        row[2 + self.parent(c)] += value;
+        row[2 + c] = T::splat(self.clusters.all[c].sign) * value;
     }
 
     /// Returns, for a wheel, the row whose product with the velocities is its skid velocity (without that of the
     /// commanded motion).
     #[inline(always)]
-    pub(super) fn skid_row<T: Number, const D: usize>(
+    pub(super) fn skid_row<T: Number, const C: usize, const D: usize>(
         &self,
         posture: &Posture<T, C>,
         state: &WheelState<T>,

@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix, Matrix5, SMatrix, SVector};
 use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
-use crate::mesh::{Mesh, States};
+use crate::mesh::{Mesh, States, renew};
 use crate::reduced::{MAX_STATES, Reduced, lanes};
 use crate::{MotionError, Result};
 
@@ -41,7 +41,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     pub(super) fn linearise_elements(&mut self, model: &R) {
         self.effort.factorisations += 1;
         let Self { mesh, linearisation, transfers, .. } = self;
-        transfers.clear();
+        renew(transfers, mesh.count);
         for pack in 0..mesh.packs() {
             let starts = mesh.starts(pack);
             linearisation.linearise(pack, model, &mesh.pack(pack, &starts), true);
@@ -80,7 +80,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.effort.linear_solves += 1;
         let Self { mesh, linearisation, transfers, offsets, step, .. } = self;
         let Mesh { states, signs, durations_s, .. } = &*mesh;
-        offsets.clear();
+        renew(offsets, mesh.count);
         let mut end = [0.0; N];
         for pack in 0..mesh.packs() {
             linearisation.solve_step::<N, R>(pack);
@@ -96,7 +96,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             SVector::<f64, N>::from_fn(|i, _| signs[i] * (end[i] + ends[i]) - states.start[i]);
         step.start = (self.monodromy_closure * mismatch).into();
         let mut start = step.start;
-        step.packs.clear();
+        renew(&mut step.packs, mesh.packs());
         for pack in 0..mesh.packs() {
             let mut starts = [start; LANES];
             for (lane, k) in mesh.elements_of(pack).enumerate() {
@@ -181,7 +181,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let step = &self.step;
         now.start = std::array::from_fn(|i| before.start[i] + factor * step.start[i]);
         let factor = Lanes::splat(factor);
-        now.packs.clear();
+        renew(&mut now.packs, before.packs.len());
         now.packs.extend_from_slice(&before.packs);
         for (now, step) in now.packs.iter_mut().flatten().zip(step.packs.iter().flatten()) {
             (0..N).for_each(|i| now[i] += factor * step[i]);

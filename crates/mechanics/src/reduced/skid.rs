@@ -73,12 +73,7 @@ impl<const N: usize, F: Friction> Skid<N, F> {
         let acceleration = self.acceleration(node, y, dy);
         let balance =
             force_balance::<T, F>(robot, passive, phi_rad, trig, &velocity, &acceleration);
-        let zero = T::splat(0.0);
-        let mut residual = Residual {
-            value: [zero; N],
-            state_jacobian: [[zero; N]; N],
-            rate_jacobian: [[zero; N]; N],
-        };
+        let mut residual = Residual::zero();
         for i in 0..Self::ROWS {
             let row = self.row(i);
             residual.value[i] = balance.force[row];
