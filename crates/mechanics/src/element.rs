@@ -193,14 +193,13 @@ impl<T: Number> Linearisation<T> {
         }
     }
 
-    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which the two models differ
-    /// by `difference`, at the phases of the stages.
+    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which two models differ by
+    /// `difference`; `nodes` contains the joint commands of each at the stages.
     #[inline(always)]
     pub(crate) fn differentiate<const N: usize, R: Reduced<N>>(
         &mut self,
         pack: usize,
-        [low, high]: [&R; 2],
-        phases_rad: &[T; STAGES],
+        [low, high]: [(&R, &[R::Node<T>]); 2],
         element: &Element<N, R, T>,
         difference: f64,
     ) {
@@ -208,8 +207,8 @@ impl<T: Number> Linearisation<T> {
         let step = &mut self.step[pack * size..][..size];
         for j in 0..STAGES {
             let dy = element.rate(j);
-            let [low, high] = [low, high]
-                .map(|model| model.value(&model.node(phases_rad[j]), &element.stages[j], &dy));
+            let [low, high] =
+                [low, high].map(|(model, nodes)| model.value(&nodes[j], &element.stages[j], &dy));
             for i in 0..R::UNKNOWNS {
                 step[j * R::UNKNOWNS + i] = (low[i] - high[i]) * T::splat(1.0 / difference);
             }

@@ -39,12 +39,13 @@ impl<const N: usize> States<N> {
         }
     }
 
-    /// Adds a multiple of a change.
-    pub(crate) fn add(&mut self, factor: f64, change: &Self) {
-        (0..N).for_each(|i| self.start[i] += factor * change.start[i]);
+    /// Sets the states to others plus a multiple of a change.
+    pub(crate) fn set_moved(&mut self, before: &Self, factor: f64, change: &Self) {
+        self.start = std::array::from_fn(|i| before.start[i] + factor * change.start[i]);
         let factor = Lanes::splat(factor);
-        let changes = change.packs.iter().flatten();
-        for (y, change) in self.packs.iter_mut().flatten().zip(changes) {
+        renew(&mut self.packs, before.packs.len());
+        self.packs.extend_from_slice(&before.packs);
+        for (y, change) in self.packs.iter_mut().flatten().zip(change.packs.iter().flatten()) {
             (0..N).for_each(|i| y[i] += factor * change[i]);
         }
     }

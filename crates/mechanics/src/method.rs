@@ -239,13 +239,17 @@ impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
 }
 
 /// Returns the energy dissipated by friction over a cycle, J, along the given path.
-fn loss_j<const N: usize, R: ThreeLink<N>>(model: &R, mesh: &Mesh<N, R>, path: &Path<N, R>) -> f64 {
+pub(super) fn loss_j<const N: usize, R: Reduced<N>>(
+    model: &R,
+    mesh: &Mesh<N, R>,
+    path: &Path<N, R>,
+) -> f64 {
     let weights = RADAU.integrate[STAGES - 1];
     let mut sum = Lanes::default();
     for (pack, leg) in path.legs.iter().enumerate() {
         let [_, duration_s] = mesh.weights(pack);
         for j in 0..STAGES {
-            let power = model.friction_power(R::of(&leg.states[j]));
+            let power = model.loss_w(&mesh.nodes(pack)[j], &leg.states[j]);
             sum += Lanes::splat(weights[j]) * duration_s * power;
         }
     }

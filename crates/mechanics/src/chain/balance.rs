@@ -151,45 +151,37 @@ impl System {
         }
     }
 
-    /// Adds the friction of the wheels, unless it is part of the clusters' linear resistance, to the resisting force and
-    /// torque on each cluster about its origin, and to their derivatives with respect to the velocity of the origin and
-    /// the turning rate.
+    /// Returns the wheels with their friction coefficients, unless it is part of the clusters' linear resistance.
     #[inline(always)]
-    fn add_wheels<T: Number, const C: usize>(
+    fn rubbing<'a, T: Number, const C: usize>(
+        &'a self,
+        node: &'a Node<T, C>,
+        posture: &'a Posture<T, C>,
+    ) -> impl Iterator<Item = (usize, WheelState<T>, &'a WheelFriction)> {
+        let wheels = if self.clusters.is_linear { &[][..] } else { &self.wheels };
+        node.wheels.iter().zip(wheels).map(|(wheel, (cluster, _, friction))| {
+            (*cluster, self.wheel(posture, wheel, *cluster), friction)
+        })
+    }
+
+    /// Returns the power dissipated by the wheels, by drag and by the dampers of the free joints, W.
+    #[inline(always)]
+    pub(super) fn loss_w<T: Number, const C: usize>(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
-        force: &mut [[T; 3]; C],
-        slopes: &mut [[[T; 3]; 3]; C],
-    ) {
-        let wheels = if self.clusters.is_linear { &[][..] } else { &self.wheels };
-        for (wheel, (cluster, _, friction)) in node.wheels.iter().zip(wheels) {
-            let state = self.wheel(posture, wheel, *cluster);
-            let force = &mut force[*cluster];
-            let slopes = &mut slopes[*cluster];
-            let mut add = |direction: Vector<T>, [resistance, slope]: [T; 2]| {
-                let row = [direction[0], direction[1], moment(state.place, direction)];
-                for i in 0..3 {
-                    force[i] += resistance * row[i];
-                    (0..3).for_each(|j| slopes[i][j] += slope * row[i] * row[j]);
-                }
-            };
-            add(state.direction, Dry::roll(friction, state.roll_m_s));
-            add(normal(state.direction), Dry::skid(friction, state.skid_m_s));
+    ) -> T {
+        let mut loss = T::splat(0.0);
+        for c in 0..C {
+            let rate = posture.joint_rate[c];
+            loss += node.clusters[c].loss_w(posture.turn[c], posture.velocity[c], posture.rate[c])
+                + T::splat(self.clusters.all[c].free.damping_nm_s_rad) * rate * rate;
         }
-    }
-
-    /// Returns the power dissipated by drag on a cluster without commanded motion, W.
-    pub(super) fn drag_loss_w<const C: usize>(
-        &self,
-        c: usize,
-        node: &Node<f64, C>,
-        posture: &Posture<f64, C>,
-    ) -> f64 {
-        let [x, y] = posture.velocity[c];
-        let rate = posture.rate[c];
-        let (force, _) = node.clusters[c].resist(posture.turn[c], [x, y], rate);
-        force[0] * x + force[1] * y + force[2] * rate
+        for (_, WheelState { roll_m_s, skid_m_s, .. }, friction) in self.rubbing(node, posture) {
+            loss += Dry::roll(friction, roll_m_s)[0] * roll_m_s
+                + Dry::skid(friction, skid_m_s)[0] * skid_m_s;
+        }
+        loss
     }
 
     /// Evaluates the left-hand side of the equations of motion at a posture with the time derivatives `acceleration` of
@@ -224,7 +216,20 @@ impl System {
             (resistance[c], dresistance[c]) =
                 node.clusters[c].resist(posture.turn[c], posture.velocity[c], posture.rate[c]);
         }
-        self.add_wheels(node, posture, &mut resistance, &mut dresistance);
+        for (cluster, state, friction) in self.rubbing(node, posture) {
+            let WheelState { direction, place, roll_m_s, skid_m_s } = state;
+            let force = &mut resistance[cluster];
+            let slopes = &mut dresistance[cluster];
+            let mut add = |direction: Vector<T>, [resistance, slope]: [T; 2]| {
+                let row = [direction[0], direction[1], moment(place, direction)];
+                for i in 0..3 {
+                    force[i] += resistance * row[i];
+                    (0..3).for_each(|j| slopes[i][j] += slope * row[i] * row[j]);
+                }
+            };
+            add(direction, Dry::roll(friction, roll_m_s));
+            add(normal(direction), Dry::skid(friction, skid_m_s));
+        }
         let mut turning = [acceleration[2]; C];
         let mut moments = [[zero; 2]; C];
         // Forces of each cluster, and then of all clusters beyond its joint.

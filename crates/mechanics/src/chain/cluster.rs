@@ -98,8 +98,9 @@ pub(super) struct ClusterNode<T> {
     /// Linear resistance: derivatives of the force (N) and torque about the origin (N m) with respect to the velocity
     /// of the origin (along the cluster's frame) and the turning rate. The upper triangle, row by row.
     pub resistance: [T; 6],
-    /// Force and torque due to the commanded motion.
+    /// Force and torque due to the commanded motion, and its power, W.
     pub resistance_at_rest: [T; 3],
+    pub loss_at_rest: T,
 }
 
 /// Rolling direction of a wheel in its cluster's frame, and its motion there.
@@ -338,6 +339,7 @@ impl<T: Number> ClusterNode<T> {
             drive: zero,
             resistance: [zero; 6],
             resistance_at_rest: [zero; 3],
+            loss_at_rest: zero,
         }
     }
 
@@ -364,6 +366,7 @@ impl<T: Number> ClusterNode<T> {
 
     #[inline(always)]
     fn add_row(&mut self, coefficient: T, row: [T; 3], speed: T) {
+        self.loss_at_rest += coefficient * speed * speed;
         let mut entry = 0;
         for i in 0..3 {
             let force = coefficient * row[i];
@@ -385,6 +388,19 @@ impl<T: Number> ClusterNode<T> {
             let [zero, one] = [0.0, 1.0].map(T::splat);
             self.add_row(T::splat(drag.turning_nm_s_rad), [zero, zero, one], heading.rate);
         }
+    }
+
+    /// Returns the power dissipated by the linear resistance, W, given the velocity of the origin along the axes of a
+    /// frame in which the cluster is turned by the given angle, and the turning rate.
+    #[inline(always)]
+    pub(super) fn loss_w(&self, [cos, sin]: Vector<T>, velocity: Vector<T>, rate: T) -> T {
+        let [xx, xy, xt, yy, yt, tt] = self.resistance;
+        let [fx, fy, torque] = self.resistance_at_rest;
+        let [x, y] = rotated([cos, -sin], velocity);
+        let along = xx * x + xy * y + xt * rate + fx + fx;
+        let across = xy * x + yy * y + yt * rate + fy + fy;
+        let turning = xt * x + yt * y + tt * rate + torque + torque;
+        along * x + across * y + turning * rate + self.loss_at_rest
     }
 
     /// Returns the resisting force (along the axes of a frame in which the cluster is turned by the given angle) and

@@ -1,7 +1,7 @@
 //! Forces on a chain: wheel forces, joint torques and power.
 
 use nalgebra::{DMatrix, DVector};
-use trilink_robot::{Chain, Drag, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Pose};
+use trilink_robot::{Chain, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Pose};
 
 use super::ChainProblem;
 use super::balance::{System, WheelState};
@@ -131,7 +131,7 @@ impl Loose {
             is_driven: [false; MAX_ROWS],
             wheels: [WheelForces::default(); MAX_LINKS],
             power_w: 0.0,
-            loss_w: 0.0,
+            loss_w: system.loss_w(&node, &posture),
         };
         forces.supplied[..D].copy_from_slice(&supplied);
         // Constraints do no work, so the driven joints supply what springs and torques do not.
@@ -160,7 +160,6 @@ impl Loose {
             let [roll_n, _] = Dry::roll(friction, roll_m_s);
             let [skid_n, _] = Dry::skid(friction, skid_m_s);
             *own = WheelForces { roll_m_s, skid_m_s, roll_n, skid_n, ..*own };
-            forces.loss_w += roll_n * roll_m_s + skid_n * skid_m_s;
             if !laws.skids() {
                 let row: [f64; D] = system.skid_row(&posture, &state, *cluster);
                 own.skid_row[..D].copy_from_slice(&row);
@@ -168,9 +167,6 @@ impl Loose {
         }
         for c in 0..L {
             let link = &chain.links[system.clusters.all[c].root()];
-            if link.drag != Drag::default() {
-                forces.loss_w += system.drag_loss_w(c, &node, &posture);
-            }
             if let Some(rotor) = &link.rotor {
                 let [_, rate, relative] = waves(&rotor.angle, *phase_rad, *omega_rad_s);
                 let turning = (1..L)

@@ -263,6 +263,11 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
         [state.phi_rad[1 + index], state.joint_rate[1 + index]]
     }
 
+    #[inline(always)]
+    fn loss_w<T: Number>(&self, node: &Node<T, C>, state: &Posture<T, C>) -> T {
+        self.system.loss_w(node, state)
+    }
+
     fn forces(&self) -> Loose {
         Loose::new(&self.problem)
     }

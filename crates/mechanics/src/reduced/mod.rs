@@ -252,6 +252,9 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns the angle (rad) and the rate (rad/s) of a free joint, given its index among the free joints.
     fn free_joint<T: Number>(state: &Self::State<T>, index: usize) -> [T; 2];
 
+    /// Returns the power dissipated by friction and damping, W.
+    fn loss_w<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> T;
+
     /// Returns what [`Reduced::power_and_loss_w`] and [`Reduced::sample`] need, at all times.
     fn forces(&self) -> Self::Forces;
 
@@ -377,9 +380,6 @@ pub(super) trait ThreeLink<const N: usize>: Reduced<N, Sample = Sample> {
         gradient: &Gradient<T>,
     ) -> [CommandGradient<T>; 2];
 
-    /// Returns the power dissipated by friction, W (see [`friction_power`]).
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T;
-
     /// Returns the gradient of the power dissipated by friction with respect to joint angles and velocities
     /// (see [`friction_power_gradient`]).
     fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T>;
@@ -467,6 +467,11 @@ macro_rules! of_three_links {
         #[inline(always)]
         fn free_joint<T: Number>(state: &KinematicState<T>, _: usize) -> [T; 2] {
             [state.phi_rad[0], state.velocity[3]]
+        }
+
+        #[inline(always)]
+        fn loss_w<T: Number>(&self, _: &Self::Node<T>, state: &KinematicState<T>) -> T {
+            friction_power::<T, F>(&self.problem.robot, self.problem.gait.passive_joint(), state)
         }
 
         fn forces(&self) {}

@@ -523,11 +523,6 @@ impl<F: Friction> ThreeLink<2> for PassiveNoSkid<F> {
     }
 
     #[inline(always)]
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T {
-        friction_power::<T, F>(&self.problem.robot, Some(self.passive), state)
-    }
-
-    #[inline(always)]
     fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T> {
         friction_power_gradient::<T, F>(&self.problem.robot, Some(self.passive), state)
     }

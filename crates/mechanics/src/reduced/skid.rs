@@ -277,11 +277,6 @@ impl<const N: usize, F: Friction> ThreeLink<N> for Skid<N, F> {
     }
 
     #[inline(always)]
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T {
-        friction_power::<T, F>(&self.problem.robot, self.passive(), state)
-    }
-
-    #[inline(always)]
     fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T> {
         friction_power_gradient::<T, F>(&self.problem.robot, self.passive(), state)
     }
