@@ -119,9 +119,13 @@ impl System {
             let sign = T::splat(cluster.sign);
             let (sin, cos) = (sign * phi_rad[c]).sin_cos();
             let p = self.parent(c);
-            posture.turn[c] = rotated(rotated(posture.turn[p], node.heading.turn), [cos, sin]);
+            posture.turn[c] = rotated(node.heading.turn, [cos, sin]);
+            posture.place[c] = node.place;
+            if p > 0 {
+                posture.turn[c] = rotated(posture.turn[p], posture.turn[c]);
+                posture.place[c] = node.place.rotated(posture.turn[p]);
+            }
             posture.rate[c] = posture.rate[p] + node.heading.rate + sign * joint_rate[c];
-            posture.place[c] = node.place.rotated(posture.turn[p]);
             posture.velocity[c] =
                 velocity_of(posture.velocity[p], posture.rate[p], &posture.place[c]);
         }
@@ -137,11 +141,12 @@ impl System {
         wheel: &WheelNode<T>,
         cluster: usize,
     ) -> WheelState<T> {
-        let turn = posture.turn[cluster];
-        let direction = rotated(turn, wheel.direction);
-        let place = rotated(turn, wheel.place);
-        let moving =
-            Moving { at: place, rate: rotated(turn, wheel.rate), acceleration: [T::splat(0.0); 2] };
+        let WheelNode { mut direction, mut place, mut rate } = *wheel;
+        if cluster > 0 {
+            let turn = posture.turn[cluster];
+            [direction, place, rate] = [direction, place, rate].map(|vector| rotated(turn, vector));
+        }
+        let moving = Moving { at: place, rate, acceleration: [T::splat(0.0); 2] };
         let velocity = velocity_of(posture.velocity[cluster], posture.rate[cluster], &moving);
         WheelState {
             direction,
@@ -213,8 +218,9 @@ impl System {
         let mut resistance = [[zero; 3]; C];
         let mut dresistance = [[[zero; 3]; 3]; C];
         for c in 0..C {
+            let turn = (c > 0).then_some(posture.turn[c]);
             (resistance[c], dresistance[c]) =
-                node.clusters[c].resist(posture.turn[c], posture.velocity[c], posture.rate[c]);
+                node.clusters[c].resist(turn, posture.velocity[c], posture.rate[c]);
         }
         for (cluster, state, friction) in self.rubbing(node, posture) {
             let WheelState { direction, place, roll_m_s, skid_m_s } = state;
@@ -248,7 +254,7 @@ impl System {
                 origins[c] = sum(origins[p], hung);
                 dhung[c] = place.dcarried_drate(posture.rate[p]);
             }
-            let first = own.moment.rotated(posture.turn[c]);
+            let first = if c == 0 { own.moment } else { own.moment.rotated(posture.turn[c]) };
             let carried = first.carried(rate, turning[c]);
             moments[c] = first.at;
             beyond[c] = sum(carried, [resistance[c][0], resistance[c][1]]);
@@ -356,10 +362,13 @@ impl System {
     ) {
         // The slopes are symmetric.
         let [by_x, by_y, by_rate] = slopes;
-        let mut add = |column: usize, change: &[T; 3]| {
-            let mut forces = [T::splat(0.0); D];
-            self.spread_force(c, posture, change, &mut forces);
-            (0..D).for_each(|row| matrix[row][column] += forces[row]);
+        let mut add = |column: usize, &[x, y, torque]: &[T; 3]| {
+            matrix[0][column] += x;
+            matrix[1][column] += y;
+            matrix[2 + c][column] += torque;
+            for [above, hung] in self.path(c) {
+                matrix[2 + above][column] += moment(posture.place[hung].at, [x, y]);
+            }
         };
         add(0, by_x);
         add(1, by_y);

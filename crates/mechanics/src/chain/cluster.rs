@@ -7,7 +7,7 @@
 //! their children.
 
 use trilink_robot::{
-    Chain, Drag, FreeJoint, Gait, Joint, JointCommand, MAX_LINKS, Number, Rotor, Wheel,
+    Chain, Drag, FreeJoint, Joint, JointCommand, MAX_LINKS, Number, TorqueCommand, Wheel,
     WheelFriction,
 };
 
@@ -26,7 +26,8 @@ struct Member {
     mass_kg: f64,
     /// Moment of inertia, with that of the rotor, kg m^2.
     inertia_kg_m2: f64,
-    rotor: Option<Rotor>,
+    /// Moment of inertia of the rotor, kg m^2, and its angle.
+    rotor: Option<(f64, Wave)>,
     drag: Drag,
     /// Wheel, with its index among the wheels from front to rear.
     wheel: Option<(usize, Wheel)>,
@@ -45,7 +46,7 @@ impl Member {
             com_m: own.com_m,
             mass_kg: own.mass_kg,
             inertia_kg_m2: own.inertia_kg_m2 + own.rotor.map_or(0.0, |rotor| rotor.inertia_kg_m2),
-            rotor: own.rotor,
+            rotor: own.rotor.map(|rotor| (rotor.inertia_kg_m2, Wave::new(&rotor.angle))),
             drag: own.drag,
             wheel: own.wheel.map(|wheel| (before, wheel)),
             hanging: Vec::new(),
@@ -61,7 +62,44 @@ struct Hinge {
     from_m: f64,
     /// 1 if the heading increases with the joint's angle (behind the reference link), otherwise -1.
     sign: f64,
-    command: JointCommand,
+    wave: Wave,
+}
+
+/// Commanded angle as a Fourier series.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wave {
+    offset_rad: f64,
+    /// In-phase and quadrature components of the first and, if there is one, the second harmonic, rad.
+    first: [f64; 2],
+    second: Option<[f64; 2]>,
+}
+
+impl Wave {
+    pub(super) fn new(command: &JointCommand) -> Self {
+        let (sin, cos) = command.phase_rad.sin_cos();
+        let first = [command.amplitude_rad * cos, command.amplitude_rad * sin];
+        let second = command.second.map(|second| [second.in_phase_rad, second.quadrature_rad]);
+        Self { offset_rad: command.offset_rad, first, second }
+    }
+
+    /// Returns the angle, rate and acceleration at a phase, given its sine and cosine.
+    #[inline(always)]
+    pub(super) fn at<T: Number>(&self, [sin, cos]: [T; 2], omega_rad_s: f64) -> [T; 3] {
+        let mut waves = [T::splat(self.offset_rad), T::splat(0.0), T::splat(0.0)];
+        let mut add = |[a, b]: [f64; 2], [sin, cos]: [T; 2], omega_rad_s: f64| {
+            let [a, b, omega] = [a, b, omega_rad_s].map(T::splat);
+            let angle = a * cos - b * sin;
+            waves[0] += angle;
+            waves[1] -= omega * (a * sin + b * cos);
+            waves[2] -= omega * omega * angle;
+        };
+        add(self.first, [sin, cos], omega_rad_s);
+        if let Some(second) = self.second {
+            let double = sin * cos;
+            add(second, [double + double, cos * cos - sin * sin], 2.0 * omega_rad_s);
+        }
+        waves
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -73,6 +111,8 @@ pub(super) struct Cluster {
     /// Index in the chain, and parameters, of the free joint; those of cluster 0 are unused.
     pub joint: usize,
     pub free: FreeJoint,
+    /// Angle at which the spring of the free joint is relaxed.
+    target: Wave,
     members: Vec<Member>,
     /// Mass of the cluster and of those that hang on it, kg.
     pub mass_beyond_kg: f64,
@@ -137,10 +177,11 @@ impl<T: Number> WheelNode<T> {
 impl Cluster {
     /// Divides a chain into clusters.
     pub(super) fn all(chain: &Chain) -> Vec<Self> {
-        let new = |parent, sign, joint, free, link, joint_m| Self {
+        let new = |parent, sign, joint, free: FreeJoint, link, joint_m| Self {
             parent,
             sign,
             joint,
+            target: Wave::new(&free.target),
             free,
             members: vec![Member::new(chain, link, None, joint_m)],
             mass_beyond_kg: 0.0,
@@ -164,7 +205,8 @@ impl Cluster {
             match chain.joints[joint] {
                 Joint::Driven(command) => {
                     let members = &mut clusters[cluster].members;
-                    let hinge = Some(Hinge { is_on_first: member == 0, from_m, sign, command });
+                    let wave = Wave::new(&command);
+                    let hinge = Some(Hinge { is_on_first: member == 0, from_m, sign, wave });
                     members.push(Member::new(chain, link, hinge, joint_m));
                     last = (cluster, members.len() - 1);
                 }
@@ -188,61 +230,56 @@ impl Cluster {
         clusters
     }
 
-    /// Returns the index of the cluster's first link.
-    pub(super) fn root(&self) -> usize {
-        self.members[0].link
+    /// Returns the moment of inertia, kg m^2, and the angle of the rotor of the cluster's first link.
+    pub(super) fn rotor(&self) -> Option<(f64, Wave)> {
+        self.members[0].rotor
     }
 
-    /// Calls `visit` for each link of the cluster with its heading and the motion of its origin.
+    /// Calls `visit` for each link of the cluster with its heading and the motion of its origin, given the sine and cosine
+    /// of the phase.
     #[inline(always)]
     fn walk<T: Number>(
         &self,
-        phase_rad: T,
+        phase: [T; 2],
         omega_rad_s: f64,
         mut visit: impl FnMut(&Member, &Heading<T>, &Moving<T>),
     ) {
-        let straight = Heading::straight();
-        let [root, members @ ..] = &self.members[..] else { return };
-        let first = straight.ahead(&Moving::zero(), -root.joint_m);
-        visit(root, &straight, &first);
-        let mut last = (straight, first);
-        for member in members {
-            let Some(hinge) = &member.hinge else { continue };
-            let (from, origin) = if hinge.is_on_first { &(straight, first) } else { &last };
-            let [angle, rate, acceleration] = waves(&hinge.command, phase_rad, omega_rad_s);
-            let sign = T::splat(hinge.sign);
-            let (sin, cos) = (sign * angle).sin_cos();
-            let heading = Heading {
-                turn: rotated(from.turn, [cos, sin]),
-                rate: from.rate + sign * rate,
-                acceleration: from.acceleration + sign * acceleration,
+        let mut first = (Heading::straight(), Moving::zero());
+        let mut last = first;
+        for member in &self.members {
+            let (heading, joint) = match &member.hinge {
+                None => first,
+                Some(hinge) => {
+                    let (from, origin) = if hinge.is_on_first { &first } else { &last };
+                    let [angle, rate, acceleration] = hinge.wave.at(phase, omega_rad_s);
+                    let sign = T::splat(hinge.sign);
+                    let (sin, cos) = (sign * angle).sin_cos();
+                    let heading = Heading {
+                        turn: rotated(from.turn, [cos, sin]),
+                        rate: from.rate + sign * rate,
+                        acceleration: from.acceleration + sign * acceleration,
+                    };
+                    (heading, from.ahead(origin, hinge.from_m))
+                }
             };
-            let joint = from.ahead(origin, hinge.from_m);
-            let origin = heading.ahead(&joint, -member.joint_m);
-            visit(member, &heading, &origin);
-            last = (heading, origin);
+            last = (heading, heading.ahead(&joint, -member.joint_m));
+            visit(member, &last.0, &last.1);
+            if member.hinge.is_none() {
+                first = last;
+            }
         }
     }
 }
 
-/// Returns a command's angle, rate and acceleration at a phase.
+/// Returns a prescribed torque at a phase, N m.
 #[inline(always)]
-pub(super) fn waves<T: Number>(command: &JointCommand, phase_rad: T, omega_rad_s: f64) -> [T; 3] {
-    let omega = T::splat(omega_rad_s);
-    let amplitude = T::splat(command.amplitude_rad);
-    let (sin, cos) = (phase_rad + T::splat(command.phase_rad)).sin_cos();
-    let mut waves = [
-        T::splat(command.offset_rad) + amplitude * cos,
-        -(amplitude * omega * sin),
-        -(amplitude * omega * omega * cos),
-    ];
-    if let Some(second) = command.second {
-        let (sin, cos) = (phase_rad + phase_rad).sin_cos();
-        let [in_phase, quadrature] = Gait::second_waves([sin, cos], omega_rad_s);
-        let [a, b] = [second.in_phase_rad, second.quadrature_rad].map(T::splat);
-        (0..3).for_each(|k| waves[k] += a * in_phase[k] + b * quadrature[k]);
+pub(super) fn prescribed<T: Number>(torque: &TorqueCommand, phase_rad: T) -> T {
+    let mean = T::splat(torque.mean_nm);
+    if torque.amplitude_nm == 0.0 {
+        return mean;
     }
-    waves
+    let (_, cos) = (phase_rad + T::splat(torque.phase_rad)).sin_cos();
+    mean + T::splat(torque.amplitude_nm) * cos
 }
 
 /// Chain divided into clusters.
@@ -268,19 +305,20 @@ impl Clusters {
         nodes: &mut [ClusterNode<T>; C],
         wheels: &mut [WheelNode<T>; MAX_LINKS],
     ) {
+        let (sin, cos) = phase_rad.sin_cos();
         for c in 0..C {
             let cluster = &self.all[c];
             let (known, hung) = nodes.split_at_mut(c + 1);
             let own = &mut known[c];
-            cluster.walk(phase_rad, self.omega_rad_s, |member, heading, origin| {
+            cluster.walk([sin, cos], self.omega_rad_s, |member, heading, origin| {
                 let centre = heading.ahead(origin, member.com_m);
                 let inertia = T::splat(member.inertia_kg_m2);
                 own.add_mass(member.mass_kg, &centre);
                 own.inertia += inertia;
                 own.spin += inertia * heading.acceleration;
-                if let Some(rotor) = &member.rotor {
-                    let [_, _, acceleration] = waves(&rotor.angle, phase_rad, self.omega_rad_s);
-                    own.spin += T::splat(rotor.inertia_kg_m2) * acceleration;
+                if let Some((inertia_kg_m2, wave)) = &member.rotor {
+                    let [_, _, acceleration] = wave.at([sin, cos], self.omega_rad_s);
+                    own.spin += T::splat(*inertia_kg_m2) * acceleration;
                 }
                 own.add_drag(&member.drag, heading, &centre);
                 if let Some((index, wheel)) = &member.wheel {
@@ -301,13 +339,9 @@ impl Clusters {
                 }
             });
             if c > 0 {
-                let FreeJoint { stiffness_nm_rad, target, torque, .. } = &cluster.free;
-                let [angle, ..] = waves(target, phase_rad, self.omega_rad_s);
-                own.drive = T::splat(*stiffness_nm_rad) * angle + T::splat(torque.mean_nm);
-                if torque.amplitude_nm != 0.0 {
-                    let (_, cos) = (phase_rad + T::splat(torque.phase_rad)).sin_cos();
-                    own.drive += T::splat(torque.amplitude_nm) * cos;
-                }
+                let FreeJoint { stiffness_nm_rad, torque, .. } = &cluster.free;
+                let [angle, ..] = cluster.target.at([sin, cos], self.omega_rad_s);
+                own.drive = T::splat(*stiffness_nm_rad) * angle + prescribed(torque, phase_rad);
             }
         }
     }
@@ -403,30 +437,30 @@ impl<T: Number> ClusterNode<T> {
         along * x + across * y + turning * rate + self.loss_at_rest
     }
 
-    /// Returns the resisting force (along the axes of a frame in which the cluster is turned by the given angle) and
-    /// torque about the origin, with their derivatives with respect to the velocity of the origin and the turning rate.
+    /// Returns the resisting force (along the axes of a frame in which the cluster is turned by the given angle, or of its
+    /// own if that is `None`) and torque about the origin, with their derivatives with respect to the velocity of the
+    /// origin and the turning rate.
     #[inline(always)]
     pub(super) fn resist(
         &self,
-        [cos, sin]: Vector<T>,
+        turn: Option<Vector<T>>,
         velocity: Vector<T>,
         rate: T,
     ) -> ([T; 3], [[T; 3]; 3]) {
-        let [xx, xy, xt, yy, yt, tt] = self.resistance;
-        let [fx, fy, torque] = self.resistance_at_rest;
-        let across = cos * sin * (xx - yy);
-        let [cos2, sin2] = [cos * cos, sin * sin];
-        let twice = (cos * sin + cos * sin) * xy;
-        let slopes_xx = cos2 * xx + sin2 * yy - twice;
-        let slopes_yy = sin2 * xx + cos2 * yy + twice;
-        let slopes_xy = across + (cos2 - sin2) * xy;
-        let [slopes_xt, slopes_yt] = rotated([cos, sin], [xt, yt]);
-        let slopes = [
-            [slopes_xx, slopes_xy, slopes_xt],
-            [slopes_xy, slopes_yy, slopes_yt],
-            [slopes_xt, slopes_yt, tt],
-        ];
-        let [fx, fy] = rotated([cos, sin], [fx, fy]);
+        let [mut xx, mut xy, mut xt, mut yy, mut yt, tt] = self.resistance;
+        let [mut fx, mut fy, torque] = self.resistance_at_rest;
+        if let Some([cos, sin]) = turn {
+            let [cos2, sin2, both] = [cos * cos, sin * sin, cos * sin];
+            let twice = (both + both) * xy;
+            [xx, xy, yy] = [
+                cos2 * xx + sin2 * yy - twice,
+                both * (xx - yy) + (cos2 - sin2) * xy,
+                sin2 * xx + cos2 * yy + twice,
+            ];
+            [xt, yt] = rotated([cos, sin], [xt, yt]);
+            [fx, fy] = rotated([cos, sin], [fx, fy]);
+        }
+        let slopes = [[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]];
         let at_rest = [fx, fy, torque];
         let moved = [velocity[0], velocity[1], rate];
         let mut force = at_rest;

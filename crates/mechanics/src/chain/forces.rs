@@ -1,11 +1,11 @@
 //! Forces on a chain: wheel forces, joint torques and power.
 
 use nalgebra::{DMatrix, DVector};
-use trilink_robot::{Chain, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Pose};
+use trilink_robot::{Chain, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::ChainProblem;
 use super::balance::{System, WheelState};
-use super::cluster::{Clusters, waves};
+use super::cluster::{Cluster, Clusters, Wave, prescribed};
 
 /// State of a chain and the forces on it at one time.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,13 +39,13 @@ pub struct ChainSample {
 
 /// Motion of a chain at one time.
 #[derive(Debug, Clone)]
-pub(super) struct Motion {
-    pub phase_rad: f64,
+pub(super) struct Motion<T> {
+    pub phase_rad: T,
     /// Velocities of the reference link along and across itself and its turning rate, and their time derivatives.
-    pub body: [f64; 3],
-    pub dbody: [f64; 3],
+    pub body: [T; 3],
+    pub dbody: [T; 3],
     /// Angle, rate and acceleration of each joint from front to rear, followed by zeros.
-    pub joints: [[f64; 3]; MAX_JOINTS],
+    pub joints: [[T; 3]; MAX_JOINTS],
 }
 
 /// Maximum number of velocities: three of the reference link, and one for each joint.
@@ -56,28 +56,32 @@ const MAX_ROWS: usize = 3 + MAX_JOINTS;
 #[derive(Debug, Clone)]
 pub(super) struct Loose {
     system: System,
+    /// Commands of the joints from front to rear, or the angles at which their springs are relaxed.
+    commands: Vec<Wave>,
+    /// For each cluster, the moment of inertia of its link's rotor, kg m^2, and the rotor's angle.
+    rotors: Vec<Option<(f64, Wave)>>,
 }
 
 /// Forces on a chain, by row of its equations of motion and by wheel from front to rear.
-struct Forces {
+struct Forces<T> {
     /// Left-hand sides of the equations of motion.
-    supplied: [f64; MAX_ROWS],
+    supplied: [T; MAX_ROWS],
     /// Torques of the springs, dampers and prescribed torques.
-    own_torques: [f64; MAX_ROWS],
+    own_torques: [T; MAX_ROWS],
     is_driven: [bool; MAX_ROWS],
-    wheels: [WheelForces; MAX_LINKS],
-    power_w: f64,
-    loss_w: f64,
+    wheels: [WheelForces<T>; MAX_LINKS],
+    power_w: T,
+    loss_w: T,
 }
 
-#[derive(Clone, Copy, Default)]
-struct WheelForces {
+#[derive(Clone, Copy)]
+struct WheelForces<T> {
     /// Product with the velocities that is the skid velocity.
-    skid_row: [f64; MAX_ROWS],
-    roll_m_s: f64,
-    skid_m_s: f64,
-    roll_n: f64,
-    skid_n: f64,
+    skid_row: [T; MAX_ROWS],
+    roll_m_s: T,
+    skid_m_s: T,
+    roll_n: T,
+    skid_n: T,
 }
 
 impl Loose {
@@ -85,69 +89,93 @@ impl Loose {
         let ChainProblem { chain, omega_rad_s, .. } = problem;
         let joints = vec![Joint::Free(FreeJoint::default()); chain.joints.len()];
         let loose = Chain { joints, ..chain.clone() };
-        Self { system: System::new(Clusters::new(&loose, *omega_rad_s, false)) }
+        let system = System::new(Clusters::new(&loose, *omega_rad_s, false));
+        let commands = chain.joints.iter().map(|joint| Wave::new(joint.command())).collect();
+        let rotors = system.clusters.all.iter().map(Cluster::rotor).collect();
+        Self { system, commands, rotors }
+    }
+
+    /// Returns the angle, rate and acceleration of a joint's command, or of that at which its spring is relaxed, given
+    /// the sine and cosine of the phase.
+    #[inline(always)]
+    pub(super) fn command<T: Number>(&self, joint: usize, phase: [T; 2]) -> [T; 3] {
+        self.commands[joint].at(phase, self.system.clusters.omega_rad_s)
     }
 
     /// Returns the power of the actuators and the power dissipated, W.
-    pub(super) fn power_and_loss_w(&self, problem: &ChainProblem, motion: &Motion) -> [f64; 2] {
+    pub(super) fn power_and_loss_w<T: Number>(
+        &self,
+        problem: &ChainProblem,
+        motion: &Motion<T>,
+    ) -> [T; 2] {
         let Forces { power_w, loss_w, .. } = self.forces(problem, motion);
         [power_w, loss_w]
     }
 
-    fn forces(&self, problem: &ChainProblem, motion: &Motion) -> Forces {
+    fn forces<T: Number>(&self, problem: &ChainProblem, motion: &Motion<T>) -> Forces<T> {
         match problem.chain.links.len() {
-            2 => self.forces_of::<2, 4>(problem, motion),
-            3 => self.forces_of::<3, 5>(problem, motion),
-            4 => self.forces_of::<4, 6>(problem, motion),
-            5 => self.forces_of::<5, 7>(problem, motion),
-            6 => self.forces_of::<6, 8>(problem, motion),
-            7 => self.forces_of::<7, 9>(problem, motion),
-            _ => self.forces_of::<8, 10>(problem, motion),
+            2 => self.forces_of::<T, 2, 4>(problem, motion),
+            3 => self.forces_of::<T, 3, 5>(problem, motion),
+            4 => self.forces_of::<T, 4, 6>(problem, motion),
+            5 => self.forces_of::<T, 5, 7>(problem, motion),
+            6 => self.forces_of::<T, 6, 8>(problem, motion),
+            7 => self.forces_of::<T, 7, 9>(problem, motion),
+            _ => self.forces_of::<T, 8, 10>(problem, motion),
         }
     }
 
     /// Returns the forces on a chain of `L` links.
-    fn forces_of<const L: usize, const D: usize>(
+    fn forces_of<T: Number, const L: usize, const D: usize>(
         &self,
         problem: &ChainProblem,
-        motion: &Motion,
-    ) -> Forces {
+        motion: &Motion<T>,
+    ) -> Forces<T> {
         let ChainProblem { chain, laws, omega_rad_s } = problem;
         let Motion { phase_rad, body, dbody, joints } = motion;
+        let (sin, cos) = phase_rad.sin_cos();
+        let zero = T::splat(0.0);
         let system = &self.system;
         let node = system.node(*phase_rad);
         let joint_of = |c: usize| system.clusters.all[c].joint;
-        let of_joints = |k: usize| -> [f64; L] {
-            std::array::from_fn(|c| if c == 0 { 0.0 } else { joints[joint_of(c)][k] })
+        let of_joints = |k: usize| -> [T; L] {
+            std::array::from_fn(|c| if c == 0 { zero } else { joints[joint_of(c)][k] })
         };
         let posture = system.posture(&node.clusters, *body, of_joints(0), of_joints(1));
         let accelerations = of_joints(2);
-        let acceleration: [f64; D] =
+        let acceleration: [T; D] =
             std::array::from_fn(|i| if i < 3 { dbody[i] } else { accelerations[i - 2] });
-        let supplied = system.balance::<f64, L, D, false>(&node, &posture, &acceleration).force;
+        let supplied = system.balance::<T, L, D, false>(&node, &posture, &acceleration).force;
+        let no_wheel = WheelForces {
+            skid_row: [zero; MAX_ROWS],
+            roll_m_s: zero,
+            skid_m_s: zero,
+            roll_n: zero,
+            skid_n: zero,
+        };
         let mut forces = Forces {
-            supplied: [0.0; MAX_ROWS],
-            own_torques: [0.0; MAX_ROWS],
+            supplied: [zero; MAX_ROWS],
+            own_torques: [zero; MAX_ROWS],
             is_driven: [false; MAX_ROWS],
-            wheels: [WheelForces::default(); MAX_LINKS],
-            power_w: 0.0,
+            wheels: [no_wheel; MAX_LINKS],
+            power_w: zero,
             loss_w: system.loss_w(&node, &posture),
         };
         forces.supplied[..D].copy_from_slice(&supplied);
         // Constraints do no work, so the driven joints supply what springs and torques do not.
-        forces.power_w = (0..3).map(|i| supplied[i] * body[i]).sum();
+        (0..3).for_each(|i| forces.power_w += supplied[i] * body[i]);
         for c in 1..L {
             let [angle, rate, _] = joints[joint_of(c)];
-            let mut own_nm = 0.0;
+            let mut own_nm = zero;
             match &chain.joints[joint_of(c)] {
                 Joint::Driven(_) => forces.is_driven[2 + c] = true,
-                Joint::Free(FreeJoint { stiffness_nm_rad, damping_nm_s_rad, target, torque }) => {
-                    let [target_rad, target_rate, _] = waves(target, *phase_rad, *omega_rad_s);
-                    let spring_nm = stiffness_nm_rad * (target_rad - angle);
-                    let prescribed_nm = torque.at(*phase_rad);
-                    own_nm = spring_nm - damping_nm_s_rad * rate + prescribed_nm;
+                Joint::Free(FreeJoint { stiffness_nm_rad, damping_nm_s_rad, torque, .. }) => {
+                    let [target_rad, target_rate, _] = self.command(joint_of(c), [sin, cos]);
+                    let spring_nm = T::splat(*stiffness_nm_rad) * (target_rad - angle);
+                    let prescribed_nm = prescribed(torque, *phase_rad);
+                    let damping_nm = T::splat(*damping_nm_s_rad) * rate;
+                    own_nm = spring_nm - damping_nm + prescribed_nm;
                     forces.power_w += spring_nm * target_rate + prescribed_nm * rate;
-                    forces.loss_w += damping_nm_s_rad * rate * rate;
+                    forces.loss_w += damping_nm * rate;
                 }
             }
             forces.own_torques[2 + c] = own_nm;
@@ -161,26 +189,25 @@ impl Loose {
             let [skid_n, _] = Dry::skid(friction, skid_m_s);
             *own = WheelForces { roll_m_s, skid_m_s, roll_n, skid_n, ..*own };
             if !laws.skids() {
-                let row: [f64; D] = system.skid_row(&posture, &state, *cluster);
+                let row: [T; D] = system.skid_row(&posture, &state, *cluster);
                 own.skid_row[..D].copy_from_slice(&row);
             }
         }
         for c in 0..L {
-            let link = &chain.links[system.clusters.all[c].root()];
-            if let Some(rotor) = &link.rotor {
-                let [_, rate, relative] = waves(&rotor.angle, *phase_rad, *omega_rad_s);
-                let turning = (1..L)
-                    .filter(|b| system.is_beyond(*b, c))
-                    .map(|b| system.clusters.all[b].sign * accelerations[b])
-                    .sum::<f64>();
-                forces.power_w += rotor.inertia_kg_m2 * (dbody[2] + turning + relative) * rate;
+            if let Some((inertia_kg_m2, wave)) = &self.rotors[c] {
+                let [_, rate, relative] = wave.at([sin, cos], *omega_rad_s);
+                let mut acceleration = dbody[2] + relative;
+                for b in (1..L).filter(|b| system.is_beyond(*b, c)) {
+                    acceleration += T::splat(system.clusters.all[b].sign) * accelerations[b];
+                }
+                forces.power_w += T::splat(*inertia_kg_m2) * acceleration * rate;
             }
         }
         forces
     }
 
     /// Returns the sample of a motion, without its time and pose.
-    pub(super) fn sample(&self, problem: &ChainProblem, motion: &Motion) -> ChainSample {
+    pub(super) fn sample(&self, problem: &ChainProblem, motion: &Motion<f64>) -> ChainSample {
         let ChainProblem { chain, laws, .. } = problem;
         let Forces { supplied, own_torques, is_driven, wheels, power_w, loss_w } =
             self.forces(problem, motion);

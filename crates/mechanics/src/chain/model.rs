@@ -4,11 +4,11 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
-use trilink_robot::{Joint, MAX_JOINTS, MAX_LINKS, Number, Pose};
+use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::ChainProblem;
 use super::balance::{Node, Posture, System};
-use super::cluster::{Clusters, waves};
+use super::cluster::Clusters;
 use super::constraint::Constraints;
 use super::forces::{ChainSample, Loose, Motion};
 use super::response::Response;
@@ -133,12 +133,12 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     }
 
     /// Returns the motion of the chain in state `y`, given the time derivatives `dy` of the states.
-    fn motion(&self, phase_rad: f64, y: &[f64; N], dy: &[f64; N]) -> Motion {
-        let ChainProblem { chain, omega_rad_s, .. } = &self.problem;
-        let mut joints = [[0.0; 3]; MAX_JOINTS];
-        for (joint, own) in chain.joints.iter().zip(&mut joints) {
-            if let Joint::Driven(command) = joint {
-                *own = waves(command, phase_rad, *omega_rad_s);
+    fn motion<T: Number>(&self, loose: &Loose, phase_rad: T, y: &[T; N], dy: &[T; N]) -> Motion<T> {
+        let (sin, cos) = phase_rad.sin_cos();
+        let mut joints = [[T::splat(0.0); 3]; MAX_JOINTS];
+        for (j, joint) in self.problem.chain.joints.iter().enumerate() {
+            if matches!(joint, Joint::Driven(_)) {
+                joints[j] = loose.command(j, [sin, cos]);
             }
         }
         for c in 1..C {
@@ -275,11 +275,11 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     fn power_and_loss_w(
         &self,
         loose: &Loose,
-        phase_rad: f64,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> [f64; 2] {
-        loose.power_and_loss_w(&self.problem, &self.motion(phase_rad, y, dy))
+        phase_rad: Lanes,
+        y: &[Lanes; N],
+        dy: &[Lanes; N],
+    ) -> [Lanes; 2] {
+        loose.power_and_loss_w(&self.problem, &self.motion(loose, phase_rad, y, dy))
     }
 
     fn sample(
@@ -291,7 +291,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
         y: &[f64; N],
         dy: &[f64; N],
     ) -> ChainSample {
-        let motion = self.motion(self.problem.omega_rad_s * time_s, y, dy);
+        let motion = self.motion(loose, self.problem.omega_rad_s * time_s, y, dy);
         ChainSample { time_s, pose, ..loose.sample(&self.problem, &motion) }
     }
 

@@ -262,10 +262,10 @@ pub(super) trait Reduced<const N: usize>: Clone {
     fn power_and_loss_w(
         &self,
         forces: &Self::Forces,
-        phase_rad: f64,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> [f64; 2];
+        phase_rad: Lanes,
+        y: &[Lanes; N],
+        dy: &[Lanes; N],
+    ) -> [Lanes; 2];
 
     /// Returns the sample of a motion at one time, given the time derivatives `dy` of the states.
     fn sample(
@@ -479,15 +479,19 @@ macro_rules! of_three_links {
         fn power_and_loss_w(
             &self,
             (): &(),
-            phase_rad: f64,
-            y: &[f64; $states],
-            dy: &[f64; $states],
-        ) -> [f64; 2] {
-            let node = self.node(phase_rad);
-            let acceleration = self.acceleration(&node, y, dy);
-            let state = self.kinematics(&node, y);
-            let forces = contact_forces::<F>(&self.problem, &state, &acceleration);
-            [forces.power_w, forces.loss_w]
+            phase_rad: Lanes,
+            y: &[Lanes; $states],
+            dy: &[Lanes; $states],
+        ) -> [Lanes; 2] {
+            let of_lanes: [[f64; 2]; LANES] = std::array::from_fn(|lane| {
+                let [y, dy] = [y, dy].map(|states| states.map(|state| state.lane(lane)));
+                let node = self.node(phase_rad.lane(lane));
+                let acceleration = self.acceleration(&node, &y, &dy);
+                let state = self.kinematics(&node, &y);
+                let forces = contact_forces::<F>(&self.problem, &state, &acceleration);
+                [forces.power_w, forces.loss_w]
+            });
+            lanes(of_lanes.each_ref())
         }
 
         fn sample(

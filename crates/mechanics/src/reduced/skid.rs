@@ -3,14 +3,14 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig, dforce_dphi, dot,
-    force_balance, roll_rows, skid_rows,
+    Balance, Friction, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig,
+    dforce_dphi, dot, force_balance, roll_rows, skid_rows,
 };
 
 use super::harmonic::HarmonicMotion;
 use super::{
     CommandGradient, CommandNode, Gradient, KinematicState, MAX_PARAMETERS, MAX_TRACKED, Reduced,
-    Residual, ThreeLink, friction_power, friction_power_gradient, of_three_links,
+    Residual, ThreeLink, friction_power, friction_power_gradient, lanes, of_three_links,
 };
 use crate::Problem;
 use crate::forces::contact_forces;
