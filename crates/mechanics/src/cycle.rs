@@ -58,9 +58,9 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     let mut skid_squared = [0.0; MAX_LINKS];
     for (pack, leg) in path.legs.iter().enumerate().filter(|_| model.skids()) {
         let mut sums = [Lanes::default(); MAX_LINKS];
-        let phases_rad = mesh.phases_rad(pack);
         for j in 0..STAGES {
-            let skid_m_s = model.skid_m_s(phases_rad[j], &leg.states[j]);
+            let node = &mesh.nodes(pack)[j];
+            let skid_m_s = model.skid_m_s(node, &leg.states[j]);
             for (sum, skid_m_s) in sums.iter_mut().zip(skid_m_s).take(wheels) {
                 *sum += mesh.fractions[pack] * Lanes::splat(weights[j]) * skid_m_s * skid_m_s;
             }

@@ -8,6 +8,7 @@ mod adjoint;
 use trilink_robot::{Number, Pose};
 
 use super::lu;
+use super::mesh::renew;
 use super::radau::{RADAU, Radau, STAGES};
 use super::reduced::{MAX_PARAMETERS, Reduced, Residual};
 
@@ -126,13 +127,19 @@ impl<T> Default for Linearisation<T> {
 }
 
 impl<T: Number> Linearisation<T> {
-    /// Resizes the buffers for `count` elements.
+    /// Resizes the buffers for `count` elements; what they held is lost if they grow.
     pub(crate) fn resize<const N: usize, R: Reduced<N>>(&mut self, count: usize) {
         let size = R::UNKNOWNS * STAGES;
         let packs = count.div_ceil(T::COUNT);
-        self.factors.resize(packs * size * size, T::splat(0.0));
-        self.transfer.resize(packs * size * N, T::splat(0.0));
-        self.step.resize(packs * size, T::splat(0.0));
+        let resize = |buffer: &mut Vec<T>, count: usize| {
+            if buffer.len() < count {
+                renew(buffer, count);
+            }
+            buffer.resize(count, T::splat(0.0));
+        };
+        resize(&mut self.factors, packs * size * size);
+        resize(&mut self.transfer, packs * size * N);
+        resize(&mut self.step, packs * size);
     }
 
     /// Linearises and factors the elements in pack `pack` (one per SIMD lane of `T`). The Newton step is left
@@ -179,21 +186,20 @@ impl<T: Number> Linearisation<T> {
         let step = &mut self.step[pack * per_stage * STAGES..][..per_stage * STAGES];
         for j in 0..STAGES {
             let dy = rate(rule, element.start, element.stages, j, per_s);
-            let value = model.residual(&element.nodes[j], &element.stages[j], &dy).value;
+            let value = model.value(&element.nodes[j], &element.stages[j], &dy);
             for i in 0..per_stage {
                 step[j * per_stage + i] = -value[i];
             }
         }
     }
 
-    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which the two models differ
-    /// by `difference`, at the phases of the stages.
+    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which two models differ by
+    /// `difference`; `nodes` contains the joint commands of each at the stages.
     #[inline(always)]
     pub(crate) fn differentiate<const N: usize, R: Reduced<N>>(
         &mut self,
         pack: usize,
-        [low, high]: [&R; 2],
-        phases_rad: &[T; STAGES],
+        [low, high]: [(&R, &[R::Node<T>]); 2],
         element: &Element<N, R, T>,
         difference: f64,
     ) {
@@ -201,9 +207,8 @@ impl<T: Number> Linearisation<T> {
         let step = &mut self.step[pack * size..][..size];
         for j in 0..STAGES {
             let dy = element.rate(j);
-            let [low, high] = [low, high].map(|model| {
-                model.residual(&model.node(phases_rad[j]), &element.stages[j], &dy).value
-            });
+            let [low, high] =
+                [low, high].map(|(model, nodes)| model.value(&nodes[j], &element.stages[j], &dy));
             for i in 0..R::UNKNOWNS {
                 step[j * R::UNKNOWNS + i] = (low[i] - high[i]) * T::splat(1.0 / difference);
             }

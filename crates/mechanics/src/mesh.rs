@@ -39,12 +39,13 @@ impl<const N: usize> States<N> {
         }
     }
 
-    /// Adds a multiple of a change.
-    pub(crate) fn add(&mut self, factor: f64, change: &Self) {
-        (0..N).for_each(|i| self.start[i] += factor * change.start[i]);
+    /// Sets the states to others plus a multiple of a change.
+    pub(crate) fn set_moved(&mut self, before: &Self, factor: f64, change: &Self) {
+        self.start = std::array::from_fn(|i| before.start[i] + factor * change.start[i]);
         let factor = Lanes::splat(factor);
-        let changes = change.packs.iter().flatten();
-        for (y, change) in self.packs.iter_mut().flatten().zip(changes) {
+        renew(&mut self.packs, before.packs.len());
+        self.packs.extend_from_slice(&before.packs);
+        for (y, change) in self.packs.iter_mut().flatten().zip(change.packs.iter().flatten()) {
             (0..N).for_each(|i| y[i] += factor * change[i]);
         }
     }
@@ -57,7 +58,7 @@ impl<const N: usize> States<N> {
     /// Sets the states at the stages of `count` elements to those that `stages_of` returns for each element
     /// index.
     pub(crate) fn fill(&mut self, count: usize, mut stages_of: impl FnMut(usize) -> Stages<N>) {
-        self.packs.clear();
+        renew(&mut self.packs, count.div_ceil(LANES));
         for pack in 0..count.div_ceil(LANES) {
             let mut elements = [[[0.0; N]; STAGES]; LANES];
             for lane in 0..LANES {
@@ -199,10 +200,11 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         let span_rad = self.span_rad();
         self.count = self.bounds.len() - 1;
         self.span_s = span_rad / model.omega_rad_s();
-        self.nodes.clear();
-        self.fractions.clear();
-        self.durations_s.clear();
-        for pack in 0..self.packs() {
+        let packs = self.packs();
+        renew(&mut self.nodes, packs * STAGES);
+        renew(&mut self.fractions, packs);
+        renew(&mut self.durations_s, packs);
+        for pack in 0..packs {
             let elements: [usize; LANES] =
                 std::array::from_fn(|lane| (pack * LANES + lane).min(self.count - 1));
             let start = Lanes::new(elements.map(|k| self.bounds[k]));
@@ -210,10 +212,10 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
             let fraction = end - start;
             self.fractions.push(fraction);
             self.durations_s.push(fraction * Lanes::splat(self.span_s));
-            for node in RADAU.nodes {
-                let position = start + fraction * Lanes::splat(node);
-                self.nodes.push(model.node(Lanes::splat(span_rad) * position));
-            }
+            self.nodes.extend(RADAU.nodes.iter().map(|node| {
+                let position = start + fraction * Lanes::splat(*node);
+                model.node(Lanes::splat(span_rad) * position)
+            }));
         }
     }
 
@@ -309,6 +311,14 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
             Lanes::new(std::array::from_fn(|lane| self.bounds[(pack * LANES + lane).min(last)]));
         let span_rad = Lanes::splat(self.span_rad());
         RADAU.nodes.map(|node| span_rad * (start + self.fractions[pack] * Lanes::splat(node)))
+    }
+}
+
+/// Clears a vector and makes room for `count` elements, without copying those that it held.
+pub(super) fn renew<T>(elements: &mut Vec<T>, count: usize) {
+    elements.clear();
+    if elements.capacity() < count {
+        *elements = Vec::with_capacity(count.next_power_of_two());
     }
 }
 

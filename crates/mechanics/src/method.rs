@@ -4,14 +4,13 @@
 use std::f64::consts::TAU;
 
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{LANES, Lanes, Number, Parameter};
+use trilink_robot::{Lanes, Parameter};
 
 use super::Result;
 use super::attractor::{MAX_CYCLES, find_attractor};
 use super::cycle::Cycle;
-use super::element::Element;
 use super::mesh::Mesh;
-use super::orbit::{Effort, PeriodicOrbit, Start};
+use super::orbit::{Effort, PeriodicOrbit, Start, sum_of_lanes};
 use super::path::Path;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced, ThreeLink};
@@ -239,18 +238,21 @@ impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
 }
 
 /// Returns the energy dissipated by friction over a cycle, J, along the given path.
-fn loss_j<const N: usize, R: ThreeLink<N>>(model: &R, mesh: &Mesh<N, R>, path: &Path<N, R>) -> f64 {
+pub(super) fn loss_j<const N: usize, R: Reduced<N>>(
+    model: &R,
+    mesh: &Mesh<N, R>,
+    path: &Path<N, R>,
+) -> f64 {
     let weights = RADAU.integrate[STAGES - 1];
     let mut sum = Lanes::default();
     for (pack, leg) in path.legs.iter().enumerate() {
         let [_, duration_s] = mesh.weights(pack);
         for j in 0..STAGES {
-            let power = model.friction_power(R::of(&leg.states[j]));
+            let power = model.loss_w(&mesh.nodes(pack)[j], &leg.states[j]);
             sum += Lanes::splat(weights[j]) * duration_s * power;
         }
     }
-    let span_j: f64 = (0..LANES).map(|lane| sum.lane(lane)).sum();
-    mesh.spans() as f64 * span_j
+    mesh.spans() as f64 * sum_of_lanes(sum)
 }
 
 /// Returns the work of the actuators and the energy dissipated over a cycle, J.
@@ -259,23 +261,19 @@ pub(super) fn work_and_loss_j<const N: usize, R: Reduced<N>>(
     mesh: &Mesh<N, R>,
 ) -> [f64; 2] {
     let weights = RADAU.integrate[STAGES - 1];
-    let mut work = 0.0;
-    let mut loss = 0.0;
-    for k in 0..mesh.count {
-        let nodes = mesh.nodes_of(model, k);
-        let start = mesh.states.start_of(k);
-        let stages = mesh.states.stages_of(k);
-        let duration_s = mesh.duration_s(k);
-        let phases_rad = mesh.phases_rad(k / LANES).map(|phase| phase.lane(k % LANES));
-        let element: Element<N, R> =
-            Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
+    let forces = model.forces();
+    let mut sums = [Lanes::default(); 2];
+    for pack in 0..mesh.packs() {
+        let starts = mesh.starts(pack);
+        let element = mesh.pack(pack, &starts);
+        let phases_rad = mesh.phases_rad(pack);
+        let [_, duration_s] = mesh.weights(pack);
         for j in 0..STAGES {
-            let [power_w, loss_w] =
-                model.power_and_loss_w(phases_rad[j], &nodes[j], &stages[j], &element.rate(j));
-            let weight = mesh.spans() as f64 * duration_s * weights[j];
-            work += weight * power_w;
-            loss += weight * loss_w;
+            let rate = element.rate(j);
+            let powers = model.power_and_loss_w(&forces, phases_rad[j], &element.stages[j], &rate);
+            let weight = Lanes::splat(weights[j]) * duration_s;
+            sums.iter_mut().zip(powers).for_each(|(sum, power)| *sum += weight * power);
         }
     }
-    [work, loss]
+    sums.map(|sum| mesh.spans() as f64 * sum_of_lanes(sum))
 }

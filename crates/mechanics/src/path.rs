@@ -3,7 +3,7 @@
 use trilink_robot::{Lanes, Number, Pose};
 
 use super::element::integrals;
-use super::mesh::{Mesh, accumulate_lanes};
+use super::mesh::{Mesh, accumulate_lanes, renew};
 use super::radau::STAGES;
 use super::reduced::Reduced;
 
@@ -40,7 +40,7 @@ impl<const N: usize, R: Reduced<N>> Path<N, R> {
     pub(crate) fn follow(&mut self, model: &R, mesh: &Mesh<N, R>) {
         let Self { legs, end } = self;
         *end = Pose::default();
-        legs.clear();
+        renew(legs, mesh.packs());
         for pack in 0..mesh.packs() {
             let count = mesh.elements_of(pack).len();
             let nodes = mesh.nodes(pack);

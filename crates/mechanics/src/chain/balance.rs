@@ -19,8 +19,7 @@ use trilink_robot::{Dry, Friction, MAX_LINKS, Number, WheelFriction};
 use super::cluster::{ClusterNode, Clusters, WheelNode, velocity_of};
 use super::plane::{Moving, Vector, inner, moment, normal, rotated, scaled, sum};
 
-/// Joint commands at one time, with the sums over the links of each of `C` clusters and the wheels, which are zero if
-/// their friction is part of the clusters' linear resistance.
+/// Joint commands at one time, with the sums over the links of each of `C` clusters, and the wheels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Node<T, const C: usize> {
     pub clusters: [ClusterNode<T>; C],
@@ -55,36 +54,39 @@ pub(crate) struct Balance<T, const C: usize, const D: usize> {
     pub dforce_dphi: [[T; D]; C],
 }
 
-/// Chain of `C` clusters: its equations of motion.
+/// Chain of clusters, of which there must be `C` in its functions: its equations of motion.
 #[derive(Debug, Clone)]
-pub(crate) struct System<const C: usize> {
+pub(crate) struct System {
     pub clusters: Clusters,
-    /// Cluster and friction coefficients of each wheel from front to rear.
-    pub wheels: Vec<(usize, WheelFriction)>,
+    /// Cluster, link and friction coefficients of each wheel from front to rear.
+    pub wheels: Vec<(usize, usize, WheelFriction)>,
 }
 
-impl<const C: usize> System<C> {
+impl System {
     pub(super) fn new(clusters: Clusters) -> Self {
-        debug_assert_eq!(clusters.all.len(), C);
         let wheels = clusters.wheel_friction();
         Self { clusters, wheels }
     }
 
     #[inline(always)]
-    pub(super) fn node<T: Number>(&self, phase_rad: T) -> Node<T, C> {
-        let wheels = if self.clusters.is_linear {
-            [WheelNode::zero(); MAX_LINKS]
-        } else {
-            self.clusters.wheels(phase_rad)
-        };
-        Node { clusters: self.clusters.nodes(phase_rad), wheels }
+    pub(super) fn node<T: Number, const C: usize>(&self, phase_rad: T) -> Node<T, C> {
+        let mut node =
+            Node { clusters: [ClusterNode::zero(); C], wheels: [WheelNode::zero(); MAX_LINKS] };
+        self.clusters.fill(phase_rad, &mut node.clusters, &mut node.wheels);
+        node
+    }
+
+    /// Returns the index of the parent of cluster `c`; that of cluster 1 is known to the compiler.
+    #[inline(always)]
+    pub(super) fn parent(&self, c: usize) -> usize {
+        if c < 2 { 0 } else { self.clusters.all[c].parent }
     }
 
     /// Returns the clusters between the reference link and cluster `c`, from `c` towards the reference link: the index
     /// of each one's parent, then its own.
     #[inline(always)]
     fn path(&self, c: usize) -> impl Iterator<Item = [usize; 2]> {
-        let parent = |c: usize| (c > 0).then(|| [self.clusters.all[c].parent, c]);
+        let parent = |c: usize| (c > 0).then(|| [self.parent(c), c]);
         std::iter::successors(parent(c), move |[above, _]| parent(*above))
     }
 
@@ -95,7 +97,7 @@ impl<const C: usize> System<C> {
     }
 
     #[inline(always)]
-    pub(super) fn posture<T: Number>(
+    pub(super) fn posture<T: Number, const C: usize>(
         &self,
         nodes: &[ClusterNode<T>; C],
         [u, v, r]: [T; 3],
@@ -116,10 +118,14 @@ impl<const C: usize> System<C> {
             let node = &nodes[c];
             let sign = T::splat(cluster.sign);
             let (sin, cos) = (sign * phi_rad[c]).sin_cos();
-            let p = cluster.parent;
-            posture.turn[c] = rotated(rotated(posture.turn[p], node.heading.turn), [cos, sin]);
+            let p = self.parent(c);
+            posture.turn[c] = rotated(node.heading.turn, [cos, sin]);
+            posture.place[c] = node.place;
+            if p > 0 {
+                posture.turn[c] = rotated(posture.turn[p], posture.turn[c]);
+                posture.place[c] = node.place.rotated(posture.turn[p]);
+            }
             posture.rate[c] = posture.rate[p] + node.heading.rate + sign * joint_rate[c];
-            posture.place[c] = node.place.rotated(posture.turn[p]);
             posture.velocity[c] =
                 velocity_of(posture.velocity[p], posture.rate[p], &posture.place[c]);
         }
@@ -129,17 +135,18 @@ impl<const C: usize> System<C> {
     /// Returns the rolling direction of a wheel and its place relative to its cluster's origin, along the axes of the
     /// reference link, and its roll and skid velocities.
     #[inline(always)]
-    pub(super) fn wheel<T: Number>(
+    pub(super) fn wheel<T: Number, const C: usize>(
         &self,
         posture: &Posture<T, C>,
         wheel: &WheelNode<T>,
         cluster: usize,
     ) -> WheelState<T> {
-        let turn = posture.turn[cluster];
-        let direction = rotated(turn, wheel.direction);
-        let place = rotated(turn, wheel.place);
-        let moving =
-            Moving { at: place, rate: rotated(turn, wheel.rate), acceleration: [T::splat(0.0); 2] };
+        let WheelNode { mut direction, mut place, mut rate } = *wheel;
+        if cluster > 0 {
+            let turn = posture.turn[cluster];
+            [direction, place, rate] = [direction, place, rate].map(|vector| rotated(turn, vector));
+        }
+        let moving = Moving { at: place, rate, acceleration: [T::splat(0.0); 2] };
         let velocity = velocity_of(posture.velocity[cluster], posture.rate[cluster], &moving);
         WheelState {
             direction,
@@ -149,51 +156,43 @@ impl<const C: usize> System<C> {
         }
     }
 
-    /// Returns the resisting force and torque on each cluster about its origin, and their derivatives with respect to
-    /// the velocity of the origin and the turning rate.
+    /// Returns the wheels with their friction coefficients, unless it is part of the clusters' linear resistance.
     #[inline(always)]
-    fn resistances<T: Number>(
+    fn rubbing<'a, T: Number, const C: usize>(
+        &'a self,
+        node: &'a Node<T, C>,
+        posture: &'a Posture<T, C>,
+    ) -> impl Iterator<Item = (usize, WheelState<T>, &'a WheelFriction)> {
+        let wheels = if self.clusters.is_linear { &[][..] } else { &self.wheels };
+        node.wheels.iter().zip(wheels).map(|(wheel, (cluster, _, friction))| {
+            (*cluster, self.wheel(posture, wheel, *cluster), friction)
+        })
+    }
+
+    /// Returns the power dissipated by the wheels, by drag and by the dampers of the free joints, W.
+    #[inline(always)]
+    pub(super) fn loss_w<T: Number, const C: usize>(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
-    ) -> [([T; 3], [[T; 3]; 3]); C] {
-        let mut resistances: [([T; 3], [[T; 3]; 3]); C] = std::array::from_fn(|c| {
-            node.clusters[c].resist(posture.turn[c], posture.velocity[c], posture.rate[c])
-        });
-        let wheels = if self.clusters.is_linear { &[][..] } else { &self.wheels };
-        for (wheel, (cluster, friction)) in node.wheels.iter().zip(wheels) {
-            let state = self.wheel(posture, wheel, *cluster);
-            let (force, slopes) = &mut resistances[*cluster];
-            let mut add = |direction: Vector<T>, [resistance, slope]: [T; 2]| {
-                let row = [direction[0], direction[1], moment(state.place, direction)];
-                for i in 0..3 {
-                    force[i] += resistance * row[i];
-                    (0..3).for_each(|j| slopes[i][j] += slope * row[i] * row[j]);
-                }
-            };
-            add(state.direction, Dry::roll(friction, state.roll_m_s));
-            add(normal(state.direction), Dry::skid(friction, state.skid_m_s));
+    ) -> T {
+        let mut loss = T::splat(0.0);
+        for c in 0..C {
+            let rate = posture.joint_rate[c];
+            loss += node.clusters[c].loss_w(posture.turn[c], posture.velocity[c], posture.rate[c])
+                + T::splat(self.clusters.all[c].free.damping_nm_s_rad) * rate * rate;
         }
-        resistances
-    }
-
-    /// Returns the power dissipated by drag on a cluster without commanded motion, W.
-    pub(super) fn drag_loss_w(
-        &self,
-        c: usize,
-        node: &Node<f64, C>,
-        posture: &Posture<f64, C>,
-    ) -> f64 {
-        let [x, y] = posture.velocity[c];
-        let rate = posture.rate[c];
-        let (force, _) = node.clusters[c].resist(posture.turn[c], [x, y], rate);
-        force[0] * x + force[1] * y + force[2] * rate
+        for (_, WheelState { roll_m_s, skid_m_s, .. }, friction) in self.rubbing(node, posture) {
+            loss += Dry::roll(friction, roll_m_s)[0] * roll_m_s
+                + Dry::skid(friction, skid_m_s)[0] * skid_m_s;
+        }
+        loss
     }
 
     /// Evaluates the left-hand side of the equations of motion at a posture with the time derivatives `acceleration` of
-    /// the velocities.
+    /// the velocities, and its derivatives if `SLOPES`.
     #[inline(always)]
-    pub(super) fn balance<T: Number, const D: usize>(
+    pub(super) fn balance<T: Number, const C: usize, const D: usize, const SLOPES: bool>(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
@@ -216,7 +215,27 @@ impl<const C: usize> System<C> {
         let total = T::splat(self.clusters.all[0].mass_beyond_kg);
         mass[0][0] = total;
         mass[1][1] = total;
-        let resistances = self.resistances(node, posture);
+        let mut resistance = [[zero; 3]; C];
+        let mut dresistance = [[[zero; 3]; 3]; C];
+        for c in 0..C {
+            let turn = (c > 0).then_some(posture.turn[c]);
+            (resistance[c], dresistance[c]) =
+                node.clusters[c].resist(turn, posture.velocity[c], posture.rate[c]);
+        }
+        for (cluster, state, friction) in self.rubbing(node, posture) {
+            let WheelState { direction, place, roll_m_s, skid_m_s } = state;
+            let force = &mut resistance[cluster];
+            let slopes = &mut dresistance[cluster];
+            let mut add = |direction: Vector<T>, [resistance, slope]: [T; 2]| {
+                let row = [direction[0], direction[1], moment(place, direction)];
+                for i in 0..3 {
+                    force[i] += resistance * row[i];
+                    (0..3).for_each(|j| slopes[i][j] += slope * row[i] * row[j]);
+                }
+            };
+            add(direction, Dry::roll(friction, roll_m_s));
+            add(normal(direction), Dry::skid(friction, skid_m_s));
+        }
         let mut turning = [acceleration[2]; C];
         let mut moments = [[zero; 2]; C];
         // Forces of each cluster, and then of all clusters beyond its joint.
@@ -226,7 +245,7 @@ impl<const C: usize> System<C> {
             let rate = posture.rate[c];
             if c > 0 {
                 let cluster = &self.clusters.all[c];
-                let p = cluster.parent;
+                let p = self.parent(c);
                 let place = &posture.place[c];
                 turning[c] = turning[p]
                     + own.heading.acceleration
@@ -235,19 +254,21 @@ impl<const C: usize> System<C> {
                 origins[c] = sum(origins[p], hung);
                 dhung[c] = place.dcarried_drate(posture.rate[p]);
             }
-            let first = own.moment.rotated(posture.turn[c]);
+            let first = if c == 0 { own.moment } else { own.moment.rotated(posture.turn[c]) };
             let carried = first.carried(rate, turning[c]);
-            let dcarried = first.dcarried_drate(rate);
-            let (resistance, dresistance) = &resistances[c];
             moments[c] = first.at;
-            beyond[c] = sum(carried, [resistance[0], resistance[1]]);
+            beyond[c] = sum(carried, [resistance[c][0], resistance[c][1]]);
             let row = 2 + c;
             let two = T::splat(2.0);
             force[row] = moment(first.at, origins[c])
                 + own.inertia * turning[c]
                 + two * own.half_inertia_rate * rate
                 + own.spin
-                + resistance[2];
+                + resistance[c][2];
+            if !SLOPES {
+                continue;
+            }
+            let dcarried = first.dcarried_drate(rate);
             mass[row][row] = own.inertia;
             slopes[row][row] += two * own.half_inertia_rate;
             let [x, y] = normal(first.at);
@@ -262,10 +283,10 @@ impl<const C: usize> System<C> {
                 slopes[2 + above][row] += moment(place, dcarried);
                 slopes[row][2 + above] += moment(first.at, dhung[hung]);
             }
-            self.spread(c, posture, dresistance, slopes);
+            self.spread(c, posture, &dresistance[c], slopes);
         }
         for c in (1..C).rev() {
-            let p = self.clusters.all[c].parent;
+            let p = self.parent(c);
             force[2 + p] += moment(posture.place[c].at, beyond[c]);
             beyond[p] = sum(beyond[p], beyond[c]);
         }
@@ -273,7 +294,7 @@ impl<const C: usize> System<C> {
         (force[0], force[1]) = (fx, fy);
 
         // Rotation of all clusters beyond a joint.
-        for b in 1..C {
+        for b in if SLOPES { 1..C } else { 1..1 } {
             let column = &mut dforce_dphi[b];
             let [x, y] = normal(beyond[b]);
             (column[0], column[1]) = (x, y);
@@ -286,16 +307,14 @@ impl<const C: usize> System<C> {
                     continue;
                 }
                 column[2 + c] += -inner(moments[c], origins[b]);
-                let (_, dresistance) = &resistances[c];
-                let change: [T; 3] =
-                    std::array::from_fn(|i| dresistance[i][0] * vy - dresistance[i][1] * vx);
+                let change = dresistance[c].map(|row| row[0] * vy - row[1] * vx);
                 self.spread_force(c, posture, &change, column);
             }
         }
-        self.by_joints(&mut balance);
+        self.by_joints::<T, C, D, SLOPES>(&mut balance);
         let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = &mut balance;
         // The rotation of the reference link accelerates all masses alike.
-        for i in 0..D {
+        for i in if SLOPES { 0..D } else { 0..0 } {
             let [along, across] = [mass[i][0], mass[i][1]];
             slopes[i][0] += across * r;
             slopes[i][1] += -(along * r);
@@ -316,7 +335,7 @@ impl<const C: usize> System<C> {
     /// Adds a force and torque on a cluster, about its origin, to the forces conjugate to the velocities of the
     /// reference link and to the turning rates of the clusters.
     #[inline(always)]
-    fn spread_force<T: Number, const D: usize>(
+    fn spread_force<T: Number, const C: usize, const D: usize>(
         &self,
         c: usize,
         posture: &Posture<T, C>,
@@ -334,7 +353,7 @@ impl<const C: usize> System<C> {
     /// Adds the derivatives of a force and torque on a cluster with respect to the velocity of its origin and its
     /// turning rate to those with respect to the velocities of the reference link and the turning rates.
     #[inline(always)]
-    fn spread<T: Number, const D: usize>(
+    fn spread<T: Number, const C: usize, const D: usize>(
         &self,
         c: usize,
         posture: &Posture<T, C>,
@@ -343,10 +362,13 @@ impl<const C: usize> System<C> {
     ) {
         // The slopes are symmetric.
         let [by_x, by_y, by_rate] = slopes;
-        let mut add = |column: usize, change: &[T; 3]| {
-            let mut forces = [T::splat(0.0); D];
-            self.spread_force(c, posture, change, &mut forces);
-            (0..D).for_each(|row| matrix[row][column] += forces[row]);
+        let mut add = |column: usize, &[x, y, torque]: &[T; 3]| {
+            matrix[0][column] += x;
+            matrix[1][column] += y;
+            matrix[2 + c][column] += torque;
+            for [above, hung] in self.path(c) {
+                matrix[2 + above][column] += moment(posture.place[hung].at, [x, y]);
+            }
         };
         add(0, by_x);
         add(1, by_y);
@@ -360,13 +382,18 @@ impl<const C: usize> System<C> {
     /// Converts forces and derivatives from the turning rates of the clusters to the turning rate of the reference link
     /// and the rates of the free joints.
     #[inline(always)]
-    fn by_joints<T: Number, const D: usize>(&self, balance: &mut Balance<T, C, D>) {
+    fn by_joints<T: Number, const C: usize, const D: usize, const SLOPES: bool>(
+        &self,
+        balance: &mut Balance<T, C, D>,
+    ) {
         let Balance { force, mass, dforce_dvelocity: slopes, dforce_dphi } = balance;
         for c in (1..C).rev() {
-            let cluster = &self.clusters.all[c];
-            let [own, above] = [2 + c, 2 + cluster.parent];
-            let sign = T::splat(cluster.sign);
+            let [own, above] = [2 + c, 2 + self.parent(c)];
+            let sign = T::splat(self.clusters.all[c].sign);
             self.fold(c, force);
+            if !SLOPES {
+                continue;
+            }
             dforce_dphi.iter_mut().for_each(|column| self.fold(c, column));
             for matrix in [&mut *mass, &mut *slopes] {
                 matrix.iter_mut().for_each(|row| self.fold(c, row));
@@ -387,16 +414,15 @@ impl<const C: usize> System<C> {
     /// all clusters that hang on it.
     #[inline(always)]
     fn fold<T: Number, const D: usize>(&self, c: usize, row: &mut [T; D]) {
-        let cluster = &self.clusters.all[c];
         let value = row[2 + c];
-        row[2 + cluster.parent] += value;
-        row[2 + c] = T::splat(cluster.sign) * value;
+        row[2 + self.parent(c)] += value;
+        row[2 + c] = T::splat(self.clusters.all[c].sign) * value;
     }
 
     /// Returns, for a wheel, the row whose product with the velocities is its skid velocity (without that of the
     /// commanded motion).
     #[inline(always)]
-    pub(super) fn skid_row<T: Number, const D: usize>(
+    pub(super) fn skid_row<T: Number, const C: usize, const D: usize>(
         &self,
         posture: &Posture<T, C>,
         state: &WheelState<T>,

@@ -7,10 +7,11 @@
 //! their children.
 
 use trilink_robot::{
-    Chain, FreeJoint, Gait, Joint, JointCommand, Link, MAX_LINKS, Number, WheelFriction,
+    Chain, Drag, FreeJoint, Joint, JointCommand, MAX_LINKS, Number, TorqueCommand, Wheel,
+    WheelFriction,
 };
 
-use super::plane::{Heading, Moving, Vector, inner, moment, normal, sum};
+use super::plane::{Heading, Moving, Vector, inner, moment, normal, rotated, scaled, sum};
 
 /// Link in its cluster.
 #[derive(Debug, Clone)]
@@ -21,30 +22,97 @@ struct Member {
     hinge: Option<Hinge>,
     /// Place of that joint, or of the free joint at the cluster's origin, along the link, m.
     joint_m: f64,
+    com_m: f64,
+    mass_kg: f64,
+    /// Moment of inertia, with that of the rotor, kg m^2.
+    inertia_kg_m2: f64,
+    /// Moment of inertia of the rotor, kg m^2, and its angle.
+    rotor: Option<(f64, Wave)>,
+    drag: Drag,
+    /// Wheel, with its index among the wheels from front to rear.
+    wheel: Option<(usize, Wheel)>,
+    /// Clusters that hang on the link, and the places of their free joints along it, m.
+    hanging: Vec<(usize, f64)>,
+}
+
+impl Member {
+    fn new(chain: &Chain, link: usize, hinge: Option<Hinge>, joint_m: f64) -> Self {
+        let own = &chain.links[link];
+        let before = chain.links[..link].iter().filter(|link| link.wheel.is_some()).count();
+        Self {
+            link,
+            hinge,
+            joint_m,
+            com_m: own.com_m,
+            mass_kg: own.mass_kg,
+            inertia_kg_m2: own.inertia_kg_m2 + own.rotor.map_or(0.0, |rotor| rotor.inertia_kg_m2),
+            rotor: own.rotor.map(|rotor| (rotor.inertia_kg_m2, Wave::new(&rotor.angle))),
+            drag: own.drag,
+            wheel: own.wheel.map(|wheel| (before, wheel)),
+            hanging: Vec::new(),
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Hinge {
-    /// Index of the member on which the link hangs, and the place of the joint along that member, m.
-    from: usize,
+    /// Whether the link hangs on the first member of the cluster instead of the one before it.
+    is_on_first: bool,
+    /// Place of the joint along the member on which the link hangs, m.
     from_m: f64,
     /// 1 if the heading increases with the joint's angle (behind the reference link), otherwise -1.
     sign: f64,
-    command: JointCommand,
+    wave: Wave,
+}
+
+/// Commanded angle as a Fourier series.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wave {
+    offset_rad: f64,
+    /// In-phase and quadrature components of the first and, if there is one, the second harmonic, rad.
+    first: [f64; 2],
+    second: Option<[f64; 2]>,
+}
+
+impl Wave {
+    pub(super) fn new(command: &JointCommand) -> Self {
+        let (sin, cos) = command.phase_rad.sin_cos();
+        let first = [command.amplitude_rad * cos, command.amplitude_rad * sin];
+        let second = command.second.map(|second| [second.in_phase_rad, second.quadrature_rad]);
+        Self { offset_rad: command.offset_rad, first, second }
+    }
+
+    /// Returns the angle, rate and acceleration at a phase, given its sine and cosine.
+    #[inline(always)]
+    pub(super) fn at<T: Number>(&self, [sin, cos]: [T; 2], omega_rad_s: f64) -> [T; 3] {
+        let mut waves = [T::splat(self.offset_rad), T::splat(0.0), T::splat(0.0)];
+        let mut add = |[a, b]: [f64; 2], [sin, cos]: [T; 2], omega_rad_s: f64| {
+            let [a, b, omega] = [a, b, omega_rad_s].map(T::splat);
+            let angle = a * cos - b * sin;
+            waves[0] += angle;
+            waves[1] -= omega * (a * sin + b * cos);
+            waves[2] -= omega * omega * angle;
+        };
+        add(self.first, [sin, cos], omega_rad_s);
+        if let Some(second) = self.second {
+            let double = sin * cos;
+            add(second, [double + double, cos * cos - sin * sin], 2.0 * omega_rad_s);
+        }
+        waves
+    }
 }
 
 #[derive(Debug, Clone)]
 pub(super) struct Cluster {
-    /// Index of the parent cluster, and of its member on which this cluster hangs; 0 for cluster 0.
+    /// Index of the parent cluster, on which this cluster hangs; 0 for cluster 0.
     pub parent: usize,
-    parent_member: usize,
-    /// Place of the free joint along that member, m.
-    parent_m: f64,
     /// 1 if the heading increases with the free joint's angle (behind the reference link), otherwise -1.
     pub sign: f64,
     /// Index in the chain, and parameters, of the free joint; those of cluster 0 are unused.
     pub joint: usize,
     pub free: FreeJoint,
+    /// Angle at which the spring of the free joint is relaxed.
+    target: Wave,
     members: Vec<Member>,
     /// Mass of the cluster and of those that hang on it, kg.
     pub mass_beyond_kg: f64,
@@ -70,8 +138,9 @@ pub(super) struct ClusterNode<T> {
     /// Linear resistance: derivatives of the force (N) and torque about the origin (N m) with respect to the velocity
     /// of the origin (along the cluster's frame) and the turning rate. The upper triangle, row by row.
     pub resistance: [T; 6],
-    /// Force and torque due to the commanded motion.
+    /// Force and torque due to the commanded motion, and its power, W.
     pub resistance_at_rest: [T; 3],
+    pub loss_at_rest: T,
 }
 
 /// Rolling direction of a wheel in its cluster's frame, and its motion there.
@@ -88,22 +157,36 @@ impl<T: Number> WheelNode<T> {
         let none = [T::splat(0.0); 2];
         Self { direction: none, place: none, rate: none }
     }
+
+    /// Returns a wheel on a link with the given heading and motion of its origin.
+    #[inline(always)]
+    fn new(wheel: &Wheel, heading: &Heading<T>, origin: &Moving<T>) -> Self {
+        let arm = scaled(T::splat(wheel.place_m), heading.turn);
+        let direction = match wheel.steer_rad {
+            0.0 => heading.turn,
+            steer_rad => {
+                let (sin, cos) = steer_rad.sin_cos();
+                rotated(heading.turn, [T::splat(cos), T::splat(sin)])
+            }
+        };
+        let rate = sum(origin.rate, scaled(heading.rate, normal(arm)));
+        Self { direction, place: sum(origin.at, arm), rate }
+    }
 }
 
 impl Cluster {
     /// Divides a chain into clusters.
     pub(super) fn all(chain: &Chain) -> Vec<Self> {
-        let new = |parent, parent_member, parent_m, sign, joint, free, link, joint_m| Self {
+        let new = |parent, sign, joint, free: FreeJoint, link, joint_m| Self {
             parent,
-            parent_member,
-            parent_m,
             sign,
             joint,
+            target: Wave::new(&free.target),
             free,
-            members: vec![Member { link, hinge: None, joint_m }],
+            members: vec![Member::new(chain, link, None, joint_m)],
             mass_beyond_kg: 0.0,
         };
-        let mut clusters = vec![new(0, 0, 0.0, 1.0, 0, FreeJoint::default(), chain.reference, 0.0)];
+        let mut clusters = vec![new(0, 1.0, 0, FreeJoint::default(), chain.reference, 0.0)];
         let ahead = (0..chain.reference).rev().map(|link| (link, link, -1.0));
         let behind = (chain.reference + 1..chain.links.len()).map(|link| (link, link - 1, 1.0));
         // Cluster and member of the link on which the next one hangs.
@@ -122,18 +205,21 @@ impl Cluster {
             match chain.joints[joint] {
                 Joint::Driven(command) => {
                     let members = &mut clusters[cluster].members;
-                    let hinge = Some(Hinge { from: member, from_m, sign, command });
-                    members.push(Member { link, hinge, joint_m });
+                    let wave = Wave::new(&command);
+                    let hinge = Some(Hinge { is_on_first: member == 0, from_m, sign, wave });
+                    members.push(Member::new(chain, link, hinge, joint_m));
                     last = (cluster, members.len() - 1);
                 }
                 Joint::Free(free) => {
-                    clusters.push(new(cluster, member, from_m, sign, joint, free, link, joint_m));
-                    last = (clusters.len() - 1, 0);
+                    let hanging = clusters.len();
+                    clusters[cluster].members[member].hanging.push((hanging, from_m));
+                    clusters.push(new(cluster, sign, joint, free, link, joint_m));
+                    last = (hanging, 0);
                 }
             }
         }
         for c in (0..clusters.len()).rev() {
-            let own = clusters[c].members.iter().map(|member| chain.links[member.link].mass_kg);
+            let own = clusters[c].members.iter().map(|member| member.mass_kg);
             let mass_kg = clusters[c].mass_beyond_kg + own.sum::<f64>();
             clusters[c].mass_beyond_kg = mass_kg;
             if c > 0 {
@@ -144,67 +230,61 @@ impl Cluster {
         clusters
     }
 
-    /// Returns the index of the cluster's first link.
-    pub(super) fn root(&self) -> usize {
-        self.members[0].link
+    /// Returns the moment of inertia, kg m^2, and the angle of the rotor of the cluster's first link.
+    pub(super) fn rotor(&self) -> Option<(f64, Wave)> {
+        self.members[0].rotor
     }
 
-    /// Calls `visit` for each link of the cluster with its index, its heading and the motion of its origin.
+    /// Calls `visit` for each link of the cluster with its heading and the motion of its origin, given the sine and cosine
+    /// of the phase.
     #[inline(always)]
     fn walk<T: Number>(
         &self,
-        phase_rad: T,
+        phase: [T; 2],
         omega_rad_s: f64,
-        mut visit: impl FnMut(usize, &Member, &Heading<T>, &Moving<T>),
+        mut visit: impl FnMut(&Member, &Heading<T>, &Moving<T>),
     ) {
-        let mut known = [(Heading::straight(), Moving::zero()); MAX_LINKS];
-        for (i, member) in self.members.iter().enumerate() {
+        let mut first = (Heading::straight(), Moving::zero());
+        let mut last = first;
+        for member in &self.members {
             let (heading, joint) = match &member.hinge {
-                None => (Heading::straight(), Moving::zero()),
+                None => first,
                 Some(hinge) => {
-                    let (from, origin) = &known[hinge.from];
-                    let [angle, rate, acceleration] = waves(&hinge.command, phase_rad, omega_rad_s);
+                    let (from, origin) = if hinge.is_on_first { &first } else { &last };
+                    let [angle, rate, acceleration] = hinge.wave.at(phase, omega_rad_s);
                     let sign = T::splat(hinge.sign);
                     let (sin, cos) = (sign * angle).sin_cos();
                     let heading = Heading {
-                        turn: super::plane::rotated(from.turn, [cos, sin]),
+                        turn: rotated(from.turn, [cos, sin]),
                         rate: from.rate + sign * rate,
                         acceleration: from.acceleration + sign * acceleration,
                     };
                     (heading, from.ahead(origin, hinge.from_m))
                 }
             };
-            let origin = heading.ahead(&joint, -member.joint_m);
-            visit(i, member, &heading, &origin);
-            known[i] = (heading, origin);
+            last = (heading, heading.ahead(&joint, -member.joint_m));
+            visit(member, &last.0, &last.1);
+            if member.hinge.is_none() {
+                first = last;
+            }
         }
     }
 }
 
-/// Returns a command's angle, rate and acceleration at a phase.
+/// Returns a prescribed torque at a phase, N m.
 #[inline(always)]
-fn waves<T: Number>(command: &JointCommand, phase_rad: T, omega_rad_s: f64) -> [T; 3] {
-    let omega = T::splat(omega_rad_s);
-    let amplitude = T::splat(command.amplitude_rad);
-    let (sin, cos) = (phase_rad + T::splat(command.phase_rad)).sin_cos();
-    let mut waves = [
-        T::splat(command.offset_rad) + amplitude * cos,
-        -(amplitude * omega * sin),
-        -(amplitude * omega * omega * cos),
-    ];
-    if let Some(second) = command.second {
-        let (sin, cos) = (phase_rad + phase_rad).sin_cos();
-        let [in_phase, quadrature] = Gait::second_waves([sin, cos], omega_rad_s);
-        let [a, b] = [second.in_phase_rad, second.quadrature_rad].map(T::splat);
-        (0..3).for_each(|k| waves[k] += a * in_phase[k] + b * quadrature[k]);
+pub(super) fn prescribed<T: Number>(torque: &TorqueCommand, phase_rad: T) -> T {
+    let mean = T::splat(torque.mean_nm);
+    if torque.amplitude_nm == 0.0 {
+        return mean;
     }
-    waves
+    let (_, cos) = (phase_rad + T::splat(torque.phase_rad)).sin_cos();
+    mean + T::splat(torque.amplitude_nm) * cos
 }
 
 /// Chain divided into clusters.
 #[derive(Debug, Clone)]
 pub(super) struct Clusters {
-    pub chain: Chain,
     pub omega_rad_s: f64,
     pub all: Vec<Cluster>,
     /// Whether the friction of the wheels is part of the clusters' linear resistance.
@@ -212,16 +292,78 @@ pub(super) struct Clusters {
 }
 
 impl Clusters {
-    pub(super) fn new(chain: Chain, omega_rad_s: f64, is_linear: bool) -> Self {
-        let all = Cluster::all(&chain);
-        Self { chain, omega_rad_s, all, is_linear }
+    pub(super) fn new(chain: &Chain, omega_rad_s: f64, is_linear: bool) -> Self {
+        Self { omega_rad_s, all: Cluster::all(chain), is_linear }
     }
 
-    /// Returns the sums of all clusters, of which there must be `C`, at a phase.
+    /// Adds the sums of all clusters, of which there must be `C`, at a phase to `nodes`, which must be zero, and sets
+    /// `wheels` to the wheels, from front to rear, in the frames of their clusters.
     #[inline(always)]
-    pub(super) fn nodes<T: Number, const C: usize>(&self, phase_rad: T) -> [ClusterNode<T>; C] {
+    pub(super) fn fill<T: Number, const C: usize>(
+        &self,
+        phase_rad: T,
+        nodes: &mut [ClusterNode<T>; C],
+        wheels: &mut [WheelNode<T>; MAX_LINKS],
+    ) {
+        let (sin, cos) = phase_rad.sin_cos();
+        for c in 0..C {
+            let cluster = &self.all[c];
+            let (known, hung) = nodes.split_at_mut(c + 1);
+            let own = &mut known[c];
+            cluster.walk([sin, cos], self.omega_rad_s, |member, heading, origin| {
+                let centre = heading.ahead(origin, member.com_m);
+                let inertia = T::splat(member.inertia_kg_m2);
+                own.add_mass(member.mass_kg, &centre);
+                own.inertia += inertia;
+                own.spin += inertia * heading.acceleration;
+                if let Some((inertia_kg_m2, wave)) = &member.rotor {
+                    let [_, _, acceleration] = wave.at([sin, cos], self.omega_rad_s);
+                    own.spin += T::splat(*inertia_kg_m2) * acceleration;
+                }
+                own.add_drag(&member.drag, heading, &centre);
+                if let Some((index, wheel)) = &member.wheel {
+                    let node = WheelNode::new(wheel, heading, origin);
+                    wheels[*index] = node;
+                    if self.is_linear {
+                        let WheelFriction { roll_kg_s, skid_kg_s, .. } = wheel.friction;
+                        own.add_resistance(roll_kg_s, node.direction, &node);
+                        own.add_resistance(skid_kg_s, normal(node.direction), &node);
+                    }
+                }
+                for (child, from_m) in &member.hanging {
+                    let place = heading.ahead(origin, *from_m);
+                    own.add_mass(self.all[*child].mass_beyond_kg, &place);
+                    let hung = &mut hung[child - c - 1];
+                    hung.place = place;
+                    hung.heading = *heading;
+                }
+            });
+            if c > 0 {
+                let FreeJoint { stiffness_nm_rad, torque, .. } = &cluster.free;
+                let [angle, ..] = cluster.target.at([sin, cos], self.omega_rad_s);
+                own.drive = T::splat(*stiffness_nm_rad) * angle + prescribed(torque, phase_rad);
+            }
+        }
+    }
+
+    /// Returns, for each wheel from front to rear, the indices of its cluster and of its link, and its friction
+    /// coefficients.
+    pub(super) fn wheel_friction(&self) -> Vec<(usize, usize, WheelFriction)> {
+        let mut wheels = Vec::with_capacity(MAX_LINKS);
+        for (c, cluster) in self.all.iter().enumerate() {
+            let wheeled = cluster.members.iter().filter_map(|member| Some((member, member.wheel?)));
+            wheels.extend(wheeled.map(|(member, (_, wheel))| (c, member.link, wheel.friction)));
+        }
+        wheels.sort_by_key(|(_, link, _)| *link);
+        wheels
+    }
+}
+
+impl<T: Number> ClusterNode<T> {
+    #[inline(always)]
+    pub(super) fn zero() -> Self {
         let zero = T::splat(0.0);
-        let empty = ClusterNode {
+        Self {
             moment: Moving::zero(),
             inertia: zero,
             half_inertia_rate: zero,
@@ -231,102 +373,10 @@ impl Clusters {
             drive: zero,
             resistance: [zero; 6],
             resistance_at_rest: [zero; 3],
-        };
-        let mut nodes = [empty; C];
-        for (c, cluster) in self.all.iter().enumerate() {
-            let mut own = nodes[c];
-            cluster.walk(phase_rad, self.omega_rad_s, |i, member, heading, origin| {
-                let link = &self.chain.links[member.link];
-                let centre = heading.ahead(origin, link.com_m);
-                let rotor_kg_m2 = link.rotor.map_or(0.0, |rotor| rotor.inertia_kg_m2);
-                let inertia = T::splat(link.inertia_kg_m2 + rotor_kg_m2);
-                own.add_mass(link.mass_kg, &centre);
-                own.inertia += inertia;
-                own.spin += inertia * heading.acceleration;
-                if let Some(rotor) = &link.rotor {
-                    let [_, _, acceleration] = waves(&rotor.angle, phase_rad, self.omega_rad_s);
-                    own.spin += T::splat(rotor.inertia_kg_m2) * acceleration;
-                }
-                own.add_drag(link, heading, &centre);
-                if self.is_linear
-                    && let Some(wheel) = link.wheel
-                {
-                    let at = heading.ahead(origin, wheel.place_m);
-                    let direction = steered(heading, wheel.steer_rad);
-                    let WheelFriction { roll_kg_s, skid_kg_s, .. } = wheel.friction;
-                    own.add_resistance(roll_kg_s, direction, &at);
-                    own.add_resistance(skid_kg_s, normal(direction), &at);
-                }
-                let hanging = self.all.iter().enumerate().skip(1);
-                for (child, hanging) in
-                    hanging.filter(|(_, one)| one.parent == c && one.parent_member == i)
-                {
-                    let place = heading.ahead(origin, hanging.parent_m);
-                    own.add_mass(hanging.mass_beyond_kg, &place);
-                    nodes[child].place = place;
-                    nodes[child].heading = *heading;
-                }
-            });
-            let FreeJoint { stiffness_nm_rad, target, torque, .. } = &cluster.free;
-            if c > 0 {
-                let [angle, ..] = waves(target, phase_rad, self.omega_rad_s);
-                let (_, cos) = (phase_rad + T::splat(torque.phase_rad)).sin_cos();
-                own.drive = T::splat(*stiffness_nm_rad) * angle
-                    + T::splat(torque.mean_nm)
-                    + T::splat(torque.amplitude_nm) * cos;
-            }
-            nodes[c] = own;
+            loss_at_rest: zero,
         }
-        nodes
     }
 
-    /// Returns the wheels, from front to rear, in the frames of their clusters at a phase, followed by zeros.
-    #[inline(always)]
-    pub(super) fn wheels<T: Number>(&self, phase_rad: T) -> [WheelNode<T>; MAX_LINKS] {
-        let mut wheels = [WheelNode::zero(); MAX_LINKS];
-        for cluster in &self.all {
-            cluster.walk(phase_rad, self.omega_rad_s, |_, member, heading, origin| {
-                if let Some(wheel) = self.chain.links[member.link].wheel {
-                    let Moving { at, rate, .. } = heading.ahead(origin, wheel.place_m);
-                    wheels[self.wheel_of(member.link)] =
-                        WheelNode { direction: steered(heading, wheel.steer_rad), place: at, rate };
-                }
-            });
-        }
-        wheels
-    }
-
-    /// Returns the index of a link's wheel among the wheels from front to rear.
-    fn wheel_of(&self, link: usize) -> usize {
-        self.chain.links[..link].iter().filter(|link| link.wheel.is_some()).count()
-    }
-
-    /// Returns the index of the link of a wheel, given its index among the wheels from front to rear.
-    pub(super) fn link_of_wheel(&self, wheel: usize) -> usize {
-        let links = self.chain.links.iter().enumerate();
-        let mut wheeled = links.filter(|(_, link)| link.wheel.is_some()).map(|(link, _)| link);
-        wheeled.nth(wheel).unwrap_or(0)
-    }
-
-    /// Returns, for each wheel from front to rear, the index of its cluster and its friction coefficients.
-    pub(super) fn wheel_friction(&self) -> Vec<(usize, WheelFriction)> {
-        let cluster_of = |link: usize| {
-            let holds = |cluster: &Cluster| cluster.members.iter().any(|one| one.link == link);
-            self.all.iter().position(holds).unwrap_or(0)
-        };
-        let wheels = self.chain.links.iter().enumerate();
-        wheels.filter_map(|(link, one)| Some((cluster_of(link), one.wheel?.friction))).collect()
-    }
-}
-
-/// Returns the rolling direction of a wheel that is steered by an angle relative to its link.
-#[inline(always)]
-fn steered<T: Number>(heading: &Heading<T>, steer_rad: f64) -> Vector<T> {
-    let (sin, cos) = steer_rad.sin_cos();
-    super::plane::rotated(heading.turn, [T::splat(cos), T::splat(sin)])
-}
-
-impl<T: Number> ClusterNode<T> {
     #[inline(always)]
     fn add_mass(&mut self, mass_kg: f64, at: &Moving<T>) {
         let mass = T::splat(mass_kg);
@@ -338,18 +388,19 @@ impl<T: Number> ClusterNode<T> {
 
     /// Adds a viscous resistance along a direction at a point.
     #[inline(always)]
-    fn add_resistance(&mut self, coefficient_kg_s: f64, direction: Vector<T>, at: &Moving<T>) {
+    fn add_resistance(&mut self, coefficient_kg_s: f64, direction: Vector<T>, at: &WheelNode<T>) {
         if coefficient_kg_s == 0.0 {
             return;
         }
         let coefficient = T::splat(coefficient_kg_s);
         let [x, y] = direction;
-        let row = [x, y, moment(at.at, direction)];
+        let row = [x, y, moment(at.place, direction)];
         self.add_row(coefficient, row, inner(direction, at.rate));
     }
 
     #[inline(always)]
     fn add_row(&mut self, coefficient: T, row: [T; 3], speed: T) {
+        self.loss_at_rest += coefficient * speed * speed;
         let mut entry = 0;
         for i in 0..3 {
             let force = coefficient * row[i];
@@ -362,40 +413,54 @@ impl<T: Number> ClusterNode<T> {
     }
 
     #[inline(always)]
-    fn add_drag(&mut self, link: &Link, heading: &Heading<T>, centre: &Moving<T>) {
-        let drag = &link.drag;
-        self.add_resistance(drag.along_kg_s, heading.turn, centre);
-        self.add_resistance(drag.across_kg_s, normal(heading.turn), centre);
+    fn add_drag(&mut self, drag: &Drag, heading: &Heading<T>, centre: &Moving<T>) {
+        let Moving { at, rate, .. } = *centre;
+        let centre = WheelNode { direction: heading.turn, place: at, rate };
+        self.add_resistance(drag.along_kg_s, heading.turn, &centre);
+        self.add_resistance(drag.across_kg_s, normal(heading.turn), &centre);
         if drag.turning_nm_s_rad != 0.0 {
             let [zero, one] = [0.0, 1.0].map(T::splat);
             self.add_row(T::splat(drag.turning_nm_s_rad), [zero, zero, one], heading.rate);
         }
     }
 
-    /// Returns the resisting force (along the axes of a frame in which the cluster is turned by the given angle) and
-    /// torque about the origin, with their derivatives with respect to the velocity of the origin and the turning rate.
+    /// Returns the power dissipated by the linear resistance, W, given the velocity of the origin along the axes of a
+    /// frame in which the cluster is turned by the given angle, and the turning rate.
+    #[inline(always)]
+    pub(super) fn loss_w(&self, [cos, sin]: Vector<T>, velocity: Vector<T>, rate: T) -> T {
+        let [xx, xy, xt, yy, yt, tt] = self.resistance;
+        let [fx, fy, torque] = self.resistance_at_rest;
+        let [x, y] = rotated([cos, -sin], velocity);
+        let along = xx * x + xy * y + xt * rate + fx + fx;
+        let across = xy * x + yy * y + yt * rate + fy + fy;
+        let turning = xt * x + yt * y + tt * rate + torque + torque;
+        along * x + across * y + turning * rate + self.loss_at_rest
+    }
+
+    /// Returns the resisting force (along the axes of a frame in which the cluster is turned by the given angle, or of its
+    /// own if that is `None`) and torque about the origin, with their derivatives with respect to the velocity of the
+    /// origin and the turning rate.
     #[inline(always)]
     pub(super) fn resist(
         &self,
-        [cos, sin]: Vector<T>,
+        turn: Option<Vector<T>>,
         velocity: Vector<T>,
         rate: T,
     ) -> ([T; 3], [[T; 3]; 3]) {
-        let [xx, xy, xt, yy, yt, tt] = self.resistance;
-        let [fx, fy, torque] = self.resistance_at_rest;
-        let across = cos * sin * (xx - yy);
-        let [cos2, sin2] = [cos * cos, sin * sin];
-        let twice = (cos * sin + cos * sin) * xy;
-        let slopes_xx = cos2 * xx + sin2 * yy - twice;
-        let slopes_yy = sin2 * xx + cos2 * yy + twice;
-        let slopes_xy = across + (cos2 - sin2) * xy;
-        let [slopes_xt, slopes_yt] = super::plane::rotated([cos, sin], [xt, yt]);
-        let slopes = [
-            [slopes_xx, slopes_xy, slopes_xt],
-            [slopes_xy, slopes_yy, slopes_yt],
-            [slopes_xt, slopes_yt, tt],
-        ];
-        let [fx, fy] = super::plane::rotated([cos, sin], [fx, fy]);
+        let [mut xx, mut xy, mut xt, mut yy, mut yt, tt] = self.resistance;
+        let [mut fx, mut fy, torque] = self.resistance_at_rest;
+        if let Some([cos, sin]) = turn {
+            let [cos2, sin2, both] = [cos * cos, sin * sin, cos * sin];
+            let twice = (both + both) * xy;
+            [xx, xy, yy] = [
+                cos2 * xx + sin2 * yy - twice,
+                both * (xx - yy) + (cos2 - sin2) * xy,
+                sin2 * xx + cos2 * yy + twice,
+            ];
+            [xt, yt] = rotated([cos, sin], [xt, yt]);
+            [fx, fy] = rotated([cos, sin], [fx, fy]);
+        }
+        let slopes = [[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]];
         let at_rest = [fx, fy, torque];
         let moved = [velocity[0], velocity[1], rate];
         let mut force = at_rest;
@@ -409,5 +474,5 @@ impl<T: Number> ClusterNode<T> {
 /// Returns the velocity of a point in a turning frame whose origin moves.
 #[inline(always)]
 pub(super) fn velocity_of<T: Number>(origin: Vector<T>, rate: T, point: &Moving<T>) -> Vector<T> {
-    sum(sum(origin, super::plane::scaled(rate, normal(point.at))), point.rate)
+    sum(sum(origin, scaled(rate, normal(point.at))), point.rate)
 }

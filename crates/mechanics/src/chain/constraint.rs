@@ -93,17 +93,16 @@ impl<const D: usize> Constraints<D> {
         const STRAIGHT: f64 = 1e-12;
         let mean = problem.chain.at_mean_shape();
         let length_m = mean.skid_length_m;
-        let system: System<C> = System::new(Clusters::new(mean, problem.omega_rad_s, false));
+        let system: System = System::new(Clusters::new(&mean, problem.omega_rad_s, false));
         let node: Node<f64, C> = system.node(0.0);
-        let chain = &system.clusters.chain;
         let phi_rad = std::array::from_fn(|c| match c {
             0 => 0.0,
-            _ => chain.rest_angle_rad(system.clusters.all[c].joint),
+            _ => mean.rest_angle_rad(system.clusters.all[c].joint),
         });
         let posture = system.posture(&node.clusters, [0.0; 3], phi_rad, [0.0; C]);
         let count = system.wheels.len();
         let mut matrix = DMatrix::<f64>::zeros(D + count + 1, D);
-        for (i, (cluster, _)) in system.wheels.iter().enumerate() {
+        for (i, (cluster, ..)) in system.wheels.iter().enumerate() {
             let wheel = system.wheel(&posture, &node.wheels[i], *cluster);
             let row: [f64; D] = system.skid_row(&posture, &wheel, *cluster);
             for (k, entry) in row.into_iter().enumerate() {
@@ -151,7 +150,7 @@ impl<const D: usize> Constraints<D> {
     #[inline(always)]
     fn matrix<T: Number, const C: usize>(
         &self,
-        system: &System<C>,
+        system: &System,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
     ) -> ([WheelState<T>; MAX_LINKS], [[T; D]; D]) {
@@ -160,7 +159,7 @@ impl<const D: usize> Constraints<D> {
             WheelState { direction: [zero; 2], place: [zero; 2], roll_m_s: zero, skid_m_s: zero };
         let mut wheels = [none; MAX_LINKS];
         let mut rows = [[zero; D]; D];
-        for (i, (cluster, _)) in system.wheels.iter().enumerate() {
+        for (i, (cluster, ..)) in system.wheels.iter().enumerate() {
             wheels[i] = system.wheel(posture, &node.wheels[i], *cluster);
             rows[i] = system.skid_row(posture, &wheels[i], *cluster);
         }
@@ -173,7 +172,7 @@ impl<const D: usize> Constraints<D> {
     /// Returns the determinant of the matrix `A`.
     pub(super) fn determinant<const C: usize>(
         &self,
-        system: &System<C>,
+        system: &System,
         node: &Node<f64, C>,
         posture: &Posture<f64, C>,
     ) -> f64 {
@@ -184,7 +183,7 @@ impl<const D: usize> Constraints<D> {
     /// Returns the velocities for which `W w = -b` and `E w = 0`, given the posture at rest.
     pub(super) fn rest_velocities<const C: usize>(
         &self,
-        system: &System<C>,
+        system: &System,
         node: &Node<f64, C>,
         posture: &Posture<f64, C>,
     ) -> [f64; D] {
@@ -204,11 +203,12 @@ impl<const D: usize> Constraints<D> {
         equations.iter().position(|equation| *equation == 0)
     }
 
-    /// Replaces the first `D` rows of a residual by the equations of motion along the null space, and the constraints.
+    /// Replaces the first `D` rows of a residual, and of its derivatives if `SLOPES`, by the equations of motion along the
+    /// null space, and the constraints.
     #[inline(always)]
-    pub(super) fn apply<T: Number, const N: usize, const C: usize>(
+    pub(super) fn apply<T: Number, const N: usize, const C: usize, const SLOPES: bool>(
         &self,
-        system: &System<C>,
+        system: &System,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
         balance: &Balance<T, C, D>,
@@ -224,8 +224,11 @@ impl<const D: usize> Constraints<D> {
             let slopes = &mut residual.state_jacobian[row];
             let rate_slopes = &mut residual.rate_jacobian[row];
             if let Some(i) = equation.checked_sub(self.speeds.len()) {
-                let (cluster, _) = system.wheels[i];
+                let (cluster, ..) = system.wheels[i];
                 residual.value[row] = wheels[i].skid_m_s;
+                if !SLOPES {
+                    continue;
+                }
                 slopes[..D].copy_from_slice(&rows[i]);
                 rate_slopes[..D].fill(zero);
                 for b in 1..C {
@@ -237,9 +240,12 @@ impl<const D: usize> Constraints<D> {
                 }
                 continue;
             }
+            residual.value[row] = supplied[self.count + equation];
+            if !SLOPES {
+                continue;
+            }
             let unit = std::array::from_fn(|i| if i == self.count + equation { one } else { zero });
             let null = matrix.solve(unit);
-            residual.value[row] = supplied[self.count + equation];
             for j in 0..D {
                 let sums =
                     |matrix: &[[T; D]; D]| (0..D).fold(zero, |sum, i| sum + null[i] * matrix[i][j]);
@@ -250,7 +256,7 @@ impl<const D: usize> Constraints<D> {
             let origins = origins(system, posture, &null);
             for b in 1..C {
                 let mut sum = product(&null, &balance.dforce_dphi[b]);
-                for (i, (cluster, _)) in system.wheels.iter().enumerate() {
+                for (i, (cluster, ..)) in system.wheels.iter().enumerate() {
                     if system.is_beyond(b, *cluster) {
                         let turned = turned(system, b, wheels[i].direction, origins[b]);
                         sum -= supplied[i] * turned;
@@ -265,12 +271,7 @@ impl<const D: usize> Constraints<D> {
 /// Returns the derivative of a wheel's skid velocity with respect to the angle of the free joint of cluster `b`, on
 /// which it hangs, given the wheel's rolling direction and the velocity of that joint.
 #[inline(always)]
-fn turned<T: Number, const C: usize>(
-    system: &System<C>,
-    b: usize,
-    direction: [T; 2],
-    velocity: [T; 2],
-) -> T {
+fn turned<T: Number>(system: &System, b: usize, direction: [T; 2], velocity: [T; 2]) -> T {
     -(T::splat(system.clusters.all[b].sign) * inner(direction, velocity))
 }
 
@@ -278,16 +279,15 @@ fn turned<T: Number, const C: usize>(
 /// without the commanded motion.
 #[inline(always)]
 fn origins<T: Number, const C: usize, const D: usize>(
-    system: &System<C>,
+    system: &System,
     posture: &Posture<T, C>,
     velocity: &[T; D],
 ) -> [[T; 2]; C] {
     let mut origins = [[velocity[0], velocity[1]]; C];
     let mut rates = [velocity[2]; C];
     for c in 1..C {
-        let cluster = &system.clusters.all[c];
-        let p = cluster.parent;
-        rates[c] = rates[p] + T::splat(cluster.sign) * velocity[2 + c];
+        let p = system.parent(c);
+        rates[c] = rates[p] + T::splat(system.clusters.all[c].sign) * velocity[2 + c];
         origins[c] = sum(origins[p], scaled(rates[p], normal(posture.place[c].at)));
     }
     origins

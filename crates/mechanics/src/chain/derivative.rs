@@ -10,11 +10,12 @@ use trilink_robot::{ChainError, ChainNumber};
 use super::model::Model;
 use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of, solved};
 use crate::Result;
-use crate::cycle::{Cycle, measure};
-use crate::element::Linearisation;
-use crate::method::work_and_loss_j;
+use crate::cycle::measure;
+use crate::mesh::Mesh;
+use crate::method::loss_j;
 use crate::orbit::PeriodicOrbit;
 use crate::path::Path;
+use crate::reduced::Reduced;
 
 /// Derivatives of a chain's motion, per unit of a number.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,19 +61,34 @@ impl Task for Differentiate<'_> {
     ) -> Result<Self::Output> {
         let (model, mut orbit, cycle) = solved(model, self.accuracy)?;
         let motion = motion_of(&model, &mut orbit, &cycle)?;
-        orbit.cover_whole_periods(&model)?;
-        let slopes = self.numbers.iter().map(|number| self.slope(&model, &mut orbit, *number));
-        Ok((motion, slopes.collect::<Result<_>>()?))
+        orbit.linearise(&model)?;
+        let mut slopes = vec![None; self.numbers.len()];
+        // First the numbers that leave the motion's half-period symmetry, if it has one, as it is.
+        loop {
+            let mut varied = [(); 2].map(|()| (orbit.mesh.clone(), Path::default()));
+            for (slope, number) in slopes.iter_mut().zip(self.numbers) {
+                if slope.is_none() {
+                    *slope = self.slope(&model, &mut orbit, &mut varied, *number)?;
+                }
+            }
+            if !orbit.mesh.is_half || slopes.iter().all(Option::is_some) {
+                return Ok((motion, slopes.into_iter().flatten().collect()));
+            }
+            orbit.cover_whole_periods(&model)?;
+        }
     }
 }
 
 impl Differentiate<'_> {
+    /// Returns the derivatives with respect to a number, given two meshes and paths as buffers; `None` if the mesh of the
+    /// orbit covers half a period, and a change in the number breaks the half-period symmetry.
     fn slope<const N: usize, const C: usize, const D: usize>(
         &self,
         model: &Model<N, C, D>,
         orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        varied: &mut [(Mesh<N, Model<N, C, D>>, Path<N, Model<N, C, D>>); 2],
         number: ChainNumber,
-    ) -> Result<ChainSlopes> {
+    ) -> Result<Option<ChainSlopes>> {
         let mut problem = self.problem.clone();
         let Some(value) = problem.chain.number_mut(number).copied() else {
             return Err(ChainError::NoNumber(number.key()).into());
@@ -85,19 +101,22 @@ impl Differentiate<'_> {
             model.with_problem(problem.effective())
         };
         let models = [at(value - step), at(value + step)];
-        let [low, high] = &models;
-        orbit.change(low, high, 2.0 * step)?;
-        let motions = [(low, -step), (high, step)].map(|(model, step)| {
-            let mut mesh = orbit.mesh.clone();
-            mesh.states.add(step, orbit.last_change());
+        if orbit.mesh.is_half && models.iter().any(|model| model.half_period_signs().is_none()) {
+            return Ok(None);
+        }
+        for (model, (mesh, _)) in models.iter().zip(&mut *varied) {
             mesh.lay_out(model);
-            let mut path = Path::default();
-            path.follow(model, &mesh);
-            let cycle: Cycle<N> = measure(model, &mesh, &path, &mut Linearisation::default());
-            let [_, loss_j] = work_and_loss_j(model, &mesh);
-            (metrics_of(model, &cycle), loss_j)
+        }
+        orbit.change([0, 1].map(|i| (&models[i], &varied[i].0)), 2.0 * step)?;
+        let motions = [0, 1].map(|i| {
+            let model = &models[i];
+            let (mesh, path) = &mut varied[i];
+            mesh.states.set_moved(&orbit.mesh.states, [-step, step][i], orbit.last_change());
+            path.follow(model, mesh);
+            let cycle = measure(model, mesh, path, &mut orbit.workspace);
+            (metrics_of(model, &cycle), loss_j(model, mesh, path))
         });
-        Ok(ChainSlopes::between(&motions, step))
+        Ok(Some(ChainSlopes::between(&motions, step)))
     }
 }
 

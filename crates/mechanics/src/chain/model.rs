@@ -4,13 +4,13 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
-use trilink_robot::{Joint, MAX_LINKS, Number, Pose};
+use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::ChainProblem;
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
 use super::constraint::Constraints;
-use super::forces::{ChainSample, Motion};
+use super::forces::{ChainSample, Loose, Motion};
 use super::response::Response;
 use crate::radau::bisect;
 use crate::reduced::{MAX_TRACKED, Reduced, Residual};
@@ -23,7 +23,7 @@ use crate::{MotionError, Result};
 #[derive(Debug, Clone)]
 pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
     pub problem: ChainProblem,
-    pub system: System<C>,
+    pub system: System,
     constraints: Option<Constraints<D>>,
 }
 
@@ -41,7 +41,7 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     fn with_constraints(problem: ChainProblem, constraints: Option<Constraints<D>>) -> Self {
         const { assert!(N == 2 * C + 1 && D == C + 2) };
         let is_linear = problem.laws.are_linear() && constraints.is_none();
-        let clusters = Clusters::new(problem.chain.clone(), problem.omega_rad_s, is_linear);
+        let clusters = Clusters::new(&problem.chain, problem.omega_rad_s, is_linear);
         Self { problem, system: System::new(clusters), constraints }
     }
 
@@ -101,37 +101,50 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         Ok(())
     }
 
+    /// Evaluates the residual, with its derivatives if `SLOPES`; `residual` must be zero.
+    #[inline(always)]
+    fn equations<T: Number, const SLOPES: bool>(
+        &self,
+        node: &Node<T, C>,
+        y: &[T; N],
+        dy: &[T; N],
+        residual: &mut Residual<N, T>,
+    ) {
+        let posture = self.kinematics(node, y);
+        let acceleration: [T; D] = std::array::from_fn(|i| dy[i]);
+        let balance = self.system.balance::<T, C, D, SLOPES>(node, &posture, &acceleration);
+        if let Some(constraints) = &self.constraints {
+            constraints.apply::<T, N, C, SLOPES>(&self.system, node, &posture, &balance, residual);
+            return;
+        }
+        residual.value[..D].copy_from_slice(&balance.force);
+        for i in if SLOPES { 0..D } else { 0..0 } {
+            residual.state_jacobian[i][..D].copy_from_slice(&balance.dforce_dvelocity[i]);
+            residual.rate_jacobian[i][..D].copy_from_slice(&balance.mass[i]);
+            for c in 1..C {
+                residual.state_jacobian[i][D + c - 1] = balance.dforce_dphi[c][i];
+            }
+        }
+    }
+
     #[inline(always)]
     fn angles<T: Number>(y: &[T; N]) -> [T; C] {
         std::array::from_fn(|c| if c == 0 { T::splat(0.0) } else { y[D + c - 1] })
     }
 
     /// Returns the motion of the chain in state `y`, given the time derivatives `dy` of the states.
-    pub(super) fn motion(
-        &self,
-        phase_rad: f64,
-        node: &Node<f64, C>,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> Motion {
-        let ChainProblem { chain, omega_rad_s, .. } = &self.problem;
-        let posture = self.kinematics(node, y);
-        let mut joints: Vec<[f64; 3]> = chain
-            .joints
-            .iter()
-            .map(|joint| match joint {
-                Joint::Driven(command) => std::array::from_fn(|k| {
-                    let order = k as i32;
-                    omega_rad_s.powi(order) * command.derivative(order, phase_rad)
-                }),
-                Joint::Free(_) => [0.0; 3],
-            })
-            .collect();
-        for c in 1..C {
-            joints[self.system.clusters.all[c].joint] =
-                [posture.phi_rad[c], posture.joint_rate[c], dy[2 + c]];
+    fn motion<T: Number>(&self, loose: &Loose, phase_rad: T, y: &[T; N], dy: &[T; N]) -> Motion<T> {
+        let (sin, cos) = phase_rad.sin_cos();
+        let mut joints = [[T::splat(0.0); 3]; MAX_JOINTS];
+        for (j, joint) in self.problem.chain.joints.iter().enumerate() {
+            if matches!(joint, Joint::Driven(_)) {
+                joints[j] = loose.command(j, [sin, cos]);
+            }
         }
-        Motion { phase_rad, body: Self::body(&posture), dbody: [dy[0], dy[1], dy[2]], joints }
+        for c in 1..C {
+            joints[self.system.clusters.all[c].joint] = [y[D + c - 1], y[2 + c], dy[2 + c]];
+        }
+        Motion { phase_rad, body: [y[0], y[1], y[2]], dbody: [dy[0], dy[1], dy[2]], joints }
     }
 }
 
@@ -143,6 +156,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     type Node<T: Number> = Node<T, C>;
     type State<T: Number> = Posture<T, C>;
     type Sample = ChainSample;
+    type Forces = Loose;
 
     fn skids(&self) -> bool {
         self.constraints.is_none()
@@ -161,7 +175,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     }
 
     fn transition_m_s(&self) -> f64 {
-        let wheels = self.system.wheels.iter().map(|(_, friction)| friction.transition_m_s);
+        let wheels = self.system.wheels.iter().map(|(_, _, friction)| friction.transition_m_s);
         wheels.fold(f64::INFINITY, f64::min)
     }
 
@@ -188,28 +202,16 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     // Not inlined, because the equations are long and there are many.
     #[inline(never)]
     fn residual<T: Number>(&self, node: &Node<T, C>, y: &[T; N], dy: &[T; N]) -> Residual<N, T> {
-        let zero = T::splat(0.0);
-        let posture = self.kinematics(node, y);
-        let acceleration: [T; D] = std::array::from_fn(|i| dy[i]);
-        let balance = self.system.balance(node, &posture, &acceleration);
-        let mut residual = Residual {
-            value: [zero; N],
-            state_jacobian: [[zero; N]; N],
-            rate_jacobian: [[zero; N]; N],
-        };
-        if let Some(constraints) = &self.constraints {
-            constraints.apply(&self.system, node, &posture, &balance, &mut residual);
-            return residual;
-        }
-        residual.value[..D].copy_from_slice(&balance.force);
-        for i in 0..D {
-            residual.state_jacobian[i][..D].copy_from_slice(&balance.dforce_dvelocity[i]);
-            residual.rate_jacobian[i][..D].copy_from_slice(&balance.mass[i]);
-            for c in 1..C {
-                residual.state_jacobian[i][D + c - 1] = balance.dforce_dphi[c][i];
-            }
-        }
+        let mut residual = Residual::zero();
+        self.equations::<T, true>(node, y, dy, &mut residual);
         residual
+    }
+
+    #[inline(never)]
+    fn value<T: Number>(&self, node: &Node<T, C>, y: &[T; N], dy: &[T; N]) -> [T; N] {
+        let mut residual = Residual::zero();
+        self.equations::<T, false>(node, y, dy, &mut residual);
+        residual.value
     }
 
     #[inline(always)]
@@ -243,11 +245,11 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
         self.system.wheels.len()
     }
 
-    fn skid_m_s<T: Number>(&self, phase_rad: T, state: &Posture<T, C>) -> [T; MAX_LINKS] {
+    #[inline(always)]
+    fn skid_m_s<T: Number>(&self, node: &Node<T, C>, state: &Posture<T, C>) -> [T; MAX_LINKS] {
         let mut skid_m_s = [T::splat(0.0); MAX_LINKS];
-        let nodes = self.system.clusters.wheels(phase_rad);
-        for (i, (cluster, _)) in self.system.wheels.iter().enumerate() {
-            skid_m_s[i] = self.system.wheel(state, &nodes[i], *cluster).skid_m_s;
+        for (i, (cluster, ..)) in self.system.wheels.iter().enumerate() {
+            skid_m_s[i] = self.system.wheel(state, &node.wheels[i], *cluster).skid_m_s;
         }
         skid_m_s
     }
@@ -261,28 +263,36 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
         [state.phi_rad[1 + index], state.joint_rate[1 + index]]
     }
 
+    #[inline(always)]
+    fn loss_w<T: Number>(&self, node: &Node<T, C>, state: &Posture<T, C>) -> T {
+        self.system.loss_w(node, state)
+    }
+
+    fn forces(&self) -> Loose {
+        Loose::new(&self.problem)
+    }
+
     fn power_and_loss_w(
         &self,
-        phase_rad: f64,
-        node: &Node<f64, C>,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> [f64; 2] {
-        let sample =
-            self.motion(phase_rad, node, y, dy).sample(&self.problem, 0.0, Pose::default());
-        [sample.power_w, sample.loss_w]
+        loose: &Loose,
+        phase_rad: Lanes,
+        y: &[Lanes; N],
+        dy: &[Lanes; N],
+    ) -> [Lanes; 2] {
+        loose.power_and_loss_w(&self.problem, &self.motion(loose, phase_rad, y, dy))
     }
 
     fn sample(
         &self,
+        loose: &Loose,
         time_s: f64,
         pose: Pose,
-        node: &Node<f64, C>,
+        _: &Node<f64, C>,
         y: &[f64; N],
         dy: &[f64; N],
     ) -> ChainSample {
-        let phase_rad = self.problem.omega_rad_s * time_s;
-        self.motion(phase_rad, node, y, dy).sample(&self.problem, time_s, pose)
+        let motion = self.motion(loose, self.problem.omega_rad_s * time_s, y, dy);
+        ChainSample { time_s, pose, ..loose.sample(&self.problem, &motion) }
     }
 
     /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.
@@ -298,9 +308,8 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
                 for c in 1..C {
                     moved[D + c - 1] += sign * step_s * y[2 + c];
                 }
-                let phase_rad = phase_rad + sign * STEP_RAD;
-                let node = self.node(phase_rad);
-                self.skid_m_s(phase_rad, &self.kinematics(&node, &moved))
+                let node = self.node(phase_rad + sign * STEP_RAD);
+                self.skid_m_s(&node, &self.kinematics(&node, &moved))
             });
             for row in 0..D {
                 if let Some(i) = constraints.constraint(row) {

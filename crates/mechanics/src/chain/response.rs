@@ -6,13 +6,14 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Complex, DMatrix, DVector};
+use trilink_robot::{LANES, Lanes, Number};
 
 use super::model::Model;
-use crate::radau::bisect;
+use crate::orbit::sum_of_lanes;
 use crate::reduced::Reduced;
 
-/// Number of phases at which the equations are evaluated.
-const PHASES: usize = 6;
+/// Number of packs of phases, one per lane, at which the equations are evaluated.
+const PACKS: usize = 3;
 
 /// States `mean + Re(wave exp(i phase))`.
 pub(super) struct Response<const N: usize> {
@@ -24,19 +25,39 @@ impl<const N: usize> Response<N> {
     /// Searches for the motion in the direction in which the chain starts; `None` if no such speed is found.
     pub(super) fn find<const C: usize, const D: usize>(model: &Model<N, C, D>) -> Option<Self> {
         const DOUBLINGS: i32 = 6;
-        const BISECTIONS: usize = 6;
+        const STEPS: usize = 4;
         let row = model.forward_row()?;
-        let nodes: [_; PHASES] = std::array::from_fn(|k| (phase_rad(k), model.node(phase_rad(k))));
-        let force = |speed_m_s| Self::at_speed(model, &nodes, row, speed_m_s).map(|found| found.1);
-        let at_rest = force(0.0)?;
-        let direction = -at_rest.signum();
-        let mut speed_m_s = direction * model.skid_scale_m_s() / 4.0;
+        let packs: [Pack<N, C, D>; PACKS] = std::array::from_fn(|pack| {
+            let phase = |lane| TAU * (pack * LANES + lane) as f64 / (PACKS * LANES) as f64;
+            let phase_rad = Lanes::new(std::array::from_fn(phase));
+            let (sin, cos) = Number::sin_cos(phase_rad);
+            Pack { sin, cos, node: model.node(phase_rad) }
+        });
+        let at = |speed_m_s| Self::at_speed(model, &packs, row, speed_m_s);
+        let (_, at_rest) = at(0.0)?;
+        // Ends of an interval with a zero of the force: speed and force.
+        let mut near = [0.0, at_rest];
+        let mut speed_m_s = -at_rest.signum() * model.skid_scale_m_s() / 4.0;
         for _ in 0..DOUBLINGS {
-            if force(speed_m_s)? * at_rest <= 0.0 {
-                let force = |speed_m_s| force(speed_m_s).unwrap_or(f64::NAN);
-                let speed_m_s = bisect(force, 0.0, speed_m_s, BISECTIONS);
-                return Self::at_speed(model, &nodes, row, speed_m_s).map(|found| found.0);
+            let (mut found, force) = at(speed_m_s)?;
+            if force * at_rest <= 0.0 {
+                let mut far = [speed_m_s, force];
+                for _ in 0..STEPS {
+                    // False position; an end that stays counts half (Illinois method).
+                    let share = near[1] / (near[1] - far[1]);
+                    let speed_m_s = near[0] + share * (far[0] - near[0]);
+                    let force;
+                    (found, force) = at(speed_m_s)?;
+                    if force * far[1] > 0.0 {
+                        near[1] *= 0.5;
+                    } else {
+                        near = far;
+                    }
+                    far = [speed_m_s, force];
+                }
+                return Some(found);
             }
+            near = [speed_m_s, force];
             speed_m_s *= 2.0;
         }
         None
@@ -50,7 +71,7 @@ impl<const N: usize> Response<N> {
     /// Returns the response at a speed, and the mean of the forward equation of motion along it.
     fn at_speed<const C: usize, const D: usize>(
         model: &Model<N, C, D>,
-        nodes: &[(f64, <Model<N, C, D> as Reduced<N>>::Node<f64>); PHASES],
+        packs: &[Pack<N, C, D>; PACKS],
         row: usize,
         speed_m_s: f64,
     ) -> Option<(Self, f64)> {
@@ -61,21 +82,30 @@ impl<const N: usize> Response<N> {
             let joint = model.system.clusters.all[c].joint;
             mean[D + c - 1] = model.problem.chain.mean_angle_rad(joint);
         }
-        let mut matrix = DMatrix::<Complex<f64>>::zeros(D, D);
-        let mut forcing = DVector::<Complex<f64>>::zeros(D);
-        for (phase_rad, node) in nodes {
-            let residual = model.residual(node, &mean, &[0.0; N]);
-            let turn = Complex::cis(-phase_rad);
+        let zero = Lanes::default();
+        let at_mean = mean.map(Lanes::splat);
+        let mut forcing = [[zero; 2]; D];
+        let mut state_jacobian = [[zero; N]; D];
+        let mut rate_jacobian = [[zero; D]; D];
+        for Pack { sin, cos, node } in packs {
+            let residual = model.residual(node, &at_mean, &[zero; N]);
             for i in 0..D {
-                forcing[i] -= turn * (2.0 * residual.value[i]);
-                for j in 0..D {
-                    matrix[(i, j)] +=
-                        omega * residual.rate_jacobian[i][j] + residual.state_jacobian[i][j];
-                }
-                for angle in D..N {
-                    let rate = angle + 1 - C;
-                    matrix[(i, rate)] += residual.state_jacobian[i][angle] / omega;
-                }
+                forcing[i][0] -= *cos * residual.value[i];
+                forcing[i][1] += *sin * residual.value[i];
+                (0..N).for_each(|j| state_jacobian[i][j] += residual.state_jacobian[i][j]);
+                (0..D).for_each(|j| rate_jacobian[i][j] += residual.rate_jacobian[i][j]);
+            }
+        }
+        let forcing = DVector::from_fn(D, |i, _| {
+            let [re, im] = forcing[i].map(sum_of_lanes);
+            Complex::new(2.0 * re, 2.0 * im)
+        });
+        let mut matrix = DMatrix::from_fn(D, D, |i, j| {
+            omega * sum_of_lanes(rate_jacobian[i][j]) + sum_of_lanes(state_jacobian[i][j])
+        });
+        for i in 0..D {
+            for angle in D..N {
+                matrix[(i, angle + 1 - C)] += sum_of_lanes(state_jacobian[i][angle]) / omega;
             }
         }
         let response = matrix.lu().solve(&forcing)?;
@@ -85,17 +115,22 @@ impl<const N: usize> Response<N> {
             _ if i < D => response[i],
             _ => response[i + 1 - C] / omega,
         });
-        let found = Self { mean, wave };
-        let forces = nodes.iter().map(|(phase_rad, node)| {
-            let turn = Complex::cis(*phase_rad);
-            let rates = std::array::from_fn(|i| (omega * wave[i] * turn).re);
-            model.residual(node, &found.at(*phase_rad), &rates).value[row]
-        });
-        let force = forces.sum::<f64>();
-        force.is_finite().then_some((found, force))
+        let rates = wave.map(|wave| omega * wave);
+        let mut force = zero;
+        for Pack { sin, cos, node } in packs {
+            let along =
+                |wave: &Complex<f64>| *cos * Lanes::splat(wave.re) - *sin * Lanes::splat(wave.im);
+            let y = std::array::from_fn(|i| at_mean[i] + along(&wave[i]));
+            force += model.value(node, &y, &rates.each_ref().map(along))[row];
+        }
+        let force = sum_of_lanes(force);
+        force.is_finite().then_some((Self { mean, wave }, force))
     }
 }
 
-fn phase_rad(k: usize) -> f64 {
-    TAU * k as f64 / PHASES as f64
+/// Phases, one per lane, with their joint commands.
+struct Pack<const N: usize, const C: usize, const D: usize> {
+    sin: Lanes,
+    cos: Lanes,
+    node: <Model<N, C, D> as Reduced<N>>::Node<Lanes>,
 }

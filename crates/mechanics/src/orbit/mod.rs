@@ -17,6 +17,7 @@ use nalgebra::SMatrix;
 
 pub(super) use bordered::{Direction, Plane, Slopes};
 pub(super) use newton::largest_lane;
+pub(super) use resolution::sum_of_lanes;
 
 use trilink_robot::Lanes;
 

@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix, Matrix5, SMatrix, SVector};
 use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
-use crate::mesh::{Mesh, States};
+use crate::mesh::{Mesh, States, renew};
 use crate::reduced::{MAX_STATES, Reduced, lanes};
 use crate::{MotionError, Result};
 
@@ -30,7 +30,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Linearises the elements at the current states and prepares the solution of the cyclic linear system of
     /// the periodic orbit.
-    fn linearise(&mut self, model: &R) -> Result<()> {
+    pub(crate) fn linearise(&mut self, model: &R) -> Result<()> {
         self.linearise_elements(model);
         let open = SMatrix::<f64, N, N>::identity() - self.monodromy();
         self.monodromy_closure = open.try_inverse().ok_or(self.not_converged())?;
@@ -41,7 +41,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     pub(super) fn linearise_elements(&mut self, model: &R) {
         self.effort.factorisations += 1;
         let Self { mesh, linearisation, transfers, .. } = self;
-        transfers.clear();
+        renew(transfers, mesh.count);
         for pack in 0..mesh.packs() {
             let starts = mesh.starts(pack);
             linearisation.linearise(pack, model, &mesh.pack(pack, &starts), true);
@@ -80,7 +80,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.effort.linear_solves += 1;
         let Self { mesh, linearisation, transfers, offsets, step, .. } = self;
         let Mesh { states, signs, durations_s, .. } = &*mesh;
-        offsets.clear();
+        renew(offsets, mesh.count);
         let mut end = [0.0; N];
         for pack in 0..mesh.packs() {
             linearisation.solve_step::<N, R>(pack);
@@ -96,7 +96,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             SVector::<f64, N>::from_fn(|i, _| signs[i] * (end[i] + ends[i]) - states.start[i]);
         step.start = (self.monodromy_closure * mismatch).into();
         let mut start = step.start;
-        step.packs.clear();
+        renew(&mut step.packs, mesh.packs());
         for pack in 0..mesh.packs() {
             let mut starts = [start; LANES];
             for (lane, k) in mesh.elements_of(pack).enumerate() {
@@ -176,16 +176,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         self.steps += 1;
         self.effort.newton_steps += 1;
         std::mem::swap(&mut self.before, &mut self.mesh.states);
-        let now = &mut self.mesh.states;
-        let before = &self.before;
-        let step = &self.step;
-        now.start = std::array::from_fn(|i| before.start[i] + factor * step.start[i]);
-        let factor = Lanes::splat(factor);
-        now.packs.clear();
-        now.packs.extend_from_slice(&before.packs);
-        for (now, step) in now.packs.iter_mut().flatten().zip(step.packs.iter().flatten()) {
-            (0..N).for_each(|i| now[i] += factor * step[i]);
-        }
+        self.mesh.states.set_moved(&self.before, factor, &self.step);
     }
 
     /// Returns, for each state variable, its largest magnitude over the orbit, both before and after the current Newton
@@ -277,15 +268,19 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Solves the linearised periodic problem for the derivative of the states with respect to a number, with the
-    /// factors of the last linearisation; the models `low` and `high` differ by `difference` in that number. The result
-    /// is [`PeriodicOrbit::last_change`].
-    pub(crate) fn change(&mut self, low: &R, high: &R, difference: f64) -> Result<()> {
+    /// factors of the last linearisation. The two models differ by `difference` in that number; the meshes, laid out for
+    /// them, have the elements of this orbit. The result is [`PeriodicOrbit::last_change`].
+    pub(crate) fn change(
+        &mut self,
+        [low, high]: [(&R, &Mesh<N, R>); 2],
+        difference: f64,
+    ) -> Result<()> {
         let Self { mesh, linearisation, .. } = self;
         for pack in 0..mesh.packs() {
             let starts = mesh.starts(pack);
-            let phases_rad = mesh.phases_rad(pack);
             let element = mesh.pack(pack, &starts);
-            linearisation.differentiate(pack, [low, high], &phases_rad, &element, difference);
+            let models = [low, high].map(|(model, mesh)| (model, mesh.nodes(pack)));
+            linearisation.differentiate(pack, models, &element, difference);
         }
         self.solve_step();
         let all = self.step.packs.iter().flatten().flatten();

@@ -3,7 +3,7 @@
 use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
-use super::newton::{keep_largest, largest_lane, largest_ratio};
+use super::newton::{largest_lane, largest_ratio};
 use crate::element::{Stages, weighted};
 use crate::mesh::{MAX_ELEMENTS, accumulate_lanes};
 use crate::radau::{RADAU, STAGES};
@@ -31,24 +31,29 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
             let values: Stages<MAX_TRACKED, Lanes> =
                 std::array::from_fn(|j| model.tracked(&leg.states[j], [x_rates[j], y_rates[j]]));
             let count = self.mesh.elements_of(pack).len();
-            let ends = &values[STAGES - 1];
-            let starts = std::array::from_fn(|i| {
-                accumulate_lanes(&mut start[i], count, |_, lane| ends[i].lane(lane))
-            });
+            let [fraction, _] = self.mesh.weights(pack);
             let [tails, lower, sizes] = &mut largest;
-            let pack_tails = weighted(highest, &starts, &values);
-            let pack_lower = weighted(lowest, &starts, &values);
-            if model.is_linear() {
-                keep_largest(tails, &pack_tails);
-                keep_largest(lower, &pack_lower);
-            } else {
-                // Metrics are integrals, so an element's error is weighted with its length.
-                let [fraction, _] = self.mesh.weights(pack);
-                add_sizes(tails, &pack_tails, fraction);
-                add_sizes(lower, &pack_lower, fraction);
+            let mut pack_tails = [Lanes::default(); MAX_TRACKED];
+            for i in 0..R::TRACKED {
+                let values = values.each_ref().map(|values| values[i]);
+                let end = values[STAGES - 1];
+                let from = accumulate_lanes(&mut start[i], count, |_, lane| end.lane(lane));
+                let tail = coefficient(highest, from, &values);
+                let low = coefficient(lowest, from, &values);
+                if model.is_linear() {
+                    tails[i] = tails[i].fast_max(tail.abs());
+                    lower[i] = lower[i].fast_max(low.abs());
+                } else {
+                    // Metrics are integrals, so an element's error is weighted with its length.
+                    tails[i] += tail.abs() * fraction;
+                    lower[i] += low.abs() * fraction;
+                    pack_tails[i] = tail;
+                }
+                values.iter().for_each(|value| sizes[i] = sizes[i].fast_max(value.abs()));
+            }
+            if !model.is_linear() {
                 self.tails.push(pack_tails);
             }
-            values.iter().for_each(|values| keep_largest(sizes, values));
         }
         let [mut tails, mut lower, sizes] = largest.map(|largest| largest.map(largest_lane));
         if !model.is_linear() {
@@ -116,13 +121,15 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 }
 
-/// Adds the magnitudes of `values`, weighted by `fraction`, to `sums`.
+/// Returns a Legendre coefficient (see [`Radau::spectrum`](crate::radau::Radau::spectrum)) of the polynomial through the
+/// value at an element's start and those at its stages.
 #[inline(always)]
-fn add_sizes<const K: usize>(sums: &mut [Lanes; K], values: &[Lanes; K], fraction: Lanes) {
-    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value.abs() * fraction);
+fn coefficient(weights: &[f64; STAGES + 1], start: Lanes, stages: &[Lanes; STAGES]) -> Lanes {
+    let [coefficient] = weighted(weights, &[start], &stages.map(|value| [value]));
+    coefficient
 }
 
 /// Returns the sum over the lanes.
-fn sum_of_lanes(lanes: Lanes) -> f64 {
+pub(crate) fn sum_of_lanes(lanes: Lanes) -> f64 {
     lanes.to_array().into_iter().sum()
 }

@@ -35,6 +35,15 @@ pub(super) struct Residual<const N: usize, T = f64> {
     pub rate_jacobian: [[T; N]; N],
 }
 
+impl<const N: usize, T: Number> Residual<N, T> {
+    #[inline(always)]
+    pub(super) fn zero() -> Self {
+        let zero = T::splat(0.0);
+        let jacobian = [[zero; N]; N];
+        Self { value: [zero; N], state_jacobian: jacobian, rate_jacobian: jacobian }
+    }
+}
+
 /// Joint angles and velocities of the three-link robot at one time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct KinematicState<T = f64> {
@@ -176,6 +185,9 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// State of the robot and the forces on it at one time, for the caller.
     type Sample;
 
+    /// What the forces are computed from.
+    type Forces;
+
     /// Returns whether the wheels can skid.
     fn skids(&self) -> bool;
 
@@ -212,6 +224,12 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Evaluates the equations at state `y` with time derivative `dy`.
     fn residual<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> Residual<N, T>;
 
+    /// Evaluates only the value of [`Reduced::residual`].
+    #[inline(always)]
+    fn value<T: Number>(&self, node: &Self::Node<T>, y: &[T; N], dy: &[T; N]) -> [T; N] {
+        self.residual(node, y, dy).value
+    }
+
     /// Returns the joint angles and velocities of the robot in state `y`.
     fn kinematics<T: Number>(&self, node: &Self::Node<T>, y: &[T; N]) -> Self::State<T>;
 
@@ -226,7 +244,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
     fn wheels(&self) -> usize;
 
     /// Returns the skid velocities of the wheels, m/s, followed by zeros.
-    fn skid_m_s<T: Number>(&self, phase_rad: T, state: &Self::State<T>) -> [T; MAX_LINKS];
+    fn skid_m_s<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> [T; MAX_LINKS];
 
     /// Returns the number of free joints whose range of motion is a metric; they come first among the free joints.
     fn measured_joints(&self) -> usize;
@@ -234,18 +252,25 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns the angle (rad) and the rate (rad/s) of a free joint, given its index among the free joints.
     fn free_joint<T: Number>(state: &Self::State<T>, index: usize) -> [T; 2];
 
+    /// Returns the power dissipated by friction and damping, W.
+    fn loss_w<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> T;
+
+    /// Returns what [`Reduced::power_and_loss_w`] and [`Reduced::sample`] need, at all times.
+    fn forces(&self) -> Self::Forces;
+
     /// Returns the power of the actuators and the power dissipated, W, given the time derivatives `dy` of the states.
     fn power_and_loss_w(
         &self,
-        phase_rad: f64,
-        node: &Self::Node<f64>,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> [f64; 2];
+        forces: &Self::Forces,
+        phase_rad: Lanes,
+        y: &[Lanes; N],
+        dy: &[Lanes; N],
+    ) -> [Lanes; 2];
 
     /// Returns the sample of a motion at one time, given the time derivatives `dy` of the states.
     fn sample(
         &self,
+        forces: &Self::Forces,
         time_s: f64,
         pose: Pose,
         node: &Self::Node<f64>,
@@ -355,9 +380,6 @@ pub(super) trait ThreeLink<const N: usize>: Reduced<N, Sample = Sample> {
         gradient: &Gradient<T>,
     ) -> [CommandGradient<T>; 2];
 
-    /// Returns the power dissipated by friction, W (see [`friction_power`]).
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T;
-
     /// Returns the gradient of the power dissipated by friction with respect to joint angles and velocities
     /// (see [`friction_power_gradient`]).
     fn friction_power_gradient<T: Number>(&self, state: &KinematicState<T>) -> Gradient<T>;
@@ -379,6 +401,7 @@ macro_rules! of_three_links {
 
         type State<T: Number> = KinematicState<T>;
         type Sample = Sample;
+        type Forces = ();
 
         #[inline(always)]
         fn skids(&self) -> bool {
@@ -426,7 +449,11 @@ macro_rules! of_three_links {
         }
 
         #[inline(always)]
-        fn skid_m_s<T: Number>(&self, _: T, state: &KinematicState<T>) -> [T; MAX_LINKS] {
+        fn skid_m_s<T: Number>(
+            &self,
+            _: &Self::Node<T>,
+            state: &KinematicState<T>,
+        ) -> [T; MAX_LINKS] {
             let mut skid_m_s = [T::splat(0.0); MAX_LINKS];
             let rows = skid_rows(&self.problem.robot, &state.trig);
             (0..Robot::LINKS).for_each(|i| skid_m_s[i] = dot(&rows[i], &state.velocity));
@@ -442,21 +469,34 @@ macro_rules! of_three_links {
             [state.phi_rad[0], state.velocity[3]]
         }
 
+        #[inline(always)]
+        fn loss_w<T: Number>(&self, _: &Self::Node<T>, state: &KinematicState<T>) -> T {
+            friction_power::<T, F>(&self.problem.robot, self.problem.gait.passive_joint(), state)
+        }
+
+        fn forces(&self) {}
+
         fn power_and_loss_w(
             &self,
-            _: f64,
-            node: &Self::Node<f64>,
-            y: &[f64; $states],
-            dy: &[f64; $states],
-        ) -> [f64; 2] {
-            let acceleration = self.acceleration(node, y, dy);
-            let state = self.kinematics(node, y);
-            let forces = contact_forces::<F>(&self.problem, &state, &acceleration);
-            [forces.power_w, forces.loss_w]
+            (): &(),
+            phase_rad: Lanes,
+            y: &[Lanes; $states],
+            dy: &[Lanes; $states],
+        ) -> [Lanes; 2] {
+            let of_lanes: [[f64; 2]; LANES] = std::array::from_fn(|lane| {
+                let [y, dy] = [y, dy].map(|states| states.map(|state| state.lane(lane)));
+                let node = self.node(phase_rad.lane(lane));
+                let acceleration = self.acceleration(&node, &y, &dy);
+                let state = self.kinematics(&node, &y);
+                let forces = contact_forces::<F>(&self.problem, &state, &acceleration);
+                [forces.power_w, forces.loss_w]
+            });
+            lanes(of_lanes.each_ref())
         }
 
         fn sample(
             &self,
+            (): &(),
             time_s: f64,
             pose: Pose,
             node: &Self::Node<f64>,

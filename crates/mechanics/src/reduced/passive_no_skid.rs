@@ -3,14 +3,14 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig, dforce_dphi, dot,
-    force_balance, roll_rows, skid_rows,
+    Balance, Friction, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig,
+    dforce_dphi, dot, force_balance, roll_rows, skid_rows,
 };
 
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
     COMMAND_SIZE, CommandGradient, CommandNode, Gradient, KinematicState, MAX_PARAMETERS,
-    MAX_TRACKED, Reduced, Residual, ThreeLink, friction_power, friction_power_gradient,
+    MAX_TRACKED, Reduced, Residual, ThreeLink, friction_power, friction_power_gradient, lanes,
     of_three_links,
 };
 use crate::Problem;
@@ -520,11 +520,6 @@ impl<F: Friction> ThreeLink<2> for PassiveNoSkid<F> {
             }
         }
         gradients
-    }
-
-    #[inline(always)]
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T {
-        friction_power::<T, F>(&self.problem.robot, Some(self.passive), state)
     }
 
     #[inline(always)]

@@ -3,14 +3,14 @@
 use std::marker::PhantomData;
 
 use trilink_robot::{
-    Balance, Friction, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig, dforce_dphi, dot,
-    force_balance, roll_rows, skid_rows,
+    Balance, Friction, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig,
+    dforce_dphi, dot, force_balance, roll_rows, skid_rows,
 };
 
 use super::harmonic::HarmonicMotion;
 use super::{
     CommandGradient, CommandNode, Gradient, KinematicState, MAX_PARAMETERS, MAX_TRACKED, Reduced,
-    Residual, ThreeLink, friction_power, friction_power_gradient, of_three_links,
+    Residual, ThreeLink, friction_power, friction_power_gradient, lanes, of_three_links,
 };
 use crate::Problem;
 use crate::forces::contact_forces;
@@ -73,12 +73,7 @@ impl<const N: usize, F: Friction> Skid<N, F> {
         let acceleration = self.acceleration(node, y, dy);
         let balance =
             force_balance::<T, F>(robot, passive, phi_rad, trig, &velocity, &acceleration);
-        let zero = T::splat(0.0);
-        let mut residual = Residual {
-            value: [zero; N],
-            state_jacobian: [[zero; N]; N],
-            rate_jacobian: [[zero; N]; N],
-        };
+        let mut residual = Residual::zero();
         for i in 0..Self::ROWS {
             let row = self.row(i);
             residual.value[i] = balance.force[row];
@@ -279,11 +274,6 @@ impl<const N: usize, F: Friction> ThreeLink<N> for Skid<N, F> {
         gradient: &Gradient<T>,
     ) -> [CommandGradient<T>; 2] {
         node.gait_gradient(gradient, &self.problem)
-    }
-
-    #[inline(always)]
-    fn friction_power<T: Number>(&self, state: &KinematicState<T>) -> T {
-        friction_power::<T, F>(&self.problem.robot, self.passive(), state)
     }
 
     #[inline(always)]
