@@ -565,8 +565,11 @@ pub(super) fn coefficient(parameters: &[Parameter]) -> String {
     match parameters {
         [parameter] => match parameter.number().filter(|_| quantity.per == Per::Wheel) {
             Some(wheel) => {
-                let link = ["middle", "front", "rear"][wheel];
-                format!("{} of the {link} wheel (wheel {wheel})", quantity.label.to_lowercase())
+                let label = quantity.label.to_lowercase();
+                match ["middle", "front", "rear"].get(wheel) {
+                    Some(link) => format!("{label} of the {link} wheel (wheel {wheel})"),
+                    None => format!("{label} of wheel {wheel}"),
+                }
             }
             None => parameter.label().to_lowercase(),
         },

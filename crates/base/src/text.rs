@@ -1,6 +1,18 @@
 //! Printing of text, including untrusted text such as names in files.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+/// Returns a copy of a text that lives as long as the program; equal texts share one copy.
+pub fn interned(text: &str) -> &'static str {
+    static TEXTS: Mutex<BTreeSet<&str>> = Mutex::new(BTreeSet::new());
+    let mut texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
+    if !texts.contains(text) {
+        texts.insert(Box::leak(text.into()));
+    }
+    texts.get(text).copied().unwrap_or_default()
+}
 
 /// Escapes control characters (except line feeds and tabs) and marks that change the text direction.
 pub fn escape_controls(text: &str) -> Cow<'_, str> {

@@ -5,12 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use trilink_base::files::relative;
 use trilink_plot::Print;
-use trilink_robot::{Gait, Model, Robot};
+use trilink_robot::{AnyGait, AnyRobot, Gait, Model, Robot};
 use trilink_tables::config::{
     Campaign, Compare, Config, Markers, Models, Paths, Report, RobotConfig, SigmaKind, Smoothing,
 };
 
 use super::looks::ModelLook;
+use super::parameters::WHEELS;
 
 /// Returns the configured width and font size of printed figures.
 pub fn print_of(report: &Report) -> Print {
@@ -78,6 +79,21 @@ impl ReportInput {
     /// Returns the robot and gait of a campaign in SI units, or `None` if either is not configured.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
         self.shown.campaign_setup(campaign)
+    }
+
+    /// Returns the robot and gait of a campaign, whatever the number of links, or `None` if either is not configured.
+    pub fn setup(&self, campaign: &str) -> Option<(AnyRobot, AnyGait)> {
+        self.shown.setup(campaign)
+    }
+
+    /// Returns the names of the links of a campaign's robot by number.
+    pub(crate) fn links(&self, campaign: &str) -> Vec<String> {
+        match self.shown.chain_setup(campaign) {
+            None => WHEELS.map(str::to_owned).into(),
+            Some(chain) => {
+                chain.numbering().into_iter().map(|link| chain.links[link].name.clone()).collect()
+            }
+        }
     }
 
     /// Returns a robot in SI units, or `None` if it is not configured.

@@ -11,11 +11,13 @@ pub(crate) const HELD: &str = "held";
 /// Names of wheels 0, 1 and 2.
 pub(crate) const WHEELS: [&str; 3] = ["middle", "front", "rear"];
 
-/// Returns the label of a parameter, with the name of its wheel in place of the number.
-pub(crate) fn label(parameter: Parameter) -> String {
+/// Returns the label of a parameter, with the name of its wheel's link in place of the number; `links` are the names by
+/// number.
+fn label<N: AsRef<str>>(parameter: Parameter, links: &[N]) -> String {
     let definition = parameter.quantity().definition();
-    match parameter.number().filter(|_| definition.per == Per::Wheel) {
-        Some(wheel) => format!("{}, {}", definition.label, WHEELS[wheel]),
+    let wheel = parameter.number().filter(|_| definition.per == Per::Wheel);
+    match wheel.and_then(|wheel| links.get(wheel)) {
+        Some(link) => format!("{}, {}", definition.label, link.as_ref()),
         None => parameter.label().to_owned(),
     }
 }
@@ -49,6 +51,11 @@ pub(crate) struct FittedParameter {
 }
 
 impl FittedParameter {
+    /// Returns the parameter with the names of a robot's links, by number, in its label.
+    pub(crate) fn of_links(self, links: &[String]) -> Self {
+        Self { label: label(self.parameter, links), ..self }
+    }
+
     /// Returns the value, the uncertainty and the remarks for a parameter of a fit.
     pub(crate) fn new(fit: &FitRow, parameter: Parameter) -> Self {
         // The coefficients of the individual wheels are free if their sum is free.
@@ -73,7 +80,7 @@ impl FittedParameter {
         let uncertainty = if combined > 0.0 { combined } else { half };
         Self {
             parameter,
-            label: label(parameter),
+            label: label(parameter, &WHEELS),
             unit: parameter.unit(),
             value,
             free,

@@ -2,17 +2,19 @@
 
 use std::collections::BTreeSet;
 
+use trilink_base::text::interned;
 use trilink_mechanics::Model;
 use trilink_plot::{Layer, Look, Point};
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_statistics::Estimate;
 use trilink_statistics::HALF_WIDTH_95;
-use trilink_tables::config::{GaitInput, ModelConfig, Models, SigmaKind};
+use trilink_tables::config::{GaitInput, ModelConfig, SigmaKind};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
     ComparisonRow, FitRow, PredictionRow, PredictionSource, TrialRow, TrialStatus,
 };
 
+use crate::ReportInput;
 use crate::looks::{self, ModelLook};
 
 /// Maximum relative difference between the frequencies of a prediction and a trial that are treated as equal.
@@ -43,6 +45,16 @@ impl Quantity {
     pub(crate) const fn new(metric: Metric) -> Self {
         let of = metric.definition();
         Self { metric, symbol: of.symbol, title: of.title, csv_name: of.shown_column }
+    }
+
+    /// Creates a quantity with the name of the wheel's link in its title if it is a skid ratio; `links` are the names by
+    /// number.
+    pub(crate) fn of_links(metric: Metric, links: &[String]) -> Self {
+        let wheel = Metric::SIGMA.iter().position(|sigma| *sigma == metric);
+        let name = wheel.and_then(|wheel| Some((wheel, links.get(wheel)?)));
+        let title = name.map(|(wheel, link)| interned(&format!("Wheel {wheel} ({link})")));
+        let own = Self::new(metric);
+        Self { title: title.unwrap_or(own.title), ..own }
     }
 
     pub(crate) fn is_skid(&self) -> bool {
@@ -121,24 +133,29 @@ pub(crate) struct Source<'t> {
     pub comparison: &'t [ComparisonRow],
     /// Kind of measured skid ratios that the fits use.
     pub sigma: SigmaKind,
-    pub models: &'t Models,
+    pub input: &'t ReportInput,
 }
 
 impl<'t> Source<'t> {
     /// Returns the colour and dashes for a model.
     pub(crate) fn look(self, model: Model) -> ModelLook {
-        ModelLook::new(model, self.models)
+        self.input.look(model)
+    }
+
+    /// Returns the names of the links of a campaign's robot by number.
+    pub(crate) fn links(self, campaign: &str) -> Vec<String> {
+        self.input.links(campaign)
     }
 
     /// Returns whether a model predicts skid ratios; true for models that are not configured.
     pub(crate) fn skids(self, model: Model) -> bool {
-        self.models.get(&model).is_none_or(|model| model.laws().skids())
+        self.input.models().get(&model).is_none_or(|model| model.laws().skids())
     }
 
-    /// Returns whether the configuration (`self.models`) drives a model by the gait measured in each trial, whichever
+    /// Returns whether the configuration drives a model by the gait measured in each trial, whichever
     /// gait input other models use; false for unknown models.
     pub(crate) fn is_of_trials(self, model: Model) -> bool {
-        self.models.get(&model).is_some_and(ModelConfig::is_of_trials)
+        self.input.models().get(&model).is_some_and(ModelConfig::is_of_trials)
     }
 
     /// Returns the gait trials of a campaign, except failed ones.

@@ -109,9 +109,8 @@ impl Tables {
     /// Returns the tables from which quantities are plotted against frequency.
     pub(crate) fn source<'t>(&'t self, config: &'t ReportInput) -> Source<'t> {
         let sigma = config.sigma;
-        let models = config.models();
         let Self { trials, predictions, fits, comparison, .. } = self;
-        Source { trials, predictions, fits, comparison, sigma, models }
+        Source { trials, predictions, fits, comparison, sigma, input: config }
     }
 
     /// Returns whether an optimum is outdated, that is, computed with coefficients other than those of the current fit.

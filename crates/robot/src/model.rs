@@ -1,11 +1,10 @@
 //! Names of friction models.
 
-use std::collections::BTreeSet;
 use std::fmt;
-use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use trilink_base::Named;
+use trilink_base::text::interned;
 
 /// Name of a friction model, which the configuration defines. Names are interned for the lifetime of the
 /// program, so copying one into table rows costs nothing.
@@ -37,12 +36,7 @@ impl Model {
 
     /// Returns the model with the given name.
     pub fn new(name: &str) -> Self {
-        static NAMES: Mutex<BTreeSet<&str>> = Mutex::new(BTreeSet::new());
-        let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
-        if !names.contains(name) {
-            names.insert(Box::leak(name.into()));
-        }
-        Self(names.get(name).copied().unwrap_or_default())
+        Self(interned(name))
     }
 
     /// Returns the model's name in files and on the command line.

@@ -90,7 +90,9 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
         }
     };
     let models: Vec<Vec<Model>> = campaigns.iter().map(|campaign| models(campaign)).collect();
-    let plots = Metric::SIGMA.map(Quantity::new).into_iter().map(|quantity| -> Plot {
+    let links = campaigns.first().map_or(Vec::new(), |campaign| source.links(campaign));
+    let quantities = Metric::SIGMA.map(|metric| Quantity::of_links(metric, &links)).into_iter();
+    let plots = quantities.map(|quantity| -> Plot {
         let mut series: Vec<Series> = campaigns
             .iter()
             .enumerate()
@@ -111,8 +113,11 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
         (quantity, series)
     });
     let has_points = |series: &[Series]| series.iter().any(|of| of.points().next().is_some());
-    let plots: Vec<Plot> =
-        plots.filter(|(of, series)| of.metric.is_of_three_links() || has_points(series)).collect();
+    let plots: Vec<Plot> = plots
+        .enumerate()
+        .filter(|(wheel, (_, series))| *wheel < links.len().min(3) || has_points(series))
+        .map(|(_, plot)| plot)
+        .collect();
     let (input, of_trials) = drivers(&plots, source);
     let values = context! {
         campaigns => Serde(campaigns),

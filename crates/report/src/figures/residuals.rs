@@ -4,6 +4,7 @@ use minijinja::context;
 use trilink_base::numbers::fixed;
 use trilink_mechanics::Model;
 use trilink_plot::{Figure, Layer, Layout, Panel, Range};
+use trilink_robot::metrics::Metric;
 use trilink_statistics::Estimate;
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
@@ -11,7 +12,7 @@ use trilink_tables::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use super::common::OMEGA;
 use super::texts::texts;
 use crate::looks;
-use crate::series::{Quantity, SAME_FREQUENCY, Source, fitted};
+use crate::series::{Quantity, SAME_FREQUENCY, Source};
 
 /// Largest residual shown in a panel, as a multiple of the largest residual of the best-fitting model.
 const MAX_HEIGHT: f64 = 6.0;
@@ -20,7 +21,8 @@ const MIN_HEIGHT: f64 = 60.0;
 
 /// Returns the figure of the residuals of a campaign's models, in per cent of the measured values.
 pub(super) fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
-    let quantities = fitted();
+    let links = source.links(campaign);
+    let quantities = Metric::FITTED.map(|metric| Quantity::of_links(metric, &links));
     let panels = quantities.iter().filter_map(|quantity| panel(quantity, campaign, source));
     let texts = texts("residuals", context! { campaign });
     Figure::new(stem, texts, &[campaign], Layout::Grid, panels.collect())

@@ -6,6 +6,7 @@ use trilink_base::numbers::significant;
 use trilink_mechanics::Pose;
 use trilink_plot::envelope;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
+use trilink_robot::metrics::Metric;
 use trilink_statistics::mean;
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{CycleRow, Fill, TrialRow};
@@ -16,7 +17,7 @@ use super::tracking;
 use crate::ReportInput;
 use crate::looks;
 use crate::recording::Recording;
-use crate::series::fitted;
+use crate::series::Quantity;
 use crate::tables::Tables;
 
 /// Number of time intervals into which a trial is divided to show the largest residual in each.
@@ -91,7 +92,8 @@ pub(crate) fn figures(
         figure("reconstruction", context! { parts => PARTS }, Layout::Stack, vec![residuals, gaps]);
     // Models without a motion are simply absent from the legend, so sentences about them are discarded.
     let motion = tracking::figure("gait", trial, recording, (tables, config), &mut Vec::new());
-    let own = [path(trial, recording, config), angles, velocities, cycles(trial, recording)];
+    let own =
+        [path(trial, recording, config), angles, velocities, cycles(trial, recording, config)];
     let all = motion.into_iter().chain(own).chain([reconstruction]);
     all.filter(|figure| !figure.is_empty()).collect()
 }
@@ -135,9 +137,15 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
 }
 
 /// Returns the figure of the metrics of each cycle, with their means over the used cycles.
-fn cycles(trial: &TrialRow, recording: &Recording) -> Figure {
-    let panels = fitted()
-        .iter()
+fn cycles(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure {
+    let links = &config.links(&trial.campaign);
+    let is_shown = |metric: &Metric| {
+        let mut values = recording.cycles.iter().map(|cycle| cycle.metrics[*metric]);
+        metric.is_of_three_links() || values.any(f64::is_finite)
+    };
+    let quantities = Metric::FITTED.into_iter().filter(is_shown);
+    let panels = quantities
+        .map(|metric| Quantity::of_links(metric, links))
         .map(|quantity| {
             let kinds = [("not used", looks::UNUSED, false), ("used", looks::measured(0), true)];
             let mean = Layer::new("mean", [(f64::NAN, quantity.of(&trial.metrics))], Look::Guides);

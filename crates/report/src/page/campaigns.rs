@@ -59,6 +59,7 @@ fn section(
     let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
     let fitted = fits.iter().map(|fit| (name, fit.model));
     let exact = taken_as_exact(input, tables, name);
+    let links = input.links(name);
     Ok(Some(context! {
         name => name,
         robot => setup.map(|campaign| &campaign.robot),
@@ -74,12 +75,12 @@ fn section(
         profiles => of_kinds(&["profiles"]),
         replicates => of_kinds(&["replicates"]),
         maps => of_kinds(&["optima"]),
-        fits => fit_values(&fits, tables.preferred(name)),
+        fits => fit_values(&fits, tables.preferred(name), &links),
         starts_agree => starts_agree(&fits),
         is_exact => !exact.is_empty()
             && input.configured_robot(name).is_some_and(RobotConfig::is_exact),
         exact => exact,
-        alternatives => fit_values(&alternatives, None),
+        alternatives => fit_values(&alternatives, None, &links),
         comparison => Serde(comparison.collect::<Vec<_>>()),
         compared => tables.compared(name).map(|compared| compared.to_string()),
         precision => precision(tables, name),
@@ -102,13 +103,14 @@ fn precision(tables: &Tables, name: &str) -> Vec<Value> {
 }
 
 /// Returns the template values of the fits, each with the parameters of its model; the fit `first` comes first.
-fn fit_values(fits: &[FitRow], first: Option<&FitRow>) -> Vec<Value> {
+fn fit_values(fits: &[FitRow], first: Option<&FitRow>, links: &[String]) -> Vec<Value> {
     let mut fits: Vec<&FitRow> = fits.iter().collect();
     fits.sort_by_key(|fit| first.is_none_or(|first| fit.model != first.model));
     let values = fits.into_iter().map(|fit| {
         // The sum is omitted where the coefficients of the individual wheels already give it.
-        let shown = Parameter::ALL.into_iter().filter(|of| !of.is_sum());
-        let parameters = shown.map(|parameter| FittedParameter::new(fit, parameter));
+        let shown = Parameter::OF_ANY_ROBOT.into_iter().filter(|of| !of.is_sum());
+        let parameters =
+            shown.map(|parameter| FittedParameter::new(fit, parameter).of_links(links));
         let parameters: Vec<_> = parameters.filter(|of| of.value.is_finite()).collect();
         context! { fit => Serde(fit), parameters => Serde(parameters) }
     });
@@ -171,8 +173,9 @@ fn answer(
 ) -> Result<Value, ReportError> {
     let fit = tables.preferred(name);
     let free = fit.map_or(&[][..], |fit| &fit.free);
+    let links = source.links(name);
     let coefficients = free.iter().map(|parameter| {
-        let of_fit = fit.map(|fit| FittedParameter::new(fit, *parameter));
+        let of_fit = fit.map(|fit| FittedParameter::new(fit, *parameter).of_links(&links));
         context! { of_fit => Serde(of_fit) }
     });
     let mut curve = frequency::overview(name, fit.map(|fit| fit.model), source);
