@@ -118,9 +118,11 @@ fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
     for (name, campaign) in &config.chains.campaign {
         let links = config.chains.robot.get(&campaign.robot).map_or(0, |robot| robot.links.len());
         say!(
-            "campaign {name}: robot {}, a chain of {links} links, gait {}; for `trilink simulate`",
+            "campaign {name}: robot {}, a chain of {links} links, gait {}, {} trials; for `trilink simulate`, `synth` \
+             and `ingest`",
             campaign.robot,
-            campaign.gait
+            campaign.gait,
+            by_campaign.get(name.as_str()).copied().unwrap_or(0)
         );
     }
     let found = found?;

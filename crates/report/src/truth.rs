@@ -95,17 +95,19 @@ impl PlantedCampaign {
 pub(crate) struct PlantedTrial {
     pub d_m: Option<f64>,
     pub v_m_s: Option<f64>,
-    pub sigma: Option<Vec<f64>>,
+    /// By link; `None` for one without a wheel.
+    pub sigma: Option<Vec<Option<f64>>>,
     pub alpha1_rad: Option<f64>,
 }
 
 impl PlantedTrial {
     /// Returns the true metrics of the trial; NaN if unknown.
     pub(crate) fn metrics(&self) -> GaitMetrics {
+        let sigma = self.sigma.iter().flatten().map(|sigma| sigma.unwrap_or(f64::NAN));
         GaitMetrics {
             d_m: self.d_m.unwrap_or(f64::NAN),
             v_m_s: self.v_m_s.unwrap_or(f64::NAN),
-            sigma: padded(self.sigma.as_deref().unwrap_or_default()),
+            sigma: padded(&sigma.collect::<Vec<_>>()),
             alpha_rad: padded(&[self.alpha1_rad.unwrap_or(f64::NAN)]),
             ..GaitMetrics::MISSING
         }

@@ -228,10 +228,14 @@ pub(crate) fn gait_checks(
         Finding::at_most(Check::Frequency, off_command, measured),
         Finding::at_least(Check::SteadyState, used as f64, counted),
         Finding::at_most(Check::LongGaps, part_gapped, gapped).notable(steady.gapped > 0),
-        check_gait(&measured_joints(row, data.joints.len()), data.joints),
-        Finding::at_most(Check::Drift, drift, drifted),
     ];
-    if let Some(frames) = steady.frames(cycles) {
+    let is_commanded = data.joints.iter().any(Option::is_some);
+    if is_commanded {
+        let measured = measured_joints(row, data.joints.len());
+        findings.push(check_gait(&measured, data.joints, data.geometry.is_of_paper));
+    }
+    findings.push(Finding::at_most(Check::Drift, drift, drifted));
+    if let Some(frames) = steady.frames(cycles).filter(|_| is_commanded) {
         let phi_rad = &data.tracked.seen.phi_rad;
         findings.push(clipping_check(data.joints, phi_rad, &frames, &data.driven.phase));
     }
