@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use serde_json::Value;
+use trilink_robot::Model;
 use trilink_statistics::Estimate;
-use trilink_tables::{Columns as _, Table, TrialRow, TrialStatus};
+use trilink_tables::{Columns as _, FitRow, Table, TrialRow, TrialStatus};
 
 use crate::common::{succeed, text, trilink};
 
@@ -171,7 +172,7 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     };
     let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4"];
     for (options, named) in [
-        (&["--fitted", "--bands"][..], "--fitted"),
+        (&["--fitted", "--bands"][..], "--bands"),
         (&["--page", "motion.html"], "--page"),
         (&["--sensitivities", "--monte-carlo"], "--monte-carlo"),
     ] {
@@ -196,13 +197,11 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
         &["simulate", "twistcar", "--model", "coulomb", "--omega", "4"],
         "key `robot.twistcar.links.front.skid_dry_n`: found nothing, needed skid_dry_n, which model `coulomb`",
     );
-    let notice = "campaign twistcar: its robot is a chain; only `trilink simulate`, `synth` and `ingest` support chains";
+    let notice = "campaign twistcar: its robot is a chain, which this command does not support";
     for arguments in [
         &["branches", "twistcar", "--over", "omega_rad_s=2..4"][..],
         &["optimise", "twistcar", "--model", "skid-roll", "--maximise", "v"],
         &["design", "twistcar", "--model", "skid-roll"],
-        &["run"],
-        &["fit"],
     ] {
         refused(arguments, notice);
     }
@@ -211,8 +210,8 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     let list = "[[trial]]\nid = \"a\"\nkind = \"gait\"\nfile = \"a.csv\"\ncampaign = \"twistcar\"\nomega_rad_s = 1.0\n";
     std::fs::write(raw.join("trials.toml"), list).expect("a file");
     let check = text(&trilink(folder.path(), &["config", "check"]).stdout);
-    let campaign = "campaign twistcar: robot twistcar, a chain of 2 links, gait twist, 1 trials; for `trilink \
-                    simulate`, `synth` and `ingest`";
+    let campaign = "campaign twistcar: robot twistcar (a chain of 2 links), gait twist, 1 trials; models skid, \
+                    skid-roll";
     assert!(check.contains(campaign), "{check}");
 }
 
@@ -399,4 +398,53 @@ fn mistakes_in_trials_of_chains_are_named() {
     let error = refused(&["synth", "raw/other"]);
     let expected = "campaign twistcar: needed a robot whose marker layout is configured";
     assert!(error.contains(expected), "{error}");
+}
+
+/// The limits of a coefficient are those of 95 %; farther from the planted value than three times their distance from
+/// the fitted one, a limit would be wrong.
+#[test]
+fn synthetic_trials_of_the_gallery_yield_the_planted_coefficients() {
+    let mut limits = 0;
+    for entry in std::fs::read_dir(gallery()).expect("the gallery is there") {
+        let robot = entry.expect("an entry").file_name().into_string().expect("a name");
+        let folder = folder_of(&robot);
+        let file = folder.path().join("pipeline.toml");
+        let text = std::fs::read_to_string(&file).expect("a file");
+        let settings = "[fit]\nbootstrap = 40\nprofiles = false\nstarts = 2\n";
+        std::fs::write(&file, format!("{text}\n{settings}")).expect("a file");
+        let omegas = ["--omega", "2,3,4,5,6"];
+        succeed(folder.path(), &[&["synth", "raw/practice", "--seed", "3"][..], &omegas].concat());
+        succeed(folder.path(), &["ingest", "raw/practice"]);
+        trilink(folder.path(), &["fit"]);
+        let truth = std::fs::read(folder.path().join("raw/practice/truth.json")).expect("a file");
+        let truth: Value = serde_json::from_slice(&truth).expect("JSON");
+        let (_, planted) =
+            truth["campaigns"].as_object().expect("a map").iter().next().expect("one");
+        let table = Table::read(&folder.path().join("derived/fits.parquet")).expect("a table");
+        let fits = FitRow::from_table(&table).expect("fits");
+        let fit = fits.iter().find(|fit| fit.model == Model::SKID_ROLL).expect("a fit");
+        assert!(fit.status.is_ok() && !fit.free.is_empty(), "{robot}: {}", fit.failure);
+        for parameter in &fit.free {
+            let wheel = parameter.number().expect("of a wheel");
+            let planted = planted["skid_kg_s"][wheel].as_f64().expect("a number");
+            let found = fit.parameters[*parameter];
+            let [low, high] = [fit.lower[*parameter], fit.upper[*parameter]];
+            if low.is_finite() && high.is_finite() {
+                let off =
+                    (planted - found) / if planted > found { high - found } else { found - low };
+                assert!(
+                    off.abs() < 3.0,
+                    "{robot}: {parameter} = {found}, not {planted}: {low} {high}"
+                );
+                limits += 1;
+            }
+        }
+        let simulate = ["simulate", &fit.campaign, "--model", "skid-roll", "--fitted", "--json"];
+        let answer = succeed(folder.path(), &[&simulate[..], &["--omega", "4"]].concat());
+        let answer: Value = serde_json::from_str(&answer).expect("JSON");
+        let name = fit.free[0].name();
+        let shown = answer[0]["coefficients"][name].as_f64().expect("a number");
+        assert!((shown / fit.parameters[fit.free[0]] - 1.0).abs() < 1e-12, "{robot}: {name}");
+    }
+    assert!(limits >= 10, "{limits}");
 }

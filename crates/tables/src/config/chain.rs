@@ -308,7 +308,7 @@ impl Config {
     pub fn chain_notice(&self, campaign: &str) -> Option<String> {
         self.chains.campaign.contains_key(campaign).then(|| {
             format!(
-                "campaign {campaign}: its robot is a chain; only `trilink simulate`, `synth` and `ingest` support chains"
+                "campaign {campaign}: its robot is a chain, which this command does not support"
             )
         })
     }
