@@ -5,7 +5,8 @@ use trilink_robot::{Chain, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINK
 
 use super::ChainProblem;
 use super::balance::{System, WheelState};
-use super::cluster::{Cluster, Clusters, Wave, prescribed};
+use super::cluster::{Cluster, Clusters};
+use super::wave::{Wave, prescribed};
 
 /// State of a chain and the forces on it at one time.
 #[derive(Debug, Clone, PartialEq)]
