@@ -12,6 +12,7 @@ mod link_layout;
 mod model;
 mod paths;
 mod robot;
+mod serialize;
 mod settings;
 mod strict;
 
@@ -49,7 +50,7 @@ pub const CONFIG_FILE: &str = "pipeline.toml";
 /// Configuration read from `pipeline.toml`. A key that is left out has its default value. Any entry of
 /// `robot`, `gait`, `campaign` or `markers` replaces the whole default table of that name, whereas entries of
 /// `model` are added to the default models.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     pub paths: Paths,
@@ -62,13 +63,13 @@ pub struct Config {
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
     /// Marker layouts of robots that have another one than `markers`, by the name of the robot.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     pub layout: BTreeMap<String, Markers>,
     pub report: Report,
     pub compare: Compare,
     pub optimise: Optimise,
     /// Robots that are chains, with their gaits and campaigns. These entries of the tables `robot`, `gait` and
-    /// `campaign` are not in the fields of these names, because only simulations know them.
+    /// `campaign` are not in the fields of these names, because their keys differ.
     #[serde(skip)]
     pub chains: Chains,
 }

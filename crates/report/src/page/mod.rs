@@ -4,6 +4,7 @@ mod campaigns;
 mod engine;
 mod image;
 mod optima;
+mod parts;
 mod shared;
 mod trial;
 
@@ -19,10 +20,13 @@ pub(crate) use trial::{html as trial_html, neighbours};
 
 use trilink_base::files::relative;
 use trilink_plot::Figure;
+use trilink_statistics::Estimate;
 use trilink_tables::config::{SigmaKind, Smoothing};
 use trilink_tables::{CheckRow, CommonCause, Severity, TrialRow, TrialStatus};
 
+use self::parts::Parts;
 use super::Changes;
+use super::figures::subscripted;
 use super::parameters::WHEELS;
 use super::scorecard::JudgedClaim;
 use super::tables::Tables;
@@ -87,12 +91,37 @@ pub(crate) fn html(
         codes.entry(&check.trial).or_default().extend(check.check.split(' ').next());
     }
     // Skid ratios are of the kind (raw or debiased) that the fits use.
+    let parts = Parts::of_trials(&tables.trials, input);
     let listed = |rows: Vec<&TrialRow>| {
         let listed = rows.into_iter().map(|row| {
-            Value::from(Serde((row, &row.sigma(input.sigma)[..3], codes.get(&*row.trial))))
+            let sigma = row.sigma(input.sigma);
+            let sigma: Vec<Estimate> = parts.wheels.iter().map(|wheel| sigma[*wheel]).collect();
+            let [alpha_rad, se_rad] = [&row.metrics, &row.metrics_se].map(|of| of.alpha_rad);
+            let alpha = parts.joints.iter().map(|of| Estimate::new(alpha_rad[*of], se_rad[*of]));
+            let alpha: Vec<Estimate> = alpha.collect();
+            Value::from(Serde((row, sigma, alpha, codes.get(&*row.trial))))
         });
         listed.collect::<Vec<_>>()
     };
+    // If the robots have different links, the wheels are named for each campaign instead of in the table's head.
+    let of_campaigns = tables.trials.iter().filter(|trial| !trial.campaign.is_empty());
+    let of_campaigns: BTreeMap<&str, Vec<String>> =
+        of_campaigns.map(|trial| (&*trial.campaign, input.links(&trial.campaign))).collect();
+    let distinct: BTreeSet<&Vec<String>> = of_campaigns.values().collect();
+    let names = match distinct.len() {
+        0 => Some(WHEELS.map(str::to_owned).to_vec()),
+        1 => distinct.into_iter().next().cloned(),
+        _ => None,
+    };
+    let named = of_campaigns.iter().filter(|_| names.is_none());
+    let wheel_names: BTreeMap<&str, String> = named
+        .map(|(campaign, links)| {
+            let wheels = links.iter().enumerate();
+            let wheels = wheels.filter(|(wheel, _)| input.has_wheel(campaign, *wheel));
+            let wheels = wheels.map(|(wheel, link)| format!("{} {link}", subscripted('σ', wheel)));
+            (*campaign, wheels.collect::<Vec<_>>().join(", "))
+        })
+        .collect();
     let (first, folded) = listed_first(&tables.trials);
     // Notes on fits that replace missing data, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
@@ -117,7 +146,7 @@ pub(crate) fn html(
         missing => Serde(missing),
         changes => Serde(changes),
         campaigns => campaigns::sections(input, (tables, truth), drawn)?,
-        shared => shared::sections(tables),
+        shared => shared::sections(tables, input),
         not_shared => Serde(shared::not_tested(input, tables)),
         paper_figures => Serde(paper_figures(drawn)),
         comparisons => images(drawn, |figure| {
@@ -130,7 +159,10 @@ pub(crate) fn html(
         trials => Serde(&tables.trials),
         trials_first => listed(first),
         trials_folded => listed(folded),
-        wheels => WHEELS,
+        parts => parts.heads(names.as_deref().unwrap_or_default()),
+        wheel_names => Serde(wheel_names),
+        subject => subject(tables, input),
+        has_chains => has_chains(tables, input),
         debiased => input.sigma == SigmaKind::Debiased,
         kalman => input.smoothing() == Smoothing::Kalman,
         truth => truth.map(|truth| truth::compare(truth, tables)),
@@ -143,6 +175,25 @@ pub(crate) fn html(
         configuration => input.configuration(),
     };
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
+}
+
+/// Returns whether a campaign in the tables has a chain.
+fn has_chains(tables: &Tables, input: &ReportInput) -> bool {
+    let trials = tables.trials.iter().map(|row| &row.campaign);
+    let mut campaigns = trials.chain(tables.fits.iter().map(|fit| &fit.campaign));
+    campaigns.any(|campaign| input.is_chain(campaign))
+}
+
+/// Returns a noun phrase for the robots of the report.
+fn subject(tables: &Tables, input: &ReportInput) -> &'static str {
+    if !has_chains(tables, input) {
+        return "a wheeled three-link robot";
+    }
+    let robots = tables.trials.iter().filter_map(|row| input.robot_name(&row.campaign));
+    match robots.collect::<BTreeSet<_>>().len() {
+        1 => "a wheeled robot",
+        _ => "wheeled robots",
+    }
 }
 
 /// Maximum number of trials in the table that is not folded.
