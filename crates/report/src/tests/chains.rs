@@ -47,6 +47,44 @@ fn numbered<T: Copy>(chain: &Chain, values: &[T]) -> Vec<T> {
     chain.numbering().into_iter().map(|link| values[link]).collect()
 }
 
+/// Returns the configuration of the chains alone.
+pub(super) fn config_of_chains(folder: &Path) -> Config {
+    let [twistcar, snake] = &robots();
+    let mut config = config_with(folder, &[twistcar, snake]);
+    config.campaign.clear();
+    config
+}
+
+/// Returns shared tables of both chains.
+fn of_chains() -> &'static OfChains {
+    static SHARED: OnceLock<OfChains> = OnceLock::new();
+    SHARED.get_or_init(|| {
+        let config = config_of_chains(temporary().path());
+        let mut all = OfChains::default();
+        [TWISTCAR, PASSIVE].into_iter().for_each(|campaign| all.add(&config, campaign));
+        all
+    })
+}
+
+/// Returns the tables of both chains.
+pub(super) fn few() -> MadeUp {
+    let MadeUp { trials, checks, fits, predictions } = &of_chains().tables;
+    MadeUp {
+        trials: trials.clone(),
+        checks: checks.clone(),
+        fits: fits.clone(),
+        predictions: predictions.clone(),
+    }
+}
+
+/// Writes changed tables of chains, with the unchanged recordings of the trials.
+pub(super) fn write(tables: &MadeUp, derived: &Path) {
+    tables.write(derived);
+    for (trial, chain, samples) in &of_chains().recordings {
+        write_recording(derived, trial, chain, samples);
+    }
+}
+
 /// Tables of chains that move as the model skid-roll with their configured coefficients.
 #[derive(Default)]
 struct OfChains {
@@ -132,14 +170,6 @@ impl OfChains {
             ..FitRow::blank()
         });
     }
-
-    /// Writes the tables, also those of each trial.
-    fn write(&self, derived: &Path) {
-        self.tables.write(derived);
-        for (trial, chain, samples) in &self.recordings {
-            write_recording(derived, trial, chain, samples);
-        }
-    }
 }
 
 /// Writes the poses, wheel velocities and cycles of a trial in which a cycle is repeated.
@@ -214,14 +244,15 @@ fn shared() -> &'static (tempfile::TempDir, Reported, Config) {
         let folder = temporary();
         let [twistcar, snake] = &robots();
         let config = config_with(folder.path(), &[twistcar, snake]);
-        let mut all = OfChains::default();
-        let mut of_three = MadeUp::of_the_paper();
-        of_three.trials.retain(|row| row.campaign == SYMMETRIC && row.omega_rad_s > 5.0);
-        of_three.fits.retain(|row| row.campaign == SYMMETRIC);
-        of_three.predictions.retain(|row| row.campaign == SYMMETRIC);
-        all.tables = of_three;
-        [TWISTCAR, PASSIVE].into_iter().for_each(|campaign| all.add(&config, campaign));
-        all.write(&folder.path().join("derived"));
+        let mut tables = MadeUp::of_the_paper();
+        tables.trials.retain(|row| row.campaign == SYMMETRIC && row.omega_rad_s > 5.0);
+        tables.fits.retain(|row| row.campaign == SYMMETRIC);
+        tables.predictions.retain(|row| row.campaign == SYMMETRIC);
+        let MadeUp { trials, fits, predictions, .. } = few();
+        tables.trials.extend(trials);
+        tables.fits.extend(fits);
+        tables.predictions.extend(predictions);
+        write(&tables, &folder.path().join("derived"));
         let reported = report(&config).unwrap_or_else(|error| panic!("{error}"));
         (folder, reported, config)
     })
@@ -340,12 +371,13 @@ fn the_report_page_describes_chains_beside_a_robot_with_three_links() {
 #[test]
 fn a_report_on_one_chain_has_only_its_wheels() {
     let folder = temporary();
-    let [twistcar, _] = &robots();
-    let mut config = config_with(folder.path(), &[twistcar]);
-    config.campaign.clear();
-    let mut all = OfChains::default();
-    all.add(&config, TWISTCAR);
-    all.write(&folder.path().join("derived"));
+    let mut config = config_of_chains(folder.path());
+    config.chains.campaign.remove(PASSIVE);
+    let mut tables = few();
+    tables.trials.retain(|row| row.campaign == TWISTCAR);
+    tables.fits.retain(|row| row.campaign == TWISTCAR);
+    tables.predictions.retain(|row| row.campaign == TWISTCAR);
+    write(&tables, &folder.path().join("derived"));
     let page = read(&report(&config).expect("reports").page);
     assert!(page.contains("<h1>Trials of a wheeled robot</h1>"));
     let trials = section(&page, "trials");
@@ -370,4 +402,9 @@ fn the_configuration_of_chains_is_printed_and_part_of_the_fingerprint() {
     chain.links[0].mass_kg *= 1.1;
     assert_ne!(fingerprint(&changed), fingerprint(config));
     assert!(read(&shared().1.page).contains("[[robot.passive.links]]"));
+}
+
+pub(super) fn dump(to: &Path) {
+    let from = shared().0.path().join("reports");
+    std::process::Command::new("cp").arg("-r").arg(from).arg(to).status().expect("copies");
 }
