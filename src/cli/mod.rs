@@ -292,14 +292,6 @@ impl Context {
         Ok(())
     }
 
-    /// Notes which campaigns a command leaves out because their robots are chains.
-    fn note_chains(&self) {
-        let campaigns = self.config.chains.campaign.keys();
-        for notice in campaigns.filter_map(|name| self.config.chain_notice(name)) {
-            output::print_note(format!("note: {notice}"));
-        }
-    }
-
     /// Checks that there are results if there is no configuration file.
     fn check_results(&self) -> Result<(), RunError> {
         if self.is_configured { Ok(()) } else { check_results(&self.config) }

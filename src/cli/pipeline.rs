@@ -133,7 +133,6 @@ impl Run {
 
 impl Update {
     fn run(&self, context: &Context, only: bool) -> Result<Outcome, Failure> {
-        context.note_chains();
         let options = RerunOptions { force: self.force, verify: self.verify, only };
         if self.dry_run {
             return self.list(&dry_run(&context.config, options)?);
@@ -427,9 +426,13 @@ fn print_fits(fits: &[FitRow]) {
         .right("misfit ratio", |fit| known([fit.lack_of_fit], |[ratio]| format!("{ratio:.2}")))
         .left("fits", fits_in_words);
     let is_skid = |parameter: Parameter| parameter.quantity() == Quantity::Skid;
-    for parameter in Parameter::ALL {
+    let has_value =
+        |parameter: Parameter| fits.iter().any(|fit| fit.parameters[parameter].is_finite());
+    let skids = Parameter::ALL.into_iter().any(|one| is_skid(one) && has_value(one));
+    for parameter in Parameter::OF_ANY_ROBOT {
         let is_free = |fit: &FitRow| fit.free.contains(&parameter);
-        if is_skid(parameter) || fits.iter().any(is_free) {
+        let of_wheel = has_value(parameter) || !skids && parameter.is_of_three_links();
+        if is_skid(parameter) && of_wheel || fits.iter().any(is_free) {
             let name = match parameter.number() {
                 Some(wheel) if is_skid(parameter) => format!("c_S{wheel}"),
                 _ => parameter.name().to_owned(),
@@ -459,7 +462,7 @@ fn fits_in_words(fit: &FitRow) -> Text {
 /// Prints the meaning of the marks in the tables of fits, and notes on the fits.
 fn print_remarks(fits: &[FitRow]) {
     let cells: String =
-        fits.iter().flat_map(|fit| Parameter::ALL.map(|parameter| cell(fit, parameter))).collect();
+        fits.iter().flat_map(|fit| Parameter::OF_ANY_ROBOT.map(|of| cell(fit, of))).collect();
     let marks = [('~', "not identifiable"), ('|', "at a bound"), ('?', "the model does not fit")];
     let marks = marks.iter().filter(|(mark, _)| cells.contains(*mark));
     let marks: String = marks.map(|(mark, meaning)| format!("; {mark}: {meaning}")).collect();

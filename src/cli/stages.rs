@@ -112,7 +112,6 @@ impl Fit {
             say!("{count} replicates of all models; {shard} in {}", home.display());
             return Ok(Outcome::Well);
         }
-        context.note_chains();
         let fitted = context.watched(|watch| build::fit(&context.config, wait, watch))?;
         say_fitted(&context, &fitted)
     }

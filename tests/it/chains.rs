@@ -1,9 +1,11 @@
-//! Tests of robots that are chains: `simulate`, and the notices of the other commands.
+//! Tests of robots that are chains: `simulate`, synthetic trials and their tables, and the notices of the other commands.
 
 use std::path::Path;
 
 use serde_json::Value;
-use trilink_tables::Table;
+use trilink_robot::Model;
+use trilink_statistics::Estimate;
+use trilink_tables::{Columns as _, FitRow, Table, TrialRow, TrialStatus};
 
 use crate::common::{succeed, text, trilink};
 
@@ -170,7 +172,7 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     };
     let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4"];
     for (options, named) in [
-        (&["--fitted", "--bands"][..], "--fitted"),
+        (&["--fitted", "--bands"][..], "--bands"),
         (&["--page", "motion.html"], "--page"),
         (&["--sensitivities", "--monte-carlo"], "--monte-carlo"),
     ] {
@@ -195,14 +197,11 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
         &["simulate", "twistcar", "--model", "coulomb", "--omega", "4"],
         "key `robot.twistcar.links.front.skid_dry_n`: found nothing, needed skid_dry_n, which model `coulomb`",
     );
-    let notice = "campaign twistcar: its robot is a chain; only `trilink simulate` supports chains";
+    let notice = "campaign twistcar: its robot is a chain, which this command does not support";
     for arguments in [
         &["branches", "twistcar", "--over", "omega_rad_s=2..4"][..],
         &["optimise", "twistcar", "--model", "skid-roll", "--maximise", "v"],
         &["design", "twistcar", "--model", "skid-roll"],
-        &["run"],
-        &["fit"],
-        &["synth", "raw2"],
     ] {
         refused(arguments, notice);
     }
@@ -211,6 +210,241 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     let list = "[[trial]]\nid = \"a\"\nkind = \"gait\"\nfile = \"a.csv\"\ncampaign = \"twistcar\"\nomega_rad_s = 1.0\n";
     std::fs::write(raw.join("trials.toml"), list).expect("a file");
     let check = text(&trilink(folder.path(), &["config", "check"]).stdout);
-    let campaign = "campaign twistcar: robot twistcar, a chain of 2 links, gait twist";
-    assert!(check.contains(campaign) && check.contains(notice), "{check}");
+    let campaign = "campaign twistcar: robot twistcar (a chain of 2 links), gait twist, 1 trials; models skid, \
+                    skid-roll";
+    assert!(check.contains(campaign), "{check}");
+}
+
+/// Returns the row and the true values of each trial in `raw/practice` of a folder, which are ingested.
+fn ingested(folder: &Path) -> Vec<(TrialRow, Value)> {
+    succeed(folder, &["ingest", "raw/practice"]);
+    let table = Table::read(&folder.join("derived/trials.parquet")).expect("a table");
+    let truth = std::fs::read(folder.join("raw/practice/truth.json")).expect("a file");
+    let truth: Value = serde_json::from_slice(&truth).expect("JSON");
+    let rows = TrialRow::from_table(&table).expect("trials").into_iter();
+    rows.map(|row| (row.clone(), truth["trials"][&row.id].clone())).collect()
+}
+
+#[test]
+fn synthetic_trials_of_the_gallery_have_their_true_metrics() {
+    let (mut squares, mut count) = (0.0, 0.0);
+    for entry in std::fs::read_dir(gallery()).expect("the gallery is there") {
+        let robot = entry.expect("an entry").file_name().into_string().expect("a name");
+        let folder = folder_of(&robot);
+        succeed(folder.path(), &["synth", "raw/practice", "--omega", "3,5", "--seed", "2"]);
+        let trials = ingested(folder.path());
+        assert_eq!(trials.len(), 2, "{robot}");
+        for (row, truth) in trials {
+            assert_eq!(row.status, TrialStatus::Ok, "{robot}: {}", row.message);
+            let (means, errors) = (&row.metrics, &row.metrics_se);
+            let mut found = vec![
+                ("d_m".to_owned(), truth["d_m"].as_f64(), Estimate::new(means.d_m, errors.d_m)),
+                ("v_m_s".to_owned(), truth["v_m_s"].as_f64(), {
+                    Estimate::new(means.v_m_s, errors.v_m_s)
+                }),
+            ];
+            let sigma = truth["sigma"].as_array().expect("a list");
+            for (link, truth) in sigma.iter().enumerate() {
+                found.push((format!("sigma{link}"), truth.as_f64(), row.all_debiased()[link]));
+            }
+            for joint in 0.. {
+                let name = format!("alpha{}_rad", joint + 1);
+                let Some(truth) = truth[&name].as_f64() else { break };
+                let alpha = Estimate::new(means.alpha_rad[joint], errors.alpha_rad[joint]);
+                found.push((name, Some(truth), alpha));
+            }
+            assert!(found.len() >= 5, "{robot}: {truth}");
+            for (name, truth, Estimate { value, se }) in found {
+                let Some(truth) = truth else {
+                    assert!(value.is_nan(), "{robot}: {name}");
+                    continue;
+                };
+                let deviation = (value - truth) / se;
+                assert!(
+                    deviation.abs() < 4.0,
+                    "{robot}, {}: {name} = {value} +- {se}, not {truth}",
+                    row.trial
+                );
+                squares += deviation * deviation;
+                count += 1.0;
+            }
+        }
+    }
+    let rms = f64::sqrt(squares / count);
+    assert!((0.7..1.3).contains(&rms), "{rms}");
+}
+
+#[test]
+fn a_chain_without_driven_joints_has_phases_relative_to_joint_1() {
+    let folder = folder_of("elastic-snake.toml");
+    succeed(folder.path(), &["synth", "raw/practice", "--omega", "3"]);
+    let trials = ingested(folder.path());
+    let [(row, _)] = trials.as_slice() else { panic!("one trial") };
+    assert!((row.omega_rad_s / 3.0 - 1.0).abs() < 1e-4, "{}", row.omega_rad_s);
+    let [first, second] = row.gait.map(|joint| joint.phase_rad.to_degrees());
+    // The drive of joint 2 lags by 90 degrees.
+    assert!(first.abs() < 0.1 && (-120.0..-60.0).contains(&second), "{first} {second}");
+    let checks = Table::read(&folder.path().join("derived/checks.parquet")).expect("a table");
+    let names = checks.frame.column("check").expect("a column").str().expect("texts").clone();
+    let names: Vec<&str> = names.iter().flatten().collect();
+    assert!(names.contains(&"W005 frequency") && !names.contains(&"W009 gait"), "{names:?}");
+
+    let list = folder.path().join("raw/practice/trials.toml");
+    let text = std::fs::read_to_string(&list).expect("a list");
+    std::fs::write(&list, text.replace("omega_rad_s = 3.0", "omega_rad_s = 0.4775")).unwrap();
+    let error = trilink(folder.path(), &["ingest", "raw/practice"]);
+    let table = Table::read(&folder.path().join("derived/trials.parquet")).expect("a table");
+    let rows = TrialRow::from_table(&table).expect("trials");
+    let expected = "is omega_rad_s in Hz? set omega_rad_s = 3.0";
+    assert!(rows[0].message.contains(expected), "{} {error:?}", rows[0].message);
+}
+
+#[test]
+fn a_link_without_markers_follows_from_its_neighbours() {
+    let folder = folder_of("driven-snake.toml");
+    let path = folder.path().join("pipeline.toml");
+    let text = std::fs::read_to_string(&path).expect("a configuration");
+    for bare in ["link 3", "link 4"] {
+        let lines = text.lines().filter(|line| !line.starts_with(&format!("\"{bare}\" = ")));
+        std::fs::write(&path, lines.collect::<Vec<_>>().join("\n")).unwrap();
+        succeed(folder.path(), &["synth", "raw/practice", "--omega", "4"]);
+        let trials = ingested(folder.path());
+        let [(row, truth)] = trials.as_slice() else { panic!("one trial") };
+        assert_eq!(row.status, TrialStatus::Ok, "{bare}: {}", row.message);
+        let d_m = truth["d_m"].as_f64().expect("a number");
+        let off = (row.metrics.d_m - d_m).abs();
+        assert!(off < 4.0 * row.metrics_se.d_m, "{bare}: {} {d_m}", row.metrics.d_m);
+        let survey = succeed(folder.path(), &["check", "raw/practice/snake-4.00-r1.csv"]);
+        assert!(survey.contains("can be ingested"), "{survey}");
+    }
+}
+
+#[test]
+fn servos_days_and_label_errors_of_chains_are_in_the_truth() {
+    let folder = folder_of("passive-snake.toml");
+    let options = ["--servo-lag", "0.02", "--servo-compliance", "0.05", "--days", "2"];
+    let others =
+        ["--misplaced", "0.02", "--repeats", "2", "--law", "skid", "--skid-factors", "2,1,1"];
+    let synth = ["synth", "raw/practice", "--omega", "4"];
+    succeed(folder.path(), &[&synth[..], &options, &others].concat());
+    let truth = std::fs::read(folder.path().join("raw/practice/truth.json")).expect("a file");
+    let truth: Value = serde_json::from_slice(&truth).expect("JSON");
+    let planted = &truth["campaigns"]["passive"];
+    assert_eq!(planted["law"]["model"], "skid");
+    let skid = planted["skid_kg_s"].as_array().expect("a list");
+    // The body has 150 kg/s, the head and the tail 100 kg/s; the fin has no wheel.
+    let is_near = |link: usize, kg_s: f64| (skid[link].as_f64().unwrap() / kg_s - 1.0).abs() < 0.11;
+    assert!(is_near(0, 300.0) && is_near(1, 100.0) && is_near(2, 100.0) && skid[3].is_null());
+    assert_eq!(planted["stiffness_nm_rad"], serde_json::json!([null, 0.137, 0.137]));
+    let trial = &truth["trials"]["passive-4.00-r2"];
+    assert_eq!(trial["day"], 2);
+    assert!(trial["misplaced"].as_array().is_some_and(|errors| errors.len() > 10), "{trial}");
+    let driven = &trial["gait"][0];
+    let lag_rad = -driven["phase_rad"].as_f64().expect("a phase");
+    assert!((0.06..0.12).contains(&lag_rad) && trial["gait"][1].is_null(), "{trial}");
+    for (row, _) in ingested(folder.path()) {
+        assert!(row.status.has_metrics(), "{}", row.message);
+    }
+}
+
+#[test]
+fn mistakes_in_trials_of_chains_are_named() {
+    let folder = folder_of("twistcar.toml");
+    let path = folder.path().join("pipeline.toml");
+    let text = std::fs::read_to_string(&path).expect("a configuration");
+    succeed(folder.path(), &["synth", "raw/practice", "--omega", "4"]);
+    let refused = |arguments: &[&str]| {
+        let output = trilink(folder.path(), arguments);
+        assert_ne!(output.status.code(), Some(0), "{arguments:?}");
+        self::text(&output.stderr)
+    };
+    let variation = ["synth", "raw/other", "--friction-variation", "0.1"];
+    let error = refused(&variation);
+    let expected =
+        "--friction-variation: is not available for robots that are chains, such as twistcar";
+    assert!(error.contains(expected), "{error}");
+    let error = refused(&["ingest", "raw/practice", "--calibrate", "twistcar-4.00-r1"]);
+    assert!(error.contains("layouts of chains cannot be calibrated yet"), "{error}");
+
+    let ingest = |configuration: &str, list: &str| {
+        std::fs::write(&path, configuration).unwrap();
+        std::fs::write(folder.path().join("raw/practice/trials.toml"), list).unwrap();
+        trilink(folder.path(), &["ingest", "raw/practice"]);
+        let table = Table::read(&folder.path().join("derived/trials.parquet")).expect("a table");
+        TrialRow::from_table(&table).expect("trials")
+    };
+    let list = "[[trial]]\nid = \"a\"\nfile = \"twistcar-4.00-r1.csv\"\n";
+    let gait = format!("{list}kind = \"gait\"\ncampaign = \"twistcar\"\nomega_rad_s = 4.0\n");
+    let bare = text.split("[layout").next().expect("a text").to_owned();
+    let coast = format!("{list}kind = \"coast-down\"\nrobot = \"twistcar\"\n");
+    let unknown = gait.replace("campaign = \"twistcar\"", "campaign = \"twistcat\"");
+    let other = text.replace("R1 = ", "X1 = ");
+    for (configuration, list, expected) in [
+        (
+            &bare,
+            &gait,
+            "key `campaign`: found `twistcar`, needed a robot whose marker layout is configured: the positions of the \
+             markers of robot `twistcar` in [layout.twistcar.front], [layout.twistcar.rear]",
+        ),
+        (&text, &coast, "trials of kind coast-down are not supported for chains yet"),
+        (&text, &unknown, "did you mean `twistcar`?"),
+        (&other, &gait, "no marker `X1`, which layout.twistcar.rear of pipeline.toml requires"),
+    ] {
+        let rows = ingest(configuration, list);
+        assert_eq!(rows[0].status, TrialStatus::Failed);
+        assert!(rows[0].message.contains(expected), "{}", rows[0].message);
+    }
+    std::fs::write(&path, bare).unwrap();
+    let error = refused(&["synth", "raw/other"]);
+    let expected = "campaign twistcar: needed a robot whose marker layout is configured";
+    assert!(error.contains(expected), "{error}");
+}
+
+/// The limits of a coefficient are those of 95 %; farther from the planted value than three times their distance from
+/// the fitted one, a limit would be wrong.
+#[test]
+fn synthetic_trials_of_the_gallery_yield_the_planted_coefficients() {
+    let mut limits = 0;
+    for entry in std::fs::read_dir(gallery()).expect("the gallery is there") {
+        let robot = entry.expect("an entry").file_name().into_string().expect("a name");
+        let folder = folder_of(&robot);
+        let file = folder.path().join("pipeline.toml");
+        let text = std::fs::read_to_string(&file).expect("a file");
+        let settings = "[fit]\nbootstrap = 40\nprofiles = false\nstarts = 2\n";
+        std::fs::write(&file, format!("{text}\n{settings}")).expect("a file");
+        let omegas = ["--omega", "2,3,4,5,6"];
+        succeed(folder.path(), &[&["synth", "raw/practice", "--seed", "3"][..], &omegas].concat());
+        succeed(folder.path(), &["ingest", "raw/practice"]);
+        trilink(folder.path(), &["fit"]);
+        let truth = std::fs::read(folder.path().join("raw/practice/truth.json")).expect("a file");
+        let truth: Value = serde_json::from_slice(&truth).expect("JSON");
+        let (_, planted) =
+            truth["campaigns"].as_object().expect("a map").iter().next().expect("one");
+        let table = Table::read(&folder.path().join("derived/fits.parquet")).expect("a table");
+        let fits = FitRow::from_table(&table).expect("fits");
+        let fit = fits.iter().find(|fit| fit.model == Model::SKID_ROLL).expect("a fit");
+        assert!(fit.status.is_ok() && !fit.free.is_empty(), "{robot}: {}", fit.failure);
+        for parameter in &fit.free {
+            let wheel = parameter.number().expect("of a wheel");
+            let planted = planted["skid_kg_s"][wheel].as_f64().expect("a number");
+            let found = fit.parameters[*parameter];
+            let [low, high] = [fit.lower[*parameter], fit.upper[*parameter]];
+            if low.is_finite() && high.is_finite() {
+                let off =
+                    (planted - found) / if planted > found { high - found } else { found - low };
+                assert!(
+                    off.abs() < 3.0,
+                    "{robot}: {parameter} = {found}, not {planted}: {low} {high}"
+                );
+                limits += 1;
+            }
+        }
+        let simulate = ["simulate", &fit.campaign, "--model", "skid-roll", "--fitted", "--json"];
+        let answer = succeed(folder.path(), &[&simulate[..], &["--omega", "4"]].concat());
+        let answer: Value = serde_json::from_str(&answer).expect("JSON");
+        let name = fit.free[0].name();
+        let shown = answer[0]["coefficients"][name].as_f64().expect("a number");
+        assert!((shown / fit.parameters[fit.free[0]] - 1.0).abs() < 1e-12, "{robot}: {name}");
+    }
+    assert!(limits >= 10, "{limits}");
 }

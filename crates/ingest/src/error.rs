@@ -33,32 +33,30 @@ pub enum Problem {
          false and vicon.rate_hz to the frame rate"
     )]
     NoRate,
+    #[error("the file has no marker `{label}`, which {table} of pipeline.toml requires; {hint}")]
+    MissingMarker { label: String, link: usize, table: String, hint: String },
     #[error(
-        "the file has no marker `{label}`, which markers.link{link} of pipeline.toml requires; {hint}"
-    )]
-    MissingMarker { label: String, link: usize, hint: String },
-    #[error(
-        "{missing} of the {all} markers of pipeline.toml's [markers] are not in the file, whose labels are {labels}: \
+        "{missing} of the {all} markers of pipeline.toml's {table} are not in the file, whose labels are {labels}: \
          does the file belong to this robot?"
     )]
-    ForeignFile { missing: usize, all: usize, labels: String },
+    ForeignFile { missing: usize, all: usize, table: String, labels: String },
     #[error(
-        "the marker `{label}` of markers.link{link} matches the labels `{}`; replace the label in that table by one \
+        "the marker `{label}` of {table} matches the labels `{}`; replace the label in that table by one \
          of these, in the form `Subject:Marker`",
         found.join("`, `")
     )]
-    AmbiguousMarker { label: String, link: usize, found: Vec<String> },
+    AmbiguousMarker { label: String, table: String, found: Vec<String> },
     #[error(
-        "the file has the label `{}` more than once, but markers.link{} of pipeline.toml needs it to be unique",
-        .label, .link
+        "the file has the label `{}` more than once, but {} of pipeline.toml needs it to be unique",
+        .label, .table
     )]
-    RepeatedLabel { label: String, link: usize },
+    RepeatedLabel { label: String, table: String },
     #[error(
-        "the marker `{}` matches both `{}` and `{}` of pipeline.toml's [markers], but each of these entries needs a \
-         marker of its own",
-        .found, .first, .second
+        "the marker `{}` matches both `{}` and `{}` of pipeline.toml's {}, but each of these entries needs a marker of \
+         its own",
+        .found, .first, .second, .table
     )]
-    SharedMarker { found: String, first: String, second: String },
+    SharedMarker { found: String, first: String, second: String, table: String },
     #[error("found frames {} to {} in only {} rows: the frame numbers jump implausibly", .first, .last, .rows)]
     FrameJumps { first: i64, last: i64, rows: usize },
     #[error("no frame shows two markers of link {} together, but its pose requires two", .link)]

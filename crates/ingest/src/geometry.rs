@@ -20,6 +20,8 @@ pub(crate) struct Geometry {
     pub order: Vec<usize>,
     /// Length that normalises skid velocities (eq. 20 of the paper), m.
     pub skid_length_m: f64,
+    /// Whether the robot is the paper's, which is described by h, l and b.
+    pub is_of_paper: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,12 +87,13 @@ impl Geometry {
             LinkGeometry { inner, wheel }
         };
         let links = numbering.iter().map(link).collect();
-        Self { links, order, skid_length_m: *skid_length_m }
+        Self { links, order, skid_length_m: *skid_length_m, is_of_paper: false }
     }
 
     /// Creates the geometry of the paper's robot.
     pub(crate) fn of_robot(robot: &Robot) -> Self {
-        Self::new(&robot.chain(&trilink_robot::Gait::symmetric()))
+        let geometry = Self::new(&robot.chain(&trilink_robot::Gait::symmetric()));
+        Self { is_of_paper: true, ..geometry }
     }
 
     pub(crate) fn joints(&self) -> usize {

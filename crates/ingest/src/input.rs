@@ -5,19 +5,23 @@ use std::path::Path;
 
 use serde::Serialize;
 use trilink_mocap::Recording;
-use trilink_robot::{Gait, Robot};
-use trilink_tables::config::{Config, GaitConfig, Ingest, Markers, NamedEntry, RobotConfig, Vicon};
+use trilink_robot::{Gait, Joint, Robot};
+use trilink_tables::config::{
+    ChainGait, ChainRobot, Config, GaitConfig, Ingest, MarkerLayout, NamedEntry, RobotConfig, Vicon,
+};
 use trilink_tables::trial::{Trial, TrialError, TrialKind};
 
 use super::error::{Problem, TrialFailure};
+use super::geometry::Geometry;
 use super::markers::layout::{apply_aliases, locate};
+use super::{Command, Subject};
 
 /// Settings for reading marker files, common to all trials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct IngestSettings {
     pub vicon: Vicon,
     pub ingest: Ingest,
-    pub markers: Markers,
+    pub markers: MarkerLayout,
 }
 
 /// Configuration for processing one trial.
@@ -25,18 +29,33 @@ pub struct IngestSettings {
 pub struct IngestInput {
     #[serde(flatten)]
     pub settings: IngestSettings,
-    pub robot: NamedEntry<RobotConfig>,
+    #[serde(flatten)]
+    setup: Setup,
     /// Labels of the layout by the labels that replace them in the file.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     aliases: BTreeMap<String, String>,
-    /// Commanded gait; `None` unless the trial's kind is `gait`.
-    pub gait: Option<NamedEntry<GaitConfig>>,
+}
+
+/// Robot of a trial and its commanded gait.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum Setup {
+    ThreeLinks {
+        robot: NamedEntry<RobotConfig>,
+        /// `None` unless the trial's kind is `gait`.
+        gait: Option<NamedEntry<GaitConfig>>,
+    },
+    Chain {
+        robot: NamedEntry<ChainRobot>,
+        gait: NamedEntry<ChainGait>,
+    },
 }
 
 impl IngestSettings {
+    /// Selects the settings, with the marker layout of robots that have none of their own.
     pub fn new(config: &Config) -> Self {
         let Config { vicon, ingest, markers, .. } = config;
-        Self { vicon: vicon.clone(), ingest: ingest.clone(), markers: markers.clone() }
+        Self { vicon: vicon.clone(), ingest: ingest.clone(), markers: markers.clone().into() }
     }
 
     /// Returns the frame rate of a file, Hz: the rate that the file states, or `vicon.rate_hz` if it states none. The
@@ -74,18 +93,27 @@ impl IngestInput {
     }
 
     fn select(config: &Config, trial: &Trial) -> Option<Self> {
-        let campaign = trial.campaign.as_ref().and_then(|name| config.campaign.get(name));
-        let robot = trial.robot_name(config)?.to_owned();
-        let markers = config.markers_of(&robot).clone();
-        let mut robot = NamedEntry::find(&config.robot, &robot)?;
-        // Parameter deviations are read only by fits.
-        robot.value.clear_deviations();
-        let gait = match campaign {
-            Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
-            None => None,
+        let name = trial.robot_name(config)?.to_owned();
+        let markers = config.marker_layout(&name)?;
+        let campaign = trial.campaign.as_ref();
+        let setup = if let Some(chain) = campaign.and_then(|of| config.chains.campaign.get(of)) {
+            let gait = config.chain_gait(&chain.gait)?;
+            Setup::Chain {
+                robot: NamedEntry::find(&config.chains.robot, &name)?,
+                gait: NamedEntry { name: chain.gait.clone(), value: gait },
+            }
+        } else {
+            let mut robot = NamedEntry::find(&config.robot, &name)?;
+            // Parameter deviations are read only by fits.
+            robot.value.clear_deviations();
+            let gait = match campaign.and_then(|of| config.campaign.get(of)) {
+                Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
+                None => None,
+            };
+            Setup::ThreeLinks { robot, gait }
         };
         let settings = IngestSettings { markers, ..IngestSettings::new(config) };
-        Some(Self { settings, robot, aliases: trial.aliases.clone(), gait })
+        Some(Self { settings, setup, aliases: trial.aliases.clone() })
     }
 
     /// Checks that a file has the markers of the configured layout; nothing else is checked.
@@ -105,12 +133,38 @@ impl IngestInput {
         file
     }
 
-    pub(super) fn robot(&self) -> Robot {
-        self.robot.value.to_robot()
+    /// Returns the robot of three links, and its commanded gait with its frequency, rad/s, unless the trial's kind is
+    /// other than `gait`; `None` for a chain.
+    pub(super) fn three_links(&self, trial: &Trial) -> Option<(Robot, Option<(Gait, f64)>)> {
+        let Setup::ThreeLinks { robot, gait } = &self.setup else { return None };
+        let gait = gait.as_ref().map(|gait| gait.value.to_gait());
+        Some((robot.value.to_robot(), gait.zip(trial.omega_rad_s)))
     }
 
-    /// Returns the commanded gait and its frequency, rad/s; `None` unless the trial's kind is `gait`.
-    pub(super) fn command(&self, trial: &Trial) -> Option<(Gait, f64)> {
-        Some((self.gait.as_ref()?.value.to_gait(), trial.omega_rad_s?))
+    /// Returns the robot of the trial with the commands of its joints.
+    pub(super) fn subject(&self, trial: &Trial) -> Subject {
+        match &self.setup {
+            Setup::ThreeLinks { robot, gait } => {
+                let robot = robot.value.to_robot();
+                let joints = gait.as_ref().map(|gait| gait.value.to_gait().joints.to_vec());
+                Subject {
+                    geometry: Geometry::of_robot(&robot),
+                    command: joints
+                        .zip(trial.omega_rad_s)
+                        .map(|(joints, omega_rad_s)| Command { joints, omega_rad_s }),
+                    robot: Some(robot),
+                }
+            }
+            Setup::Chain { robot, gait } => {
+                let chain = robot.value.to_chain(&gait.value);
+                let joints = chain.joints.iter().map(|joint| match joint {
+                    Joint::Driven(command) => Some(*command),
+                    Joint::Free(_) => None,
+                });
+                let omega_rad_s = trial.omega_rad_s.unwrap_or(f64::NAN);
+                let command = Command { joints: joints.collect(), omega_rad_s };
+                Subject { geometry: Geometry::new(&chain), command: Some(command), robot: None }
+            }
+        }
     }
 }

@@ -275,13 +275,10 @@ fn process_recording(
     input: &IngestInput,
     partial: &mut PartialResult,
 ) -> Result<ProcessedTrial, Problem> {
-    let robot = input.robot();
-    let command = input
-        .command(trial)
-        .map(|(gait, omega_rad_s)| Command { joints: gait.joints.to_vec(), omega_rad_s });
-    let subject = Subject { geometry: Geometry::of_robot(&robot), command, robot: Some(robot) };
+    let subject = input.subject(trial);
     let recording = TrialRecording::new(file, &input.settings, &subject.geometry)?;
-    let labels = input.settings.markers.links().map(|link| link.keys().cloned().collect());
+    let links = input.settings.markers.links().into_iter();
+    let labels: Vec<Vec<String>> = links.map(|link| link.keys().cloned().collect()).collect();
     process_markers(recording, &labels, trial, &subject, partial)
 }
 
@@ -303,9 +300,15 @@ fn process_markers(
     stop_beyond_limits(&partial.findings)?;
 
     let driven = match command {
-        Some(command) => {
-            Some(measure_gait(command, &tracked, gait_frames, rate_hz, skip_cycles, partial)?)
-        }
+        Some(command) => Some(measure_gait(
+            geometry,
+            command,
+            &tracked,
+            gait_frames,
+            rate_hz,
+            skip_cycles,
+            partial,
+        )?),
         None => None,
     };
     let PartialResult { row, findings } = partial;
@@ -385,7 +388,7 @@ impl<'i> TrialRecording<'i> {
     ) -> Result<Self, Problem> {
         let rate_hz = settings.frame_rate(&file)?;
         let (mut file, mut layout, missing) = layout::locate_or_occlude(&settings.markers, file)?;
-        diagnosis::check_layout(&file, &layout)?;
+        diagnosis::check_layout(&file, &layout, &settings.markers)?;
         bodies::balance(&mut file, &mut layout);
         let linkage = Linkage::new(geometry, |link| layout[link].is_empty());
         Ok(Self { file, settings, layout, missing, linkage, rate_hz })
@@ -477,7 +480,7 @@ impl<'i> TrialRecording<'i> {
         let Self { file, settings, layout, linkage, missing, .. } = self;
         let mut findings: Vec<Finding> = missing.iter().cloned().collect();
         findings.extend(poses::tracking_checks(tracked, file, layout, settings, frames));
-        findings.extend(diagnosis::check_linkage(linkage, &tracked.constant));
+        findings.extend(diagnosis::check_linkage(linkage, &tracked.constant, &settings.markers));
         findings
     }
 
@@ -485,7 +488,7 @@ impl<'i> TrialRecording<'i> {
     /// of these checks pass.
     fn severity(&self, constant: &Constant) -> Option<Severity> {
         std::iter::once(poses::tilt_check(&constant.tilt))
-            .chain(diagnosis::check_linkage(&self.linkage, constant))
+            .chain(diagnosis::check_linkage(&self.linkage, constant, &self.settings.markers))
             .filter(|finding| !finding.holds())
             .map(|finding| finding.severity)
             .max()
@@ -495,6 +498,7 @@ impl<'i> TrialRecording<'i> {
 /// Measures the frequency, phase and shape of the commanded gait. The trial fails, before its cycles are located, if
 /// the robot does not perform the commanded gait.
 fn measure_gait(
+    geometry: &Geometry,
     command: &Command,
     tracked: &Tracked,
     frames: Range<usize>,
@@ -511,7 +515,7 @@ fn measure_gait(
     let gaits = summary::joint_gaits(&tracked.seen.phi_rad, &driven.moving, &driven.phase);
     set_gait(&mut partial.row, gaits);
     let measured = measured_joints(&partial.row, command.joints.len());
-    let finding = diagnosis::check_gait(&measured, &command.joints);
+    let finding = diagnosis::check_gait(&measured, &command.joints, geometry.is_of_paper);
     if finding.severity == Severity::Error {
         partial.findings.push(finding);
     }

@@ -7,7 +7,7 @@ use trilink_base::files::relative;
 use trilink_plot::Print;
 use trilink_robot::{AnyGait, AnyRobot, Gait, Model, Robot};
 use trilink_tables::config::{
-    Campaign, ChainCampaign, ChainGait, Compare, Config, Markers, Models, Paths, Report,
+    Campaign, ChainCampaign, ChainGait, Compare, Config, MarkerLayout, Models, Paths, Report,
     RobotConfig, SigmaKind, Smoothing,
 };
 
@@ -157,9 +157,9 @@ impl ReportInput {
         }
     }
 
-    /// Returns the marker layout of a robot.
-    pub fn markers_of(&self, robot: &str) -> &Markers {
-        self.shown.markers_of(robot)
+    /// Returns the marker layout of a robot; `None` for a robot without one.
+    pub(crate) fn marker_layout(&self, robot: &str) -> Option<MarkerLayout> {
+        self.shown.marker_layout(robot)
     }
 
     /// Returns the configuration as TOML, including default values.

@@ -134,7 +134,7 @@ pub(crate) fn parts(
             let setup = input.campaign_setup(&trial.campaign);
             let chain = input.setup(&trial.campaign).and_then(|(robot, _)| robot.chain());
             let robot = robots.first().and_then(|row| input.robot(&row.robot));
-            let markers = robot_of(trial, input, tables).map(|name| input.markers_of(name));
+            let markers = robot_of(trial, input, tables).and_then(|name| input.marker_layout(name));
             let neighbours = page::neighbours(trial, tables, pages);
             let scale = robot_of(trial, input, tables).and_then(|name| scales.get(name));
             let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));

@@ -130,9 +130,8 @@ impl Chain {
     pub fn numbers_of(&self, parameter: Parameter) -> Vec<ChainNumber> {
         let quantity = parameter.quantity();
         let of_link = LinkNumber::ALL.into_iter().find(|number| number.name() == quantity.name());
-        let mut chain = self.clone();
-        let mut known = |numbers: Vec<ChainNumber>| -> Vec<ChainNumber> {
-            numbers.into_iter().filter(|number| chain.number_mut(*number).is_some()).collect()
+        let known = |numbers: Vec<ChainNumber>| -> Vec<ChainNumber> {
+            numbers.into_iter().filter(|number| self.number(*number).is_some()).collect()
         };
         let order = self.numbering();
         match (quantity.definition().per, of_link) {
@@ -158,11 +157,6 @@ impl Chain {
             }
             _ => Vec::new(),
         }
-    }
-
-    /// Returns the value of a number, in SI units; `None` if the chain does not have it.
-    pub fn number(&self, number: ChainNumber) -> Option<f64> {
-        self.clone().number_mut(number).copied()
     }
 
     fn value(&self, parameter: Parameter) -> f64 {

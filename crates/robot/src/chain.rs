@@ -423,6 +423,24 @@ impl Chain {
         Ok(())
     }
 
+    /// Returns the value of a number, in SI units; `None` if the chain does not have it.
+    pub fn number(&self, number: ChainNumber) -> Option<f64> {
+        match number {
+            ChainNumber::Link(link, number) => {
+                number.of(&mut self.links.get(link)?.clone()).copied()
+            }
+            ChainNumber::Rotor(link, number) => {
+                number.of(&mut self.links.get(link)?.rotor?.angle).copied()
+            }
+            ChainNumber::Joint(joint, number) => {
+                number.of(&mut self.joints.get(joint)?.clone()).copied()
+            }
+            ChainNumber::Command(joint, number) => {
+                number.of(&mut self.joints.get(joint)?.command().clone()).copied()
+            }
+        }
+    }
+
     /// Returns access to a number, in SI units; `None` if the chain does not have it.
     pub fn number_mut(&mut self, number: ChainNumber) -> Option<&mut f64> {
         match number {

@@ -1,12 +1,12 @@
 //! Poses of the links as a camera system computes them: each link is a rigid body, fitted to its recorded markers.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Vector3};
 use trilink_base::body::{self, Axes, POINTS};
 use trilink_mocap::Recording;
-use trilink_tables::config::Markers;
+use trilink_tables::config::{MarkerLayout, Markers};
 
-/// Names of the bodies of links 0, 1, 2 that the layout does not name.
-const NAMES: [&str; 3] = ["middle", "front", "rear"];
 /// Minimum number of markers that determine a pose.
 pub(super) const MIN_MARKERS: usize = 3;
 
@@ -18,10 +18,9 @@ struct Placement {
 }
 
 impl Placement {
-    /// Returns the placement of a link's body: that in the layout or, if the link has markers only, the centroid of the
-    /// markers and the axes of the link, as camera systems choose by default.
-    fn new(link: usize, layout: &Markers) -> Self {
-        let markers = layout.links()[link];
+    /// Returns the placement of the body of a link with the given name and markers: that in the layout or, if the link
+    /// has markers only, the centroid of the markers and the axes of the link, as camera systems choose by default.
+    fn new(link: &str, markers: &BTreeMap<String, [f64; 3]>) -> Self {
         let of_body = |name: &str| {
             let points = (0..POINTS).map(|i| markers.get(&body::point_label(name, i)).copied());
             points.collect::<Option<Vec<_>>>()?.try_into().ok()
@@ -36,7 +35,7 @@ impl Placement {
         let count = markers.len().max(1) as f64;
         let sum = |axis: usize| markers.values().map(|position| position[axis]).sum::<f64>();
         Self {
-            name: NAMES[link].to_owned(),
+            name: link.to_owned(),
             origin_mm: [0, 1, 2].map(|axis| sum(axis) / count),
             axes: body::turned([(0, 0.0), (1, 0.0), (2, 0.0)]),
         }
@@ -53,21 +52,26 @@ impl Placement {
 
 /// Returns the layout in which each link is the rigid body that [`tracked`] gives it.
 pub fn body_layout(layout: &Markers) -> Markers {
+    let named = MarkerLayout::from(layout.clone());
     let [link0, link1, link2] = [0, 1, 2].map(|link| {
-        let placement = Placement::new(link, layout);
+        let placement = Placement::new(named.name(link), layout.links()[link]);
         placement.labels().zip(placement.points()).collect()
     });
     Markers { link0, link1, link2 }
 }
 
-/// Replaces the markers of a recording, which are those of the layout in its order, by the rigid bodies of the links. A
-/// body is not tracked in frames with fewer than [`MIN_MARKERS`] of its markers.
-pub(super) fn tracked(recording: &Recording, layout: &Markers) -> Recording {
-    let placements = [0, 1, 2].map(|link| Placement::new(link, layout));
-    let markers = layout.links().map(|link| link.values().map(|x| Vector3::from(*x)).collect());
-    let markers: [Vec<Vector3<f64>>; 3] = markers;
-    let points = placements.each_ref().map(|placement| placement.points().map(Vector3::from));
-    let mut positions_mm = Vec::with_capacity(3 * POINTS * recording.frames.len());
+/// Replaces the markers of a recording, which are those of the layout in its order, by the rigid bodies of the links
+/// that have markers. A body is not tracked in frames with fewer than [`MIN_MARKERS`] of its markers.
+pub(super) fn tracked(recording: &Recording, layout: &MarkerLayout) -> Recording {
+    let links = layout.links().into_iter().enumerate().filter(|(_, link)| !link.is_empty());
+    let links: Vec<(usize, &BTreeMap<String, [f64; 3]>)> = links.collect();
+    let placements = links.iter().map(|(link, own)| Placement::new(layout.name(*link), own));
+    let placements: Vec<Placement> = placements.collect();
+    let markers = links.iter().map(|(_, link)| link.values().map(|x| Vector3::from(*x)).collect());
+    let markers: Vec<Vec<Vector3<f64>>> = markers.collect();
+    let points = placements.iter().map(|placement| placement.points().map(Vector3::from));
+    let points: Vec<[Vector3<f64>; POINTS]> = points.collect();
+    let mut positions_mm = Vec::with_capacity(links.len() * POINTS * recording.frames.len());
     for row in 0..recording.frames.len() {
         let mut rest = recording.row_mm(row);
         for (markers, points) in markers.iter().zip(&points) {

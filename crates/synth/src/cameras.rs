@@ -9,8 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, Normal};
 use serde::Serialize;
 use trilink_mocap::Recording;
-use trilink_robot::{Pose, Robot, in_world};
-use trilink_tables::config::Markers;
+use trilink_robot::{Pose, in_world};
+use trilink_tables::config::MarkerLayout;
 
 /// Prefix of every marker label: the subject's name.
 const SUBJECT: &str = "Snake:";
@@ -80,7 +80,7 @@ pub(super) struct Film {
 pub struct Tilt {
     /// Tilt of the floor in the camera frame, about the origin of that frame.
     pub floor_rad: [f64; 2],
-    /// Tilts of links 0, 1, 2 relative to the floor, about the point on the floor below the axle.
+    /// Tilts of links 0, 1, 2 relative to the floor, about the point on the floor below the axle; further links are level.
     pub links_rad: [[f64; 2]; 3],
 }
 
@@ -93,10 +93,9 @@ fn rotate(about_rad: [f64; 2], position: [f64; 3]) -> [f64; 3] {
     (Rotation3::new(Vector3::new(x, y, 0.0)) * Vector3::from(position)).into()
 }
 
-/// Robot, markers and cameras of a synthetic recording.
+/// Markers and cameras of a synthetic recording.
 pub(super) struct Scene<'a> {
-    pub robot: &'a Robot,
-    pub layout: &'a Markers,
+    pub layout: &'a MarkerLayout,
     pub rate_hz: f64,
     /// Fraction of frames with a label error (two swapped labels or a displaced marker).
     pub misplaced: f64,
@@ -108,25 +107,32 @@ pub(super) struct Scene<'a> {
     pub as_bodies: bool,
 }
 
-/// Simulates the recording of a motion, which is given as `(x, y, theta, phi1, phi2)` for every frame, m and rad.
-pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8Rng) -> Film {
-    let Scene { robot, layout, rate_hz, misplaced, tilt, heading_rad, as_bodies } = *scene;
+/// Simulates the recording of a motion of `frames` frames. `poses` returns the poses of the links by number in a frame.
+pub(super) fn film(
+    scene: &Scene,
+    frames: usize,
+    poses: impl Fn(usize) -> Vec<Pose>,
+    mut random: ChaCha8Rng,
+) -> Film {
+    let Scene { layout, rate_hz, misplaced, tilt, heading_rad, as_bodies } = *scene;
+    let links = layout.links();
     let mut markers: Vec<(usize, &String, [f64; 3])> = Vec::new();
-    for (link, layout) in layout.links().into_iter().enumerate() {
-        for (label, position) in layout {
-            markers.push((link, label, rotate(tilt.links_rad[link], *position)));
+    for (link, layout) in links.iter().enumerate() {
+        let tilt_rad = tilt.links_rad.get(link).copied().unwrap_or_default();
+        for (label, position) in *layout {
+            markers.push((link, label, rotate(tilt_rad, *position)));
         }
     }
-    let wobbles: [Wobble; 3] = std::array::from_fn(|_| Wobble::draw(&mut random));
+    let wobbles: Vec<Wobble> = links.iter().map(|_| Wobble::draw(&mut random)).collect();
     let drawn_rad = random.random_range(0.0..TAU);
     let heading = heading_rad.unwrap_or(drawn_rad);
     let origin_mm = [random.random_range(-900.0..900.0), random.random_range(-900.0..900.0)];
     let first_frame = random.random_range(FIRST_FRAME);
-    let mut seen = dropouts(coordinates.len(), rate_hz, &markers, &mut random);
+    let mut seen = dropouts(frames, rate_hz, links.len(), &markers, &mut random);
     if as_bodies {
-        for link in 0..3 {
+        for link in 0..links.len() {
             let own: Vec<usize> = (0..markers.len()).filter(|&i| markers[i].0 == link).collect();
-            for frame in 0..coordinates.len() {
+            for frame in 0..frames {
                 let is_tracked = own.iter().filter(|&&i| seen[i][frame]).count() >= 2;
                 own.iter().for_each(|&i| seen[i][frame] = is_tracked);
             }
@@ -134,11 +140,10 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     }
     let noise = Normal::new(0.0, NOISE_MM).expect("a positive deviation");
 
-    let mut positions_mm = Vec::with_capacity(coordinates.len() * markers.len());
-    for (frame, q) in coordinates.iter().enumerate() {
+    let mut positions_mm = Vec::with_capacity(frames * markers.len());
+    for frame in 0..frames {
         let time_s = frame as f64 / rate_hz;
-        let [x_m, y_m, theta_rad, phi_rad @ ..] = *q;
-        let links = robot.link_poses(Pose { x_m, y_m, theta_rad }, phi_rad);
+        let links = poses(frame);
         for (i, (link, _, position)) in markers.iter().enumerate() {
             let [x, y, z] = wobbles[*link].displace(*position, time_s);
             let Pose { x_m, y_m, theta_rad } = links[*link];
@@ -153,12 +158,13 @@ pub(super) fn film(scene: &Scene, coordinates: &[[f64; 5]], mut random: ChaCha8R
     let labels = markers.iter().map(|(_, label, _)| with_subject(label)).collect();
     // Label errors are drawn last, so that everything else is the same with and without them.
     let label_errors = if misplaced > 0.0 {
-        let links: Vec<usize> = markers.iter().map(|(link, _, _)| *link).collect();
-        add_label_errors(&mut positions_mm, &links, first_frame, misplaced, &mut random)
+        let owners: Vec<usize> = markers.iter().map(|(link, _, _)| *link).collect();
+        let errors = (first_frame, misplaced);
+        add_label_errors(&mut positions_mm, (links.len(), &owners), errors, &mut random)
     } else {
         Vec::new()
     };
-    let frames = (first_frame as i64..).take(coordinates.len()).collect();
+    let frames = (first_frame as i64..).take(frames).collect();
     let positions_mm = positions_mm.into_iter().map(|seen| seen.unwrap_or([f64::NAN; 3])).collect();
     let markers = Recording::new(Some(rate_hz), frames, labels, positions_mm);
     Film { markers, label_errors }
@@ -176,6 +182,7 @@ fn with_subject(label: &str) -> String {
 fn dropouts(
     frames: usize,
     rate_hz: f64,
+    links: usize,
     markers: &[(usize, &String, [f64; 3])],
     random: &mut ChaCha8Rng,
 ) -> Vec<Vec<bool>> {
@@ -191,7 +198,7 @@ fn dropouts(
             marker[gap].fill(false);
         }
     }
-    for occluded in 0..3 {
+    for occluded in 0..links {
         let gaps = gaps(frames, OCCLUSIONS_PER_S / rate_hz, random, |random| {
             random.random_range(1..=MAX_OCCLUSION)
         });
@@ -240,22 +247,21 @@ pub struct LabelError {
 /// In a randomly chosen fraction of the frames, adds a label error to a random link: with equal probability, two labels
 /// of the link are swapped, or one of its markers is displaced by [`JUMP_MM`] in a random horizontal direction. A frame
 /// in which fewer than two markers of the link are recorded is left unchanged, because the link has no pose there.
-/// `links` contains the index of each marker's link.
+/// `links` is the number of links, and `owners` contains the index of each marker's link.
 fn add_label_errors(
     positions_mm: &mut [Option<[f64; 3]>],
-    links: &[usize],
-    first_frame: usize,
-    fraction: f64,
+    (links, owners): (usize, &[usize]),
+    (first_frame, fraction): (usize, f64),
     random: &mut ChaCha8Rng,
 ) -> Vec<LabelError> {
     let mut errors = Vec::new();
-    for (frame, markers) in (first_frame..).zip(positions_mm.chunks_exact_mut(links.len())) {
+    for (frame, markers) in (first_frame..).zip(positions_mm.chunks_exact_mut(owners.len())) {
         if random.random::<f64>() >= fraction {
             continue;
         }
-        let link = random.random_range(0..3);
+        let link = random.random_range(0..links);
         let seen: Vec<usize> =
-            (0..links.len()).filter(|&i| links[i] == link && markers[i].is_some()).collect();
+            (0..owners.len()).filter(|&i| owners[i] == link && markers[i].is_some()).collect();
         if seen.len() < 2 {
             continue;
         }

@@ -8,7 +8,7 @@
 //! [`synthesise`] writes a trial folder from a [`Recipe`]. Its steps are, in order:
 //!
 //! - `plan`: the trials with their robots and laws, drawn from the seed.
-//! - `planted`, `servo` and `decay`: the motion in each trial, with and without a gait.
+//! - `planted`, `chain`, `servo` and `decay`: the motion in each trial, with and without a gait.
 //! - `cameras`: the recording of the motion; `bodies`: the poses that a camera system fits to it.
 //! - `truth`: the true values, [`Truth`].
 //!
@@ -28,6 +28,7 @@
 
 mod bodies;
 mod cameras;
+mod chain;
 mod decay;
 mod plan;
 mod planted;
@@ -38,22 +39,23 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trilink_base::cancel::Cancelled;
 use trilink_base::files;
 use trilink_mechanics::MotionError;
 pub use trilink_mocap::Format;
 use trilink_mocap::{Recording, csv_bytes};
-use trilink_robot::Model;
-use trilink_tables::config::{Config, ConfigError, Markers};
+use trilink_robot::{Model, Pose, Robot};
+use trilink_tables::config::{Config, ConfigError, MarkerLayout};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 use trilink_tables::{StoreError, remove_unfinished, write_bytes};
 
 pub use bodies::body_layout;
-use cameras::Scene;
+use cameras::{Film, Scene};
 pub use cameras::{LabelError, Tilt};
 pub use decay::{DecayTruth, Slope};
-use plan::{Plan, Source};
+use plan::{Driven, Plan, Source};
 pub use servo::Servo;
 pub use truth::{CampaignTruth, Law, TrialTruth, Truth, planted_models};
 
@@ -105,6 +107,10 @@ pub enum SynthError {
         "--format: found {markers} markers on link {link} of {robot}, needed three for a rigid body"
     )]
     Body { robot: String, link: usize, markers: usize },
+    #[error("campaign {campaign}: needed {needed}")]
+    NoLayout { campaign: String, needed: String },
+    #[error("--friction-variation: is not available for robots that are chains, such as {robot}")]
+    Variation { robot: String },
     #[error(transparent)]
     Coefficients(#[from] ConfigError),
     #[error("trial `{trial}`: {source}")]
@@ -129,7 +135,7 @@ pub struct Recipe {
     pub noise_seed: Option<u64>,
     /// Model that generates the motion of each robot, by robot name; `skid-roll` for robots that are not listed.
     pub laws: BTreeMap<String, Model>,
-    /// Factors applied to the true skid coefficients of wheels 0, 1, 2.
+    /// Factors applied to the true skid coefficients of the wheels of links 0, 1, 2.
     pub skid_factors: [f64; 3],
     /// Frequencies at which every campaign has trials, rad/s.
     pub omegas_rad_s: Vec<f64>,
@@ -213,9 +219,9 @@ impl Recipe {
     /// Returns the number of trials that the recipe generates for a configuration.
     pub fn trials(&self, config: &Config) -> usize {
         let mut trials = plan::decays(config, self).len();
-        for campaign in config.campaign.values() {
+        for robot in campaigns(config).map(|(_, robot)| robot) {
             for omega_rad_s in &self.omegas_rad_s {
-                trials += self.repeats_of(&campaign.robot, *omega_rad_s);
+                trials += self.repeats_of(robot, *omega_rad_s);
             }
         }
         trials
@@ -229,6 +235,12 @@ impl Recipe {
     }
 }
 
+/// Iterates over all campaigns, each with the name of its robot.
+fn campaigns(config: &Config) -> impl Iterator<Item = (&String, &String)> {
+    let of_chains = config.chains.campaign.iter().map(|(name, one)| (name, &one.robot));
+    config.campaign.iter().map(|(name, one)| (name, &one.robot)).chain(of_chains)
+}
+
 /// Returns whether any campaign of a robot leaves a joint passive, or names a robot or gait that is missing from the
 /// configuration.
 fn has_passive_joint(config: &Config, robot: &str) -> bool {
@@ -239,13 +251,13 @@ fn has_passive_joint(config: &Config, robot: &str) -> bool {
 }
 
 /// Writes a trial folder and returns its trials: every campaign in the configuration at every frequency of the recipe,
-/// a coast-down of every robot in these campaigns, and a release of every passive joint. The same seed gives identical
+/// a coast-down of every robot of three links in these campaigns, and a release of every passive joint of these. The same seed gives identical
 /// files, and the same motion and noise in every format. `on_trial` is called with the id of each trial once it is
 /// complete.
 ///
 /// # Errors
 /// Returns an error if a model is unknown or needs a coefficient that its robot lacks, if the folder contains trials
-/// that are not synthetic, if a trial would have an invalid or repeated id or too many frames, if the model has no
+/// that are not synthetic, if a chain has no marker layout, if a trial would have an invalid or repeated id or too many frames, if the model has no
 /// periodic solution for a trial, if a file cannot be written, or if `on_trial` cancels.
 pub fn synthesise(
     config: &Config,
@@ -266,7 +278,7 @@ pub fn synthesise(
             return Err(SynthError::Name { trial: id.clone() });
         }
         if let Source::Gait(drive) = source
-            && planted::min_frames(drive.problem.omega_rad_s, config.vicon.rate_hz) > MAX_FRAMES
+            && planted::min_frames(drive.problem.omega_rad_s(), config.vicon.rate_hz) > MAX_FRAMES
         {
             return Err(SynthError::TooLong { trial: id.clone() });
         }
@@ -287,12 +299,12 @@ pub fn synthesise(
     let trials = trials.into_iter().flatten().collect();
     let mut robots = BTreeMap::new();
     for plan in &plans {
-        if let Source::Decay(decay) = &plan.source {
+        if let Source::Decay(_, decay) = &plan.source {
             robots.insert(plan.trial.id.clone(), decay.truth.clone());
         }
     }
-    let mut tidy: Vec<String> = config.campaign.keys().cloned().collect();
-    tidy.retain(|name| recipe.tidy.contains(&config.campaign[name].robot));
+    let tidy = self::campaigns(config).filter(|(_, robot)| recipe.tidy.contains(*robot));
+    let tidy = tidy.map(|(name, _)| name.clone()).collect();
     let truth = Truth {
         synthetic: true,
         seed: recipe.seed,
@@ -322,46 +334,72 @@ fn write_trial(
     config: &Config,
     folder: &Path,
     recipe: &Recipe,
-    Plan { trial, robot, source, seed }: &Plan,
+    Plan { trial, source, seed }: &Plan,
 ) -> Result<Option<TrialTruth>, SynthError> {
     let rate_hz = config.vicon.rate_hz;
+    let layout = trial.robot_name(config).and_then(|robot| config.marker_layout(robot));
+    let layout = layout.unwrap_or_else(|| config.markers.clone().into());
     let scene = Scene {
-        robot,
-        layout: trial.robot_name(config).map_or(&config.markers, |robot| config.markers_of(robot)),
+        layout: &layout,
         rate_hz,
         misplaced: recipe.misplaced,
         tilt: recipe.tilt,
         heading_rad: None,
         as_bodies: recipe.format.has_bodies(),
     };
-    let path = folder.join(&trial.file);
+    let write = |film: &Film| {
+        let bytes = encoded(recipe.format, &trial.id, &film.markers, &layout);
+        write_bytes(&folder.join(&trial.file), &bytes)
+    };
     let drive = match source {
         Source::Gait(drive) => drive,
-        Source::Decay(decay) => {
+        Source::Decay(robot, decay) => {
             let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
-            let film = cameras::film(&scene, &decay.coordinates, seed.clone());
-            write_bytes(&path, &encoded(recipe.format, &trial.id, &film.markers, scene.layout))?;
+            write(&filmed(&scene, robot, &decay.coordinates, seed.clone()))?;
             return Ok(None);
         }
     };
     let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
-    let problem = drive.servo.reached(&drive.problem).map_err(failed)?;
-    let (coordinates, metrics) =
-        planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz).map_err(failed)?;
-    let film = cameras::film(&scene, &coordinates, seed.clone());
-    write_bytes(&path, &encoded(recipe.format, &trial.id, &film.markers, scene.layout))?;
+    let (film, metrics, gait) = match &drive.problem {
+        Driven::ThreeLinks(problem) => {
+            let problem = drive.servo.reached(problem).map_err(failed)?;
+            let motion = planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz);
+            let (coordinates, metrics) = motion.map_err(failed)?;
+            let film = filmed(&scene, &problem.robot, &coordinates, seed.clone());
+            (film, metrics, problem.gait.joints.to_vec())
+        }
+        Driven::Chain(problem) => {
+            let problem = drive.servo.reached_by_chain(problem).map_err(failed)?;
+            let (frames, metrics) = chain::from_rest(&problem, rate_hz).map_err(failed)?;
+            let poses = |frame: usize| chain::link_poses(&problem.chain, &frames[frame]);
+            let film = cameras::film(&scene, frames.len(), poses, seed.clone());
+            let gait = problem.chain.gait().joints[..problem.chain.joints.len()].to_vec();
+            (film, metrics, gait)
+        }
+    };
+    write(&film)?;
     Ok(Some(TrialTruth {
-        omega_rad_s: problem.omega_rad_s,
+        omega_rad_s: drive.problem.omega_rad_s(),
         metrics,
-        gait: problem.gait.joints,
+        gait,
         day: drive.day,
         friction: drive.friction,
         misplaced: film.label_errors,
     }))
 }
 
+/// Simulates the recording of a robot of three links, whose motion is given as `(x, y, theta, phi1, phi2)` for every
+/// frame, m and rad.
+fn filmed(scene: &Scene, robot: &Robot, coordinates: &[[f64; 5]], random: ChaCha8Rng) -> Film {
+    let poses = |frame: usize| {
+        let [x_m, y_m, theta_rad, phi_rad @ ..] = coordinates[frame];
+        robot.link_poses(Pose { x_m, y_m, theta_rad }, phi_rad).to_vec()
+    };
+    cameras::film(scene, coordinates.len(), poses, random)
+}
+
 /// Encodes the recorded markers of a trial, or the poses of the links that a camera system fits to them.
-fn encoded(format: Format, trial: &str, markers: &Recording, layout: &Markers) -> Vec<u8> {
+fn encoded(format: Format, trial: &str, markers: &Recording, layout: &MarkerLayout) -> Vec<u8> {
     if format.has_bodies() {
         format.encode(trial, &bodies::tracked(markers, layout))
     } else {
@@ -371,22 +409,16 @@ fn encoded(format: Format, trial: &str, markers: &Recording, layout: &Markers) -
 
 /// Returns the CSV file of a synthetic recording of a motion, given as `(x, y, theta, phi1, phi2)` for every frame, m
 /// and rad.
-pub fn export(
-    config: &Config,
-    robot: &trilink_robot::Robot,
-    coordinates: &[[f64; 5]],
-    seed: u64,
-) -> Vec<u8> {
+pub fn export(config: &Config, robot: &Robot, coordinates: &[[f64; 5]], seed: u64) -> Vec<u8> {
     let scene = Scene {
-        robot,
-        layout: &config.markers,
+        layout: &config.markers.clone().into(),
         rate_hz: config.vicon.rate_hz,
         misplaced: 0.0,
         tilt: Tilt::default(),
         heading_rad: None,
         as_bodies: false,
     };
-    csv_bytes(&cameras::film(&scene, coordinates, plan::random(seed, 0)).markers)
+    csv_bytes(&filmed(&scene, robot, coordinates, plan::random(seed, 0)).markers)
 }
 
 /// Checks that no user file would be overwritten, and removes the folder's trial list so that the folder is not taken

@@ -6,13 +6,15 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
-use trilink_mechanics::{Laws, Problem};
+use trilink_mechanics::{ChainProblem, Laws, Problem};
 use trilink_robot::{Model, Robot};
-use trilink_tables::config::{Campaign, Config, one_of};
+use trilink_tables::config::{ChainCampaign, Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
 use super::decay::{self, Decay};
-use super::{CampaignTruth, Law, Recipe, Servo, Slope, SynthError, blank_trial, bodies, planted};
+use super::{
+    CampaignTruth, Law, Recipe, Servo, Slope, SynthError, blank_trial, bodies, chain, planted,
+};
 
 /// First random-number stream for joint releases and coast-downs.
 const DECAY_STREAMS: u64 = 1 << 32;
@@ -36,7 +38,6 @@ const DAYS_SPREAD: f64 = 0.03;
 /// Plan of one synthetic trial.
 pub(super) struct Plan {
     pub trial: Trial,
-    pub robot: Robot,
     pub source: Source,
     /// Random-number generator for the cameras.
     pub seed: ChaCha8Rng,
@@ -45,13 +46,28 @@ pub(super) struct Plan {
 /// Source of the motion in a trial.
 pub(super) enum Source {
     Gait(Box<Drive>),
-    /// Joint release or coast-down.
-    Decay(Decay),
+    /// Joint release or coast-down of a robot.
+    Decay(Robot, Decay),
+}
+
+/// Equations of motion of a commanded robot.
+pub(super) enum Driven {
+    ThreeLinks(Problem),
+    Chain(ChainProblem),
+}
+
+impl Driven {
+    pub(super) fn omega_rad_s(&self) -> f64 {
+        match self {
+            Self::ThreeLinks(problem) => problem.omega_rad_s,
+            Self::Chain(problem) => problem.omega_rad_s,
+        }
+    }
 }
 
 /// Commanded robot of a gait trial, with its true coefficients on the floor of the trial's day.
 pub(super) struct Drive {
-    pub problem: Problem,
+    pub problem: Driven,
     /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
     pub day: Option<usize>,
     /// Friction of the trial relative to that of its day.
@@ -64,11 +80,15 @@ pub(super) struct Drive {
 }
 
 /// Checks that the robots and models named by the recipe exist, that no model needs measured gaits, that each robot has
-/// the coefficients that its model needs, and that the repeated frequencies are among those of the recipe.
+/// the coefficients that its model needs, that chains have a marker layout, and that the repeated frequencies are among
+/// those of the recipe.
 pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> {
     for (robot, model) in &recipe.laws {
-        if !config.robot.contains_key(robot) {
-            let needed = one_of(robot, &config.robot, "");
+        let is_chain = config.chains.robot.contains_key(robot);
+        if !is_chain && !config.robot.contains_key(robot) {
+            let known = config.robot.keys().chain(config.chains.robot.keys());
+            let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
+            let needed = one_of(robot, &known, "");
             return Err(SynthError::Law(format!("found robot `{robot}`, needed {needed}")));
         }
         match config.model.get(model) {
@@ -78,6 +98,7 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
                      a model without input = \"measured\""
                 )));
             }
+            Some(_) if is_chain => config.check_chain_laws(Path::new("--law"), robot, *model)?,
             Some(_) => config.check_laws(Path::new("--law"), robot, *model)?,
             None => {
                 let needed = one_of(model.name(), &config.model, "");
@@ -85,11 +106,23 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
             }
         }
     }
+    for (campaign, ChainCampaign { robot, .. }) in &config.chains.campaign {
+        if config.marker_layout(robot).is_none() {
+            let needed = config.needed_layout(robot);
+            return Err(SynthError::NoLayout { campaign: campaign.clone(), needed });
+        }
+        if recipe.friction_variation > 0.0 && !recipe.tidy.contains(robot) {
+            return Err(SynthError::Variation { robot: robot.clone() });
+        }
+    }
     if recipe.format.has_bodies() {
-        for Campaign { robot, .. } in config.campaign.values() {
-            let sizes = config.markers_of(robot).links().map(BTreeMap::len);
-            if let Some(link) = (0..3).find(|&link| sizes[link] < bodies::MIN_MARKERS) {
-                return Err(SynthError::Body { robot: robot.clone(), link, markers: sizes[link] });
+        let robots = config.campaign.values().map(|campaign| &campaign.robot);
+        for robot in robots.chain(config.chains.campaign.values().map(|campaign| &campaign.robot)) {
+            let Some(layout) = config.marker_layout(robot) else { continue };
+            let sizes = layout.links().into_iter().map(BTreeMap::len).enumerate();
+            let mut sizes = sizes.filter(|(_, markers)| *markers > 0);
+            if let Some((link, markers)) = sizes.find(|(_, size)| *size < bodies::MIN_MARKERS) {
+                return Err(SynthError::Body { robot: robot.clone(), link, markers });
             }
         }
     }
@@ -136,63 +169,44 @@ fn floors(recipe: &Recipe) -> BTreeMap<usize, f64> {
     (1..=recipe.days).map(|day| (day, spread.sample(&mut random))).collect()
 }
 
-/// Draws the true parameters and returns the plans of the gait trials, the true coefficients of each campaign, and the
-/// friction of each day.
-pub(super) fn gaits(
-    config: &Config,
-    recipe: &Recipe,
-) -> (Vec<Plan>, BTreeMap<String, CampaignTruth>, BTreeMap<usize, f64>) {
-    let Recipe { seed, ref omegas_rad_s, format, .. } = *recipe;
-    let days = floors(recipe);
-    let mut plans = Vec::new();
-    let mut campaigns = BTreeMap::new();
-    for (number, (name, campaign)) in config.campaign.iter().enumerate() {
-        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
-        let law = named_laws(config, recipe, &campaign.robot);
-        let laws = law.map_or(Laws::SKID_ROLL, |(_, laws)| laws);
-        // There is one random-number stream for the campaign and one for each of its trials.
-        let first = (number * (omegas_rad_s.len() + 1)) as u64;
-        let (viscous, gait) = planted::planted(name, &robot, gait, &mut random(seed, first));
-        // Viscous coefficients differ between campaigns, as those fitted in the paper do; other coefficients belong to
-        // the robot.
-        let mut robot = if laws.are_linear() {
-            viscous
-        } else {
-            let index = config.robot.keys().position(|known| *known == campaign.robot);
-            let stream = ROBOT_STREAMS + index.unwrap_or(0) as u64;
-            planted::vary_coefficients(robot, &mut random(seed, stream))
-        };
-        for (parameter, wheel) in planted::skid_resistances() {
-            let value = parameter.value_in(&robot) * recipe.skid_factors[wheel];
-            parameter.set(&mut robot, value);
-        }
-        let law =
-            law.filter(|(model, laws)| (*model, *laws) != (Model::SKID_ROLL, Laws::SKID_ROLL));
-        let law = law.map(|(model, Laws { skid, roll })| Law { model, skid, roll });
-        campaigns.insert(name.clone(), CampaignTruth::new(law, laws, &robot, &gait));
-        let is_tidy = recipe.tidy.contains(&campaign.robot);
+/// Trials of a campaign, before their motions are known.
+struct Schedule<'r> {
+    recipe: &'r Recipe,
+    /// Friction of each day.
+    days: &'r BTreeMap<usize, f64>,
+    campaign: &'r str,
+    robot: &'r str,
+    /// First random-number stream of the campaign, which is its own; one for each of its trials follows.
+    first: u64,
+}
+
+impl Schedule<'_> {
+    /// Returns the plans of the trials. `problem` returns the equations of motion at a frequency with all friction
+    /// multiplied by a factor.
+    fn plans(&self, problem: impl Fn(f64, f64) -> Driven) -> Vec<Plan> {
+        let Self { recipe, days, campaign, robot, first } = *self;
+        let is_tidy = recipe.tidy.contains(robot);
         let (servo, variation) =
             if is_tidy { Default::default() } else { (recipe.servo, recipe.friction_variation) };
-        let robot_name = &*campaign.robot;
-        let frequencies = omegas_rad_s.iter().copied().enumerate();
+        let frequencies = recipe.omegas_rad_s.iter().copied().enumerate();
         let trials = frequencies.flat_map(|(i, omega)| {
-            (0..recipe.repeats_of(robot_name, omega)).map(move |repeat| (i, omega, repeat))
+            (0..recipe.repeats_of(robot, omega)).map(move |repeat| (i, omega, repeat))
         });
         let trials: Vec<(usize, f64, usize)> = trials.collect();
         let spread = LogNormal::new(0.0, if is_tidy { 0.0 } else { recipe.trial_variation });
         let spread = spread.expect("a deviation that is not negative");
         let unlike = if is_tidy { 0 } else { recipe.unlike };
         let trial_count = trials.len();
-        for (index, (i, omega_rad_s, repeat)) in trials.into_iter().enumerate() {
-            let id = format!("{name}-{omega_rad_s:.2}-r{}", repeat + 1);
+        let plan = |(index, (i, omega_rad_s, repeat)): (usize, (usize, f64, usize))| {
+            let id = format!("{campaign}-{omega_rad_s:.2}-r{}", repeat + 1);
             let stream = first + 1 + i as u64 + REPEAT_STREAMS * repeat as u64;
-            let noise_seed = recipe.noise_seed.unwrap_or(seed);
+            let noise_seed = recipe.noise_seed.unwrap_or(recipe.seed);
             let day = 1 + index % recipe.days.max(1);
             let trial = Trial {
-                campaign: Some(name.clone()),
+                campaign: Some(campaign.to_owned()),
                 omega_rad_s: Some(omega_rad_s),
                 day: (recipe.days > 1).then(|| format!("day {day}")),
-                ..blank_trial(id, format, TrialKind::Gait)
+                ..blank_trial(id, recipe.format, TrialKind::Gait)
             };
             let floor = days.get(&day).filter(|_| !is_tidy);
             let mut friction = spread.sample(&mut random(noise_seed, TRIAL_STREAMS + stream));
@@ -200,19 +214,96 @@ pub(super) fn gaits(
             if index * unlike / trial_count < (index + 1) * unlike / trial_count {
                 friction *= UNLIKE_FRICTION;
             }
-            let robot = robot.with_friction_scaled(friction * floor.copied().unwrap_or(1.0));
             let source = Source::Gait(Box::new(Drive {
-                problem: Problem { robot: robot.clone(), gait, laws, omega_rad_s },
+                problem: problem(omega_rad_s, friction * floor.copied().unwrap_or(1.0)),
                 day: floor.map(|_| day),
                 friction,
                 servo,
                 variation,
                 cycles: random(noise_seed, CYCLE_STREAMS + stream),
             }));
-            plans.push(Plan { trial, robot, source, seed: random(noise_seed, stream) });
+            Plan { trial, source, seed: random(noise_seed, stream) }
+        };
+        trials.into_iter().enumerate().map(plan).collect()
+    }
+}
+
+/// Draws the true parameters and returns the plans of the gait trials, the true coefficients of each campaign, and the
+/// friction of each day.
+pub(super) fn gaits(
+    config: &Config,
+    recipe: &Recipe,
+) -> (Vec<Plan>, BTreeMap<String, CampaignTruth>, BTreeMap<usize, f64>) {
+    let seed = recipe.seed;
+    let days = floors(recipe);
+    let mut plans = Vec::new();
+    let mut campaigns = BTreeMap::new();
+    // There is one random-number stream for the campaign and one for each of its trials.
+    let first = |number: usize| (number * (recipe.omegas_rad_s.len() + 1)) as u64;
+    let robot_stream = |index: usize| ROBOT_STREAMS + index as u64;
+    for (number, (name, campaign)) in config.campaign.iter().enumerate() {
+        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
+        let law = named_laws(config, recipe, &campaign.robot);
+        let laws = law.map_or(Laws::SKID_ROLL, |(_, laws)| laws);
+        let first = first(number);
+        let (viscous, gait) = planted::planted(name, &robot, gait, &mut random(seed, first));
+        // Viscous coefficients differ between campaigns, as those fitted in the paper do; other coefficients belong to
+        // the robot.
+        let mut robot = if laws.are_linear() {
+            viscous
+        } else {
+            let index = config.robot.keys().position(|known| *known == campaign.robot);
+            planted::vary_coefficients(robot, &mut random(seed, robot_stream(index.unwrap_or(0))))
+        };
+        for (parameter, wheel) in planted::skid_resistances() {
+            let value = parameter.value_in(&robot) * recipe.skid_factors[wheel];
+            parameter.set(&mut robot, value);
         }
+        campaigns.insert(name.clone(), CampaignTruth::new(unusual(law), laws, &robot, &gait));
+        let schedule =
+            Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
+        plans.extend(schedule.plans(|omega_rad_s, friction| {
+            let robot = robot.with_friction_scaled(friction);
+            Driven::ThreeLinks(Problem { robot, gait, laws, omega_rad_s })
+        }));
+    }
+    for (index, (name, campaign)) in config.chains.campaign.iter().enumerate() {
+        let Some(configured) = config.chain_setup(name) else { continue };
+        let law = named_laws(config, recipe, &campaign.robot);
+        let laws = law.map_or(Laws::SKID_ROLL, |(_, laws)| laws);
+        let first = first(config.campaign.len() + index);
+        let mut of_campaign = random(seed, first);
+        let mut robot = if laws.are_linear() {
+            chain::planted(configured, &mut of_campaign)
+        } else {
+            let index = config.chains.robot.keys().position(|known| *known == campaign.robot);
+            let stream = robot_stream(config.robot.len() + index.unwrap_or(0));
+            chain::planted_dry(configured, &mut random(seed, stream), &mut of_campaign)
+        };
+        chain::change_friction(&mut robot, |link, friction| {
+            let factor = recipe.skid_factors.get(link).copied().unwrap_or(1.0);
+            for resistance in
+                [&mut friction.skid_kg_s, &mut friction.skid_dry_n, &mut friction.skid_static_n]
+            {
+                *resistance *= factor;
+            }
+        });
+        campaigns.insert(name.clone(), CampaignTruth::of_chain(unusual(law), laws, &robot));
+        let schedule =
+            Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
+        plans.extend(schedule.plans(|omega_rad_s, factor| {
+            let mut chain = robot.clone();
+            chain::change_friction(&mut chain, |_, friction| *friction = friction.scaled(factor));
+            Driven::Chain(ChainProblem { chain, laws, omega_rad_s })
+        }));
     }
     (plans, campaigns, days)
+}
+
+/// Returns the law of a campaign unless it is that of the model `skid-roll`.
+fn unusual(law: Option<(Model, Laws)>) -> Option<Law> {
+    let law = law.filter(|(model, laws)| (*model, *laws) != (Model::SKID_ROLL, Laws::SKID_ROLL));
+    law.map(|(model, Laws { skid, roll })| Law { model, skid, roll })
 }
 
 /// Returns the plans of the trials without a gait: for every robot named by a campaign, a coast-down (on a sloping
@@ -260,9 +351,8 @@ pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
                 seed = random(noise_seed, seed.get_stream());
                 seed.set_word_pos(position);
             }
-            let robot = robot.clone();
-            let source = decay.map(Source::Decay);
-            plans.extend(source.map(|source| Plan { trial, robot, source, seed }));
+            let source = decay.map(|decay| Source::Decay(robot.clone(), decay));
+            plans.extend(source.map(|source| Plan { trial, source, seed }));
         }
     }
     plans

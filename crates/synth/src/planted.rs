@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal};
 use trilink_mechanics::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Dry, Friction as _, Gait, Parameter, Quantity, Robot};
+use trilink_robot::{Dry, Friction as _, Gait, JointCommand, Parameter, Quantity, Robot};
 
 /// Skid coefficients fitted in the paper (Tables I and II), by campaign, kg/s.
 const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
@@ -16,7 +16,7 @@ const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
 /// Maximum relative deviation of a true coefficient from its expected value, which is either the value fitted in the
 /// paper or the configured value.
 const SPREAD: f64 = 0.1;
-/// Relative amplitude errors of the servos. They have opposite signs in the two joints, so that the area that the gait
+/// Relative amplitude errors of the servos. They have opposite signs in neighbouring joints, so that the area that the gait
 /// encloses in shape space is close to the commanded one.
 const AMPLITUDE_ERROR: std::ops::Range<f64> = 0.015..0.03;
 /// Maximum offset error of the servos, rad.
@@ -39,13 +39,21 @@ pub(super) fn planted(
     let fitted = FITTED_SKID_KG_S.iter().find(|(name, _)| *name == campaign);
     let expected = fitted.map_or(robot.skid_kg_s, |(_, skid_kg_s)| *skid_kg_s);
     let skid_kg_s = expected.map(|c| c * random_factor(random));
+    add_servo_errors(gait.joints.iter_mut().flatten(), random);
+    (Robot { skid_kg_s, ..robot.clone() }, gait)
+}
+
+/// Adds random errors to the amplitudes and offsets of the commands of driven joints.
+pub(super) fn add_servo_errors<'j>(
+    joints: impl Iterator<Item = &'j mut JointCommand>,
+    random: &mut ChaCha8Rng,
+) {
     let mut sign = if random.random::<bool>() { 1.0 } else { -1.0 };
-    for joint in gait.joints.iter_mut().flatten() {
+    for joint in joints {
         joint.amplitude_rad *= 1.0 + sign * random.random_range(AMPLITUDE_ERROR);
         joint.offset_rad += random.random_range(-OFFSET_ERROR_RAD..OFFSET_ERROR_RAD);
         sign = -sign;
     }
-    (Robot { skid_kg_s, ..robot.clone() }, gait)
 }
 
 /// Varies the viscous and dry skid resistances of a robot at random.
@@ -68,7 +76,7 @@ pub(super) fn skid_resistances() -> impl Iterator<Item = (Parameter, usize)> {
 }
 
 /// Draws the ratio of a true coefficient to its expected value.
-fn random_factor(random: &mut ChaCha8Rng) -> f64 {
+pub(super) fn random_factor(random: &mut ChaCha8Rng) -> f64 {
     random.random_range(1.0 - SPREAD..1.0 + SPREAD)
 }
 
@@ -89,15 +97,20 @@ pub(super) fn from_rest(
     rate_hz: f64,
 ) -> Result<(Vec<[f64; 5]>, GaitMetrics), MotionError> {
     let steady = Solver::default().settle(problem, REFERENCE_ACCURACY)?.motion;
-    let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
-    let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
-    // A recording does not end exactly at the end of a cycle.
-    let cycles = (transient.max(MIN_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5;
+    let cycles = recorded_cycles(steady.floquet);
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
     let mut random = random.clone();
     let friction = friction(variation, cycles.ceil() as usize, &mut random);
     let coordinates = problem.varied_transient(&friction, duration_s, rate_hz, 1e-8)?;
     Ok((coordinates, steady.metrics))
+}
+
+/// Returns the number of recorded cycles, given the modulus of the largest Floquet multiplier.
+pub(super) fn recorded_cycles(floquet: Option<f64>) -> f64 {
+    let decay = floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
+    let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
+    // A recording does not end exactly at the end of a cycle.
+    (transient.max(MIN_TRANSIENT_CYCLES) + STEADY_CYCLES) as f64 + 0.5
 }
 
 /// Draws the friction of each cycle relative to its mean; empty if `variation` is zero.

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 use serde::Serialize;
-use trilink_mechanics::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
-use trilink_robot::{JointCommand, SecondHarmonic};
+use trilink_mechanics::{ChainProblem, MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use trilink_robot::{Joint, JointCommand, MAX_JOINTS, SecondHarmonic};
 
 /// Servo with lag and compliance. The complex amplitude of the n-th harmonic of the joint angle is
 ///
@@ -50,12 +50,43 @@ impl Servo {
         for iteration in 0..=iterations {
             if iteration > 0 {
                 solver.solve(&reached, REFERENCE_ACCURACY)?;
-                torques = harmonics(&mut solver)?;
+                let cycle = solver.cycle(SAMPLES)?;
+                let cycle = cycle.iter().map(|sample| &sample.forces.torque_nm[..]);
+                torques = Torque::of_joints(cycle)?;
             }
             for (joint, torque) in torques.into_iter().enumerate() {
                 let command = problem.gait.joints[joint];
                 reached.gait.joints[joint] =
                     command.map(|command| self.response(command, problem.omega_rad_s, torque));
+            }
+        }
+        Ok(reached)
+    }
+
+    /// Returns a copy of `problem` in which the commands of the driven joints are replaced as by [`Servo::reached`].
+    ///
+    /// # Errors
+    /// Returns an error as [`Servo::reached`] does.
+    pub(super) fn reached_by_chain(
+        &self,
+        problem: &ChainProblem,
+    ) -> Result<ChainProblem, MotionError> {
+        let mut reached = problem.clone();
+        if self.if_any().is_none() {
+            return Ok(reached);
+        }
+        let iterations = if self.compliance_rad_nm > 0.0 { ITERATIONS } else { 0 };
+        let mut torques = [Torque::default(); MAX_JOINTS];
+        for iteration in 0..=iterations {
+            if iteration > 0 {
+                let cycle = reached.cycle(REFERENCE_ACCURACY, SAMPLES)?;
+                torques = Torque::of_joints(cycle.iter().map(|sample| &sample.torque_nm[..]))?;
+            }
+            let joints = problem.chain.joints.iter().zip(torques);
+            for (reached, (joint, torque)) in reached.chain.joints.iter_mut().zip(joints) {
+                if let Joint::Driven(command) = joint {
+                    *reached = Joint::Driven(self.response(*command, problem.omega_rad_s, torque));
+                }
             }
         }
         Ok(reached)
@@ -88,21 +119,25 @@ struct Torque {
     second: Complex<f64>,
 }
 
-/// Computes the mean and harmonics of both joint torques in the solver's last solution.
-fn harmonics(solver: &mut Solver) -> Result<[Torque; 2], MotionError> {
-    let cycle = solver.cycle(SAMPLES)?;
-    let mut torques = [Torque::default(); 2];
-    for (i, sample) in cycle.iter().take(SAMPLES).enumerate() {
-        let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);
-        for (torque, torque_nm) in torques.iter_mut().zip(sample.forces.torque_nm) {
-            torque.mean += torque_nm / SAMPLES as f64;
-            torque.first += turn * (2.0 * torque_nm / SAMPLES as f64);
-            torque.second += turn * turn * (2.0 * torque_nm / SAMPLES as f64);
+impl Torque {
+    /// Computes the mean and harmonics of the torques of all joints from the [`SAMPLES`] samples of a cycle, each with
+    /// the torques of the joints.
+    fn of_joints<'s, const N: usize>(
+        cycle: impl Iterator<Item = &'s [f64]>,
+    ) -> Result<[Self; N], MotionError> {
+        let mut torques = [Self::default(); N];
+        for (i, sample) in cycle.take(SAMPLES).enumerate() {
+            let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);
+            for (torque, torque_nm) in torques.iter_mut().zip(sample) {
+                torque.mean += torque_nm / SAMPLES as f64;
+                torque.first += turn * (2.0 * torque_nm / SAMPLES as f64);
+                torque.second += turn * turn * (2.0 * torque_nm / SAMPLES as f64);
+            }
         }
-    }
-    if torques.iter().all(|torque| torque.mean.is_finite() && torque.first.is_finite()) {
-        Ok(torques)
-    } else {
-        Err(MotionError::Unresolved { error: f64::INFINITY })
+        if torques.iter().all(|torque| torque.mean.is_finite() && torque.first.is_finite()) {
+            Ok(torques)
+        } else {
+            Err(MotionError::Unresolved { error: f64::INFINITY })
+        }
     }
 }

@@ -6,7 +6,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use trilink_base::files;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Gait, JointCommand, Laws, Model, Quantity, Robot, RollLaw, SkidLaw};
+use trilink_robot::{
+    AnyRobot, Chain, Gait, JointCommand, Laws, Model, Per, Quantity, Robot, RollLaw, SkidLaw,
+};
 use trilink_tables::config::Config;
 use trilink_tables::trial::TRUTH_FILE;
 
@@ -103,7 +105,8 @@ pub struct CampaignTruth {
     pub planted: BTreeMap<Quantity, Numbers>,
 }
 
-/// Single number, or one number for each wheel.
+/// Single number, or one number for each wheel by the number of its link, or for each joint. A wheel or joint that does
+/// not have it has NaN, which is written as null.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Numbers {
@@ -117,7 +120,7 @@ pub struct TrialTruth {
     pub omega_rad_s: f64,
     #[serde(flatten)]
     pub metrics: GaitMetrics,
-    pub gait: [Option<JointCommand>; 2],
+    pub gait: Vec<Option<JointCommand>>,
     /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub day: Option<usize>,
@@ -150,6 +153,29 @@ impl CampaignTruth {
             }
         }
         Self { law, planted }
+    }
+
+    pub(super) fn of_chain(law: Option<Law>, laws: Laws, chain: &Chain) -> Self {
+        let gait = chain.gait();
+        let robot = AnyRobot::from(chain.clone());
+        let fitted = Quantity::ALL.into_iter().filter(|quantity| quantity.definition().is_fitted);
+        let planted = fitted.filter_map(|quantity| {
+            let indices = match quantity.definition().per {
+                Per::Wheel => 0..chain.links.len(),
+                Per::FreeJoint => 1..chain.links.len(),
+                Per::Robot => 0..1,
+                Per::Link | Per::Joint => return None,
+            };
+            let parameters = indices.map(|index| quantity.parameter(index));
+            let is_used = parameters.clone().any(|one| robot.depends_on(one, laws, &gait));
+            let values: Vec<f64> = parameters.map(|parameter| robot.value(parameter)).collect();
+            let numbers = match (quantity.definition().per, &values[..]) {
+                (Per::Robot, [one]) => Numbers::One(*one),
+                _ => Numbers::Each(values),
+            };
+            is_used.then_some((quantity, numbers))
+        });
+        Self { law, planted: planted.collect() }
     }
 }
 

@@ -9,6 +9,7 @@ mod compare;
 mod error;
 mod key;
 mod link_layout;
+mod marker_layout;
 mod model;
 mod paths;
 mod robot;
@@ -32,6 +33,7 @@ pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub use error::{did_you_mean, nearest, parse_toml};
 pub use key::toml_key;
+pub use marker_layout::{ChainMarkers, LinkMarkers, MarkerLayout};
 pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
 pub use robot::RobotConfig;
@@ -62,14 +64,14 @@ pub struct Config {
     pub model: Models,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
-    /// Marker layouts of robots that have another one than `markers`, by the name of the robot.
+    /// Marker layouts of robots of three links that have another one than `markers`, by the name of the robot.
     #[serde(default)]
     pub layout: BTreeMap<String, Markers>,
     pub report: Report,
     pub compare: Compare,
     pub optimise: Optimise,
-    /// Robots that are chains, with their gaits and campaigns. These entries of the tables `robot`, `gait` and
-    /// `campaign` are not in the fields of these names, because their keys differ.
+    /// Robots that are chains, with their gaits, campaigns and marker layouts. These entries of the tables `robot`,
+    /// `gait`, `campaign` and `layout` are not in the fields of these names, but serialized with them.
     #[serde(skip)]
     pub chains: Chains,
 }
@@ -563,7 +565,7 @@ impl Config {
         Some((chain.into(), gait))
     }
 
-    /// Returns the marker layout of a robot.
+    /// Returns the marker layout of a robot of three links.
     pub fn markers_of(&self, robot: &str) -> &Markers {
         self.layout.get(robot).unwrap_or(&self.markers)
     }

@@ -215,10 +215,10 @@ pub struct TrialError {
 impl Trial {
     /// Returns the name of the trial's robot; `None` if its campaign is not configured.
     pub fn robot_name<'t>(&'t self, config: &'t Config) -> Option<&'t str> {
-        match &self.campaign {
-            Some(campaign) => Some(&config.campaign.get(campaign)?.robot),
-            None => self.robot.as_deref(),
-        }
+        let Some(campaign) = &self.campaign else { return self.robot.as_deref() };
+        let of_chain = || Some(&config.chains.campaign.get(campaign)?.robot);
+        let robot = config.campaign.get(campaign).map(|campaign| &campaign.robot);
+        robot.or_else(of_chain).map(String::as_str)
     }
 
     /// Checks the trial's entry against the configuration.
@@ -252,17 +252,21 @@ impl Trial {
         let name = if is_gait { &self.campaign } else { &self.robot };
         let name = name.as_deref().unwrap_or_default();
         let found = if name.is_empty() { "nothing".to_owned() } else { format!("`{name}`") };
-        if is_gait && !config.campaign.contains_key(name) {
-            if let Some(notice) = config.chain_notice(name) {
-                let needed = format!("the campaign of a robot with three links ({notice})");
-                return error("campaign", found, &needed);
+        if let Some(campaign) = config.chains.campaign.get(name).filter(|_| is_gait) {
+            if !config.chains.layout.contains_key(&campaign.robot) {
+                return error("campaign", found, &config.needed_layout(&campaign.robot));
             }
-            return error("campaign", found, &one_of(name, &config.campaign, PIPELINE));
+        } else if is_gait && !config.campaign.contains_key(name) {
+            let known = config.campaign.keys().chain(config.chains.campaign.keys());
+            let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
+            return error("campaign", found, &one_of(name, &known, PIPELINE));
         }
         if !is_gait && config.chains.robot.contains_key(name) {
-            let needed =
-                "a robot with three links, because only `trilink simulate` supports chains";
-            return error("robot", found, needed);
+            let needed = format!(
+                "a robot with three links, because trials of kind {} are not supported for chains yet",
+                self.kind
+            );
+            return error("robot", found, &needed);
         }
         if !is_gait && !config.robot.contains_key(name) {
             return error("robot", found, &one_of(name, &config.robot, PIPELINE));

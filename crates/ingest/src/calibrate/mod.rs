@@ -28,8 +28,8 @@ use trilink_base::body;
 use trilink_mocap::Recording;
 use trilink_robot::{Gait, Quantity, Robot};
 use trilink_statistics::{Estimate, quantiles_low, wrap};
-use trilink_tables::config::{Config, ConfigError, Markers, nearest};
-use trilink_tables::trial::TrialList;
+use trilink_tables::config::{Config, ConfigError, MarkerLayout, Markers, nearest};
+use trilink_tables::trial::{TrialError, TrialList};
 
 use super::error::{Problem, TrialFailure};
 use super::input::{IngestInput, IngestSettings};
@@ -128,8 +128,18 @@ pub fn calibrate(
     })?;
     let input = IngestInput::new(config, trial).map_err(TrialFailure::from)?;
     let settings @ IngestSettings { vicon, markers, .. } = &input.settings;
-    let robot = input.robot();
-    let gait = input.command(trial);
+    let (MarkerLayout::ThreeLinks(markers), Some((robot, gait))) =
+        (markers, input.three_links(trial))
+    else {
+        return Err(TrialFailure::from(TrialError {
+            trial: id.to_owned(),
+            key: "campaign",
+            found: format!("`{}`", trial.campaign.as_deref().unwrap_or_default()),
+            needed: "the campaign of a robot with three links, because layouts of chains cannot be calibrated yet"
+                .to_owned(),
+        })
+        .into());
+    };
     let path = folder.join(&trial.file);
     let file = trilink_mocap::read_markers(&path, vicon.unit).map_err(TrialFailure::from)?;
     let file = input.with_layout_labels(file);
@@ -213,7 +223,7 @@ pub fn calibrate_recording(
     gait: Option<&(Gait, f64)>,
     rate_hz: f64,
 ) -> Result<Calibration, Problem> {
-    let configured = locate(markers, file).ok();
+    let configured = locate(&markers.clone().into(), file).ok();
     let is_grouped = configured.is_none();
     let groups = match configured {
         Some(layout) => {

@@ -78,18 +78,29 @@ impl CycleData<'_> {
     }
 
     /// Returns, for each commanded joint, the squared deviation of its angle from the mean gait in every frame, rad^2,
-    /// and the largest RMS deviation over a cycle, rad, with which the cycle still counts as following the gait. Joints
+    /// and the largest RMS deviation over a cycle, rad, with which the cycle still counts as following the gait. If no
+    /// joint is commanded, these are the joints that swing at least half as far as the one that swings farthest. Joints
     /// whose mean gait cannot be fitted are omitted.
     fn gait_deviations(&self) -> Vec<(Vec<f64>, f64)> {
         let GaitPhase { phase, moving, .. } = self.driven;
-        let commanded = (0..self.joints.len()).filter(|&joint| self.joints[joint].is_some());
-        commanded
+        let is_commanded = self.joints.iter().any(Option::is_some);
+        let joints =
+            (0..self.joints.len()).filter(|&joint| !is_commanded || self.joints[joint].is_some());
+        let fits: Vec<(usize, Harmonics)> = joints
             .filter_map(|joint| {
                 let phi = &self.tracked.seen.phi_rad[joint];
                 let fit = Harmonics::fit(phi, moving.clone(), phase, GAIT_HARMONICS)?;
+                Some((joint, fit))
+            })
+            .collect();
+        let largest_rad = fits.iter().map(|(_, fit)| fit.amplitude(1)).fold(0.0, f64::max);
+        fits.into_iter()
+            .filter(|(_, fit)| is_commanded || fit.amplitude(1) >= 0.5 * largest_rad)
+            .map(|(joint, fit)| {
+                let phi = &self.tracked.seen.phi_rad[joint];
                 let fitted = fit.over(0..phi.len(), phase);
                 let squares = phi.iter().zip(fitted).map(|(phi, fitted)| (phi - fitted).powi(2));
-                Some((squares.collect(), MAX_DEVIATION * fit.amplitude(1)))
+                (squares.collect(), MAX_DEVIATION * fit.amplitude(1))
             })
             .collect()
     }
@@ -119,8 +130,8 @@ impl CycleData<'_> {
         Harmonics::fit(series, frames_within(start, end), phase, *shape_harmonics)
     }
 
-    /// Computes the metrics; `None` if the cycle overlaps a gap. Of the joints of a robot of three links, only the first
-    /// has an amplitude.
+    /// Computes the metrics; `None` if the cycle overlaps a gap. Of the joints of the paper's robot, only the first has an
+    /// amplitude.
     fn metrics(&self, start: f64, end: f64) -> Option<GaitMetrics> {
         let Coordinates { x_m, y_m, theta_rad, phi_rad } = &self.motion.coordinates;
         let has_gap = [x_m, theta_rad]
@@ -145,7 +156,7 @@ impl CycleData<'_> {
             .iter()
             .map(|skid_m_s| mean_square(skid_m_s, start, end).sqrt() / scale)
             .collect();
-        let joints = if sigma.len() == 3 { 1 } else { self.geometry.joints() };
+        let joints = if self.geometry.is_of_paper { 1 } else { self.geometry.joints() };
         let alpha_rad: Vec<f64> = (0..joints).map(alpha_rad).collect::<Option<_>>()?;
         let dtheta_rad = change(theta_rad, start, end);
         let links = sigma.iter().zip(&self.geometry.links);
@@ -177,7 +188,7 @@ pub(super) fn frames_within(start: f64, end: f64) -> Range<usize> {
 }
 
 /// Returns the change in a series between two times given in frames.
-fn change(series: &[f64], start: f64, end: f64) -> f64 {
+pub(super) fn change(series: &[f64], start: f64, end: f64) -> f64 {
     interpolate(series, end) - interpolate(series, start)
 }
 

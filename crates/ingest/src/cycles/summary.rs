@@ -49,11 +49,12 @@ pub(crate) fn describe_gait(
     row.cycles = steady.used.len() as i64;
     let used: Vec<&Cycle> = steady.used.iter().map(|&i| &cycles[i]).collect();
     let frames = steady.frames(cycles).unwrap_or(0..0);
-    let common = joint_errors(data, &frames);
+    let common = joint_errors(data, &used, &frames);
     let of =
         |metric: Metric| -> Vec<f64> { used.iter().map(|cycle| cycle.metrics[metric]).collect() };
     let [position, heading] = end_variances(data, row.smoothing_window as usize);
     let d = mean_of_changes(&of(Metric::D), &steady.used, position, 0.0);
+    let d = Estimate { se: d.se.hypot(common.distance_m), ..d };
     let per_turn = driven.omega_rad_s / TAU;
     let dtheta = mean_of_changes(&of(Metric::Dtheta), &steady.used, heading, 0.0);
     let alpha = Metric::ALPHA.map(|metric| independent_mean(&of(metric)));
@@ -227,10 +228,14 @@ pub(crate) fn gait_checks(
         Finding::at_most(Check::Frequency, off_command, measured),
         Finding::at_least(Check::SteadyState, used as f64, counted),
         Finding::at_most(Check::LongGaps, part_gapped, gapped).notable(steady.gapped > 0),
-        check_gait(&measured_joints(row, data.joints.len()), data.joints),
-        Finding::at_most(Check::Drift, drift, drifted),
     ];
-    if let Some(frames) = steady.frames(cycles) {
+    let is_commanded = data.joints.iter().any(Option::is_some);
+    if is_commanded {
+        let measured = measured_joints(row, data.joints.len());
+        findings.push(check_gait(&measured, data.joints, data.geometry.is_of_paper));
+    }
+    findings.push(Finding::at_most(Check::Drift, drift, drifted));
+    if let Some(frames) = steady.frames(cycles).filter(|_| is_commanded) {
         let phi_rad = &data.tracked.seen.phi_rad;
         findings.push(clipping_check(data.joints, phi_rad, &frames, &data.driven.phase));
     }

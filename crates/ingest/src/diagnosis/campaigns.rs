@@ -4,13 +4,15 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Complex;
-use trilink_robot::Gait;
+use trilink_robot::JointCommand;
 use trilink_statistics::{extremes, mean};
 use trilink_tables::{CheckRow, TrialRow, TrialStatus};
 
+use super::folder::CampaignGait;
 use super::gait::max_deviation_deg;
 use crate::Ingested;
 use crate::checks::{Check, Finding};
+use crate::cycles::summary::measured_joints;
 
 /// Maximum deviation of the joints from a gait that they are considered to follow, degrees.
 const FOLLOWED_DEG: f64 = 4.0;
@@ -20,7 +22,7 @@ const PASSIVE_DEG: f64 = 12.0;
 const MIN_COMMON_OFFSET_DEG: f64 = 3.0;
 
 /// Fails trials whose joints follow the gait of another campaign.
-pub(super) fn find_other_campaigns(rows: &mut Ingested, gaits: &BTreeMap<String, Gait>) {
+pub(super) fn find_other_campaigns(rows: &mut Ingested, gaits: &BTreeMap<String, CampaignGait>) {
     let Ingested { trials, checks, .. } = rows;
     let others: Vec<Vec<&str>> =
         trials.iter().map(|row| other_campaigns(row, trials, gaits)).collect();
@@ -35,25 +37,29 @@ pub(super) fn find_other_campaigns(rows: &mut Ingested, gaits: &BTreeMap<String,
     }
 }
 
-/// Returns the other campaigns whose gait a trial follows instead of its own campaign's gait.
+/// Returns the other campaigns whose gait a trial follows instead of its own campaign's gait. None if no joint is
+/// commanded.
 fn other_campaigns<'g>(
     row: &TrialRow,
     trials: &[TrialRow],
-    gaits: &'g BTreeMap<String, Gait>,
+    gaits: &'g BTreeMap<String, CampaignGait>,
 ) -> Vec<&'g str> {
-    let Some(own) = gaits.get(&row.campaign) else { return Vec::new() };
-    if row.gait.iter().any(|joint| joint.offset_rad.is_nan()) {
+    let own = gaits.get(&row.campaign).filter(|own| commanded_joints(own) > 0);
+    let Some(own) = own else { return Vec::new() };
+    if measured_joints(row, own.joints.len()).iter().any(|joint| joint.offset_rad.is_nan()) {
         return Vec::new();
     }
     // A passive joint may move in any way: if the trial follows its own gait, another gait has to command more joints.
     let follows_own = follows(row, own, Check::Gait.limit());
-    let min_commanded = if follows_own { commanded_joints(own) + 1 } else { 0 };
-    let followed: Vec<(&String, &Gait)> = gaits
+    let min_commanded = if follows_own { commanded_joints(own) + 1 } else { 1 };
+    let followed: Vec<(&String, &CampaignGait)> = gaits
         .iter()
         .filter(|(_, gait)| {
-            commanded_joints(gait) >= min_commanded && follows(row, gait, FOLLOWED_DEG)
+            gait.joints.len() == own.joints.len()
+                && commanded_joints(gait) >= min_commanded
+                && follows(row, gait, FOLLOWED_DEG)
         })
-        .filter(|(_, gait)| min_commanded == 0 || !is_passive_by_chance(row, own, gait, trials))
+        .filter(|(_, gait)| !follows_own || !is_passive_by_chance(row, own, gait, trials))
         .collect();
     let max_commanded = followed.iter().map(|(_, gait)| commanded_joints(gait)).max().unwrap_or(0);
     followed
@@ -63,20 +69,33 @@ fn other_campaigns<'g>(
         .collect()
 }
 
-fn commanded_joints(gait: &Gait) -> usize {
+fn commanded_joints(gait: &CampaignGait) -> usize {
     gait.joints.iter().flatten().count()
 }
 
 /// Returns whether the joints of a trial follow a gait to within a tolerance.
-fn follows(row: &TrialRow, gait: &Gait, within_deg: f64) -> bool {
-    max_deviation_deg(&row.gait.map(|joint| joint.command()), &gait.joints) <= within_deg
+fn follows(row: &TrialRow, gait: &CampaignGait, within_deg: f64) -> bool {
+    let measured = measured_joints(row, gait.joints.len());
+    max_deviation_deg(&measured, &gait.joints) <= within_deg
 }
 
-/// Returns whether a trial's passive joint, which follows the gait `other`, does so by chance: whether linear
-/// interpolation in frequency between other trials of its own campaign also predicts this motion. Trials that also
+/// Returns whether a trial's passive joints, which follow the gait `other`, do so by chance: whether linear
+/// interpolation in frequency between other trials of its own campaign also predicts their motion. Trials that also
 /// follow `other` are not used.
-fn is_passive_by_chance(row: &TrialRow, own: &Gait, other: &Gait, trials: &[TrialRow]) -> bool {
-    let Some(joint) = own.passive_joint() else { return true };
+fn is_passive_by_chance(
+    row: &TrialRow,
+    own: &CampaignGait,
+    other: &CampaignGait,
+    trials: &[TrialRow],
+) -> bool {
+    let joints = own.joints.iter().zip(&other.joints).enumerate();
+    let mut passive = joints.filter(|(_, (own, other))| own.is_none() && other.is_some());
+    passive.all(|(joint, _)| is_predicted(row, joint, other, trials))
+}
+
+/// Returns whether linear interpolation in frequency between other trials of the same campaign predicts the motion of a
+/// joint. Trials that follow the gait `other` are not used.
+fn is_predicted(row: &TrialRow, joint: usize, other: &CampaignGait, trials: &[TrialRow]) -> bool {
     let mut known: Vec<&TrialRow> = trials
         .iter()
         .filter(|trial| {
@@ -101,7 +120,7 @@ fn is_passive_by_chance(row: &TrialRow, own: &Gait, other: &Gait, trials: &[Tria
 
 /// Fails the trials of every campaign in which a joint's offset has the same error in all trials; random servo errors
 /// would have both signs.
-pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, Gait>) {
+pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, CampaignGait>) {
     let Ingested { trials, checks, .. } = rows;
     let mut found = Vec::new();
     for (campaign, gait) in gaits {
@@ -113,7 +132,7 @@ pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, 
             let Some(command) = command else { continue };
             let off_deg: Vec<f64> = of_campaign
                 .iter()
-                .map(|row| (row.gait[joint].offset_rad - command.offset_rad).to_degrees())
+                .map(|row| (joint_of(row, joint).offset_rad - command.offset_rad).to_degrees())
                 .collect();
             let [low, high] = extremes(off_deg.iter().copied());
             if off_deg.len() < 2 || low.max(-high) < MIN_COMMON_OFFSET_DEG {
@@ -123,11 +142,18 @@ pub(super) fn find_common_offsets(rows: &mut Ingested, gaits: &BTreeMap<String, 
             let off_deg = mean(off_deg);
             let count = of_campaign.len();
             let link = joint + 1;
+            let remedy = match gait.is_of_chain {
+                true => {
+                    "the positions of the markers on one of its two links are rotated".to_owned()
+                }
+                false => format!(
+                    "the positions in markers.link0 or markers.link{link} are rotated. `trilink ingest --calibrate` \
+                     with a trial whose gait oscillates about the straight configuration shows which"
+                ),
+            };
             let message = format!(
-                "joint {link}: measured offset {:+.1} deg in all {count} trials, configured {configured}: \
-                 either offset_deg is wrong, or the positions in markers.link0 or markers.link{link} are rotated. \
-                 `trilink ingest --calibrate` with a trial whose gait oscillates about the straight configuration \
-                 shows which",
+                "joint {link}: measured offset {:+.1} deg in all {count} trials, configured {configured}: either \
+                 offset_deg is wrong, or {remedy}",
                 configured + off_deg
             );
             found.push((campaign.clone(), message));
@@ -167,14 +193,21 @@ pub(super) fn insert(trial: &str, checks: &mut Vec<CheckRow>, finding: &Finding)
     checks.insert(after.map_or(checks.len(), |last| last + 1), finding.row(trial));
 }
 
+/// Returns the measured motion of a joint; NaN if the trial has none.
+fn joint_of(row: &TrialRow, joint: usize) -> JointCommand {
+    let unknown = JointCommand::new(f64::NAN, f64::NAN, f64::NAN);
+    measured_joints(row, joint + 1).get(joint).copied().unwrap_or(unknown)
+}
+
 /// Returns the first harmonic of a joint as a phasor, rad.
 fn swing(row: &TrialRow, joint: usize) -> Complex<f64> {
-    let joint = row.gait[joint];
+    let joint = joint_of(row, joint);
     Complex::from_polar(joint.amplitude_rad, joint.phase_rad)
 }
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Gait;
     use trilink_tables::trial::TrialKind;
     use trilink_tables::{Columns as _, JointGait};
 
@@ -204,7 +237,10 @@ mod tests {
         let trials = trials.map(|(omega, phase)| trial(omega, phase)).collect();
         let mut rows = Ingested { trials, ..Ingested::default() };
         let gaits = [("passive", Gait::passive_symmetric()), ("both", Gait::symmetric())];
-        find_other_campaigns(&mut rows, &gaits.map(|(name, gait)| (name.to_owned(), gait)).into());
+        let gaits = gaits.map(|(name, gait)| {
+            (name.to_owned(), CampaignGait { joints: gait.joints.to_vec(), is_of_chain: false })
+        });
+        find_other_campaigns(&mut rows, &gaits.into());
         let failed = rows.trials.into_iter().filter(|row| row.status == TrialStatus::Failed);
         failed.map(|row| row.trial).collect()
     }

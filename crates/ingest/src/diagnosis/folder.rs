@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use serde_json::Value;
 use trilink_base::Named as _;
-use trilink_robot::Gait;
+use trilink_robot::JointCommand;
 use trilink_tables::config::Config;
 use trilink_tables::trial::{ListedTrial, Trial, TrialFolder, TrialFolders, TrialKind};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats, without_file};
@@ -22,7 +22,7 @@ use crate::identification::floor::{estimate_slopes, forget_slopes};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FolderInput {
     /// Commanded gait of every campaign.
-    gaits: BTreeMap<String, Gait>,
+    gaits: BTreeMap<String, CampaignGait>,
     /// Marker files that are missing from the trial list, by folder name.
     unlisted: BTreeMap<String, Vec<String>>,
     /// Number of trials in each folder that had tables but is gone, by folder name.
@@ -35,6 +35,15 @@ pub struct FolderInput {
     roll_kg_s: BTreeMap<String, [f64; 3]>,
 }
 
+/// Commanded gait of a campaign.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct CampaignGait {
+    /// Commands of the joints from front to rear; `None` for a joint that is not commanded.
+    pub joints: Vec<Option<JointCommand>>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_of_chain: bool,
+}
+
 /// Trial with a marker file to be ignored.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct IgnoredTrial {
@@ -45,9 +54,16 @@ struct IgnoredTrial {
 
 impl FolderInput {
     pub fn new(config: &Config, TrialFolders { folders, ignored, .. }: &TrialFolders) -> Self {
-        let gaits = config.campaign.iter().filter_map(|(name, campaign)| {
-            Some((name.clone(), config.gait.get(&campaign.gait)?.to_gait()))
+        let of_robots = config.campaign.iter().filter_map(|(name, campaign)| {
+            let joints = config.gait.get(&campaign.gait)?.to_gait().joints.to_vec();
+            Some((name.clone(), CampaignGait { joints, is_of_chain: false }))
         });
+        let of_chains = config.chains.campaign.keys().filter_map(|name| {
+            let chain = config.chain_setup(name)?;
+            let joints = chain.gait().joints[..chain.joints.len()].to_vec();
+            Some((name.clone(), CampaignGait { joints, is_of_chain: true }))
+        });
+        let gaits = of_robots.chain(of_chains);
         let unlisted = folders.iter().map(|folder| (folder.name.clone(), unlisted_files(folder)));
         let roll_kg_s =
             config.robot.iter().map(|(name, robot)| (name.clone(), robot.to_robot().roll_kg_s));

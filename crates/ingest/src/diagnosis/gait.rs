@@ -65,11 +65,16 @@ fn corrected(command: JointCommand, quantity: Quantity, undo: fn(f64) -> f64) ->
 }
 
 /// Checks whether the joints follow their commands. The phases in `measured` may have any common origin. The finding is
-/// an error if the cause is known or if the motion differs completely from the gait.
-pub(crate) fn check_gait(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> Finding {
+/// an error if the cause is known or if the motion differs completely from the gait. `is_of_paper` states whether the
+/// robot is the paper's.
+pub(crate) fn check_gait(
+    measured: &[JointCommand],
+    gait: &[Option<JointCommand>],
+    is_of_paper: bool,
+) -> Finding {
     let deviation_deg = max_deviation_deg(measured, gait);
     let is_followed = deviation_deg <= Check::Gait.limit();
-    let causes = if is_followed { Vec::new() } else { causes(measured, gait) };
+    let causes = if is_followed { Vec::new() } else { causes(measured, gait, is_of_paper) };
     let message = match &causes[..] {
         _ if is_followed => {
             format!("the joints deviate from the command by up to {deviation_deg:.1} degrees")
@@ -143,7 +148,11 @@ fn compared(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> String 
 }
 
 /// Lists the changes to the command that explain the measured motion, each with a brief and a full description.
-fn causes(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> Vec<(String, String)> {
+fn causes(
+    measured: &[JointCommand],
+    gait: &[Option<JointCommand>],
+    is_of_paper: bool,
+) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let joints = 0..gait.len();
     let single = joints.clone().rev().map(|one| joints.clone().map(|joint| joint == one).collect());
@@ -171,17 +180,18 @@ fn causes(measured: &[JointCommand], gait: &[Option<JointCommand>]) -> Vec<(Stri
     let [first, second] = *gait else { return found };
     let [turned_first, turned_second] = [first, second]
         .map(|command| command.map(|command| corrected(command, Quantity::Sense, |x| x)));
+    let tables = match is_of_paper {
+        true => "markers.link1 and markers.link2",
+        false => "the tables of the first and the last link in the marker layout",
+    };
+    let reversed = format!("swap {tables}, and reverse the signs of x and y of all markers");
     let exchanges = [
         (
             [second, first],
             "joints 1 and 2 are swapped",
             "each joint follows the other's command; swap joint1 and joint2 of the gait",
         ),
-        (
-            [turned_second, turned_first],
-            "front and rear are swapped",
-            "swap markers.link1 and markers.link2, and reverse the signs of x and y of all markers",
-        ),
+        ([turned_second, turned_first], "front and rear are swapped", &reversed),
     ];
     for (joints, mistake, advice) in exchanges {
         if max_deviation_deg(measured, &joints) <= EXPLAINED_DEG {
@@ -241,15 +251,16 @@ fn plain(value: f64) -> String {
     format!("{}", rounded + 0.0)
 }
 
-/// Checks that the commanded joints swing at the commanded frequency.
+/// Checks that the commanded joints, or all joints if none is commanded, swing at the commanded frequency.
 ///
 /// # Errors
 /// Returns an error if they do not swing, or swing at another frequency.
 pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> Result<(), Problem> {
+    let is_commanded = command.joints.iter().any(Option::is_some);
     let commanded: Vec<&Vec<f64>> = phi_rad
         .iter()
         .zip(command.joints)
-        .filter(|(_, joint)| joint.is_some())
+        .filter(|(_, joint)| joint.is_some() || !is_commanded)
         .map(|(phi_rad, _)| phi_rad)
         .collect();
     let swings = commanded.iter().map(|phi_rad| {

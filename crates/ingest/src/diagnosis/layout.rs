@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use trilink_mocap::Recording;
 use trilink_statistics::{mean, median, quantiles_low};
+use trilink_tables::config::MarkerLayout;
 
 use crate::error::Problem;
 use crate::markers::layout::{Layout, LinkMarker};
@@ -28,6 +29,8 @@ const UNCHANGED: Axes = [(0, 1.0), (1, 1.0), (2, 1.0)];
 struct Markers<'a> {
     file: &'a Recording,
     layout: &'a Layout,
+    /// Configured layout, whose tables are named in errors.
+    configured: &'a MarkerLayout,
     rows: Vec<usize>,
 }
 
@@ -44,10 +47,14 @@ pub fn axis_up_message(up: &str, markers: &str) -> String {
 ///
 /// # Errors
 /// Returns an error if the markers do not match the layout and the cause is known.
-pub(crate) fn check_layout(file: &Recording, layout: &Layout) -> Result<(), Problem> {
+pub(crate) fn check_layout(
+    file: &Recording,
+    layout: &Layout,
+    configured: &MarkerLayout,
+) -> Result<(), Problem> {
     let stride = (file.frames.len() / ROWS).max(1);
     let rows = (0..file.frames.len()).step_by(stride).collect();
-    let markers = Markers { file, layout, rows };
+    let markers = Markers { file, layout, configured, rows };
     let residual_mm: Vec<f64> =
         layout.iter().map(|link| markers.residual_mm(link, UNCHANGED)).collect();
     let is_sound = residual_mm.iter().all(|mm| *mm <= MAX_RESIDUAL_MM || mm.is_nan());
@@ -111,17 +118,19 @@ impl Markers<'_> {
             self.layout.iter().map(|markers| self.ratios(markers)).collect();
         if let Some(ratio) = common_ratio(of_links.concat()) {
             return Some(format!(
-                "the markers of every link are {} as far apart as in [markers]: {}",
+                "the markers of every link are {} as far apart as in {}: {}",
                 times(ratio),
-                unit(ratio)
+                self.configured.table(),
+                unit(ratio, &self.configured.table())
             ));
         }
         of_links.into_iter().enumerate().find_map(|(link, ratios)| {
             let ratio = common_ratio(ratios)?;
             Some(format!(
-                "the markers of link {link} are {} as far apart as in markers.link{link}: are the positions in that \
-                 table in millimetres?",
-                times(ratio)
+                "the markers of link {link} are {} as far apart as in {}: are the positions in that table in \
+                 millimetres?",
+                times(ratio),
+                self.configured.table_of(link)
             ))
         })
     }
@@ -138,7 +147,9 @@ impl Markers<'_> {
         let (up, _) = axes.into_iter().find(|(_, axes)| {
             self.max_residual_mm(self.layout, *axes) <= MAX_RESIDUAL_MM && self.is_level(axes[2].0)
         })?;
-        Some(axis_up_message(up, "the other two coordinates match the positions in [markers]"))
+        let table = self.configured.table();
+        let matched = format!("the other two coordinates match the positions in {table}");
+        Some(axis_up_message(up, &matched))
     }
 
     /// Returns whether the markers barely move along an axis of the file.
@@ -167,9 +178,11 @@ impl Markers<'_> {
     /// otherwise `None`.
     fn upside_down(&self) -> Option<String> {
         self.is_below_floor().then(|| {
-            "the markers lie as far below the floor as they should lie above it according to [markers]: the signs of \
-             z and of either x or y are wrong; export with z up"
-                .to_owned()
+            format!(
+                "the markers lie as far below the floor as they should lie above it according to {}: the signs of z \
+                 and of either x or y are wrong; export with z up",
+                self.configured.table()
+            )
         })
     }
 
@@ -190,9 +203,11 @@ impl Markers<'_> {
             return Some(if self.is_below_floor() {
                 "the file's z axis points down: export with z up".to_owned()
             } else {
-                "the markers of every link are mirrored: reverse the sign of every y in [markers], or, if the file \
-                 is mirrored, the sign of one of its axes"
-                    .to_owned()
+                format!(
+                    "the markers of every link are mirrored: reverse the sign of every y in {}, or, if the file is \
+                     mirrored, the sign of one of its axes",
+                    self.configured.table()
+                )
             });
         }
         let link = (0..mirrored.len()).find(|&link| {
@@ -203,7 +218,8 @@ impl Markers<'_> {
         let others =
             self.relabelled(link).map_or(String::new(), |relabelled| format!("; or {relabelled}"));
         Some(format!(
-            "the markers of link {link} are mirrored: reverse the sign of every y in markers.link{link}{others}"
+            "the markers of link {link} are mirrored: reverse the sign of every y in {}{others}",
+            self.configured.table_of(link)
         ))
     }
 
@@ -221,8 +237,10 @@ impl Markers<'_> {
                 .max(self.residual_mm(&with_positions(of_b, of_a), UNCHANGED));
             if residual_mm <= MAX_RESIDUAL_MM {
                 return Some(format!(
-                    "the positions in markers.link{a} and markers.link{b} are swapped: the markers of each of these \
-                     links are arranged as listed in the table of the other link"
+                    "the positions in {} and {} are swapped: the markers of each of these links are arranged as \
+                     listed in the table of the other link",
+                    self.configured.table_of(a),
+                    self.configured.table_of(b)
                 ));
             }
         }
@@ -260,7 +278,8 @@ impl Markers<'_> {
                     let [of_b, of_a] = columns.map(|column| &self.file.labels[column]);
                     return Some(format!(
                         "the labels `{of_a}` of link {a} and `{of_b}` of link {b} are swapped: swap them in the file, \
-                         in [markers] or, if they are swapped in this file only, by `aliases` in trials.toml"
+                         in {} or, if they are swapped in this file only, by `aliases` in trials.toml",
+                        self.configured.table()
                     ));
                 }
             }
@@ -294,8 +313,9 @@ impl Markers<'_> {
             })
             .collect();
         Some(format!(
-            "labels of link {link} are swapped: {}; change the labels in markers.link{link} or in the file",
-            moved.join(", ")
+            "labels of link {link} are swapped: {}; change the labels in {} or in the file",
+            moved.join(", "),
+            self.configured.table_of(link)
         ))
     }
 
@@ -338,7 +358,8 @@ impl Markers<'_> {
         let [a, b] = marker.local_position_mm;
         Some(format!(
             "the marker `{label}` of link {link} is configured at x = {a}, y = {b} mm, but measured at x = {x:.1}, y \
-             = {y:.1} mm relative to the other markers of the link: correct markers.link{link}"
+             = {y:.1} mm relative to the other markers of the link: correct {}",
+            self.configured.table_of(link)
         ))
     }
 }
@@ -380,20 +401,23 @@ fn times(ratio: f64) -> String {
     if ratio >= 1.0 { format!("{ratio:.4} times") } else { format!("1/{:.4}", 1.0 / ratio) }
 }
 
-/// Returns the likely cause of the ratio between measured and configured distances, as text.
-fn unit(ratio: f64) -> &'static str {
+/// Returns the likely cause of the ratio between measured and configured distances, as text, given the table of the
+/// layout.
+fn unit(ratio: f64, table: &str) -> String {
     let is = |other: f64| (ratio / other - 1.0).abs() < 0.1;
     if is(1e-3) {
-        "the file's positions are in metres, not in millimetres; export millimetres"
+        "the file's positions are in metres, not in millimetres; export millimetres".to_owned()
     } else if is(1e3) {
-        "the positions in [markers] are in metres, not in millimetres"
+        format!("the positions in {table} are in metres, not in millimetres")
     } else if is(0.1) {
-        "the file's positions are in centimetres, not in millimetres; export millimetres"
+        "the file's positions are in centimetres, not in millimetres; export millimetres".to_owned()
     } else if is(10.0) {
-        "the positions in [markers] are in centimetres, not in millimetres"
+        format!("the positions in {table} are in centimetres, not in millimetres")
     } else if is(1.0 / 25.4) || is(25.4) {
-        "the positions in the file or in [markers] are in inches, not in millimetres"
+        format!("the positions in the file or in {table} are in inches, not in millimetres")
     } else {
-        "are the file and [markers] both in millimetres, and do they describe the same robot?"
+        format!(
+            "are the file and {table} both in millimetres, and do they describe the same robot?"
+        )
     }
 }

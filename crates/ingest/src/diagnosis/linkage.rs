@@ -1,6 +1,7 @@
 //! Checks whether the links are connected as the lengths h and l require and, if not, finds the likely mistake.
 
 use trilink_statistics::{extremes, mean, wrap};
+use trilink_tables::config::MarkerLayout;
 
 use crate::checks::{Check, Finding};
 use crate::markers::rigid::LinkPose;
@@ -13,11 +14,15 @@ const MIN_TURN_RAD: f64 = 0.17;
 
 /// Checks whether the joints are where the robot's h and l place them. The finding is an error if the cause is known.
 /// `None` if the joint positions have not been estimated.
-pub(crate) fn check_linkage(linkage: &Linkage, constant: &Constant) -> Option<Finding> {
+pub(crate) fn check_linkage(
+    linkage: &Linkage,
+    constant: &Constant,
+    layout: &MarkerLayout,
+) -> Option<Finding> {
     let found = constant.joints?;
     let mm = linkage.distance_mm(&found);
     let cause = if mm > MAX_GAP_MM { cause(linkage, &constant.own_poses) } else { None };
-    let implied = match linkage.is_of_three() {
+    let implied = match linkage.is_of_paper() {
         true => "the position that the robot's h_m and l_m imply",
         false => "its configured position",
     };
@@ -26,14 +31,14 @@ pub(crate) fn check_linkage(linkage: &Linkage, constant: &Constant) -> Option<Fi
     Some(match cause {
         Some(cause) => finding(format!("{message}: {cause}")).failing(),
         None if mm > Check::JointPositions.limit() => {
-            finding(format!("{message}: {}", farthest(linkage, &found)))
+            finding(format!("{message}: {}", farthest(linkage, &found, layout)))
         }
         None => finding(message),
     })
 }
 
 /// Describes the joint that is farthest from where h and l place it, and the changes to h and l that would correct it.
-fn farthest(linkage: &Linkage, found: &Linkage) -> String {
+fn farthest(linkage: &Linkage, found: &Linkage, layout: &MarkerLayout) -> String {
     let configured: Vec<[f64; 2]> = linkage.ends().collect();
     let found: Vec<[f64; 2]> = found.ends().collect();
     let offsets: Vec<[f64; 2]> = found
@@ -49,31 +54,32 @@ fn farthest(linkage: &Linkage, found: &Linkage) -> String {
         .unwrap_or(0);
     let (joint, side) = (end / 2, end % 2);
     let link = linkage.links_of(joint)[side];
-    let length = match linkage.is_of_three() {
-        true => ["h_m", "l_m"][side],
-        false if linkage.order()[joint] == link => "rear_joint_m",
-        false => "front_joint_m",
+    let [x, y] = found[end];
+    let (length, length_mm) = match linkage.is_of_paper() {
+        true => (["h_m", "l_m"][side], x.abs()),
+        false if linkage.order()[joint] == link => ("rear_joint_m", -x),
+        false => ("front_joint_m", x),
     };
     let joint = joint + 1;
-    let [x, y] = found[end];
     let [along, aside] = offsets[end];
     let [x0, y0] = configured[end];
     let change = if along.abs() > aside.abs() {
-        format!("set {length} = {:.4} or add {:.1} mm to every x", 1e-3 * x.abs(), -along)
+        format!("set {length} = {:.4} or add {:.1} mm to every x", 1e-3 * length_mm, -along)
     } else {
         let turn_deg = -(y / x).atan().to_degrees();
         format!("rotate the positions by {turn_deg:.1} degrees or add {:.1} mm to every y", -aside)
     };
     format!(
         "joint {joint} is measured at x = {x:.1}, y = {y:.1} mm in the frame of link {link}, but configured at x = \
-         {x0:.1}, y = {y0:.1} mm: {change} in markers.link{link}, whichever is correct for the robot"
+         {x0:.1}, y = {y0:.1} mm: {change} in {}, whichever is correct for the robot",
+        layout.table_of(link)
     )
 }
 
 /// Returns the likely reason why joints are not where h and l place them, from link poses fitted separately to each
 /// link's markers; `None` if no reason is found.
 fn cause(linkage: &Linkage, poses: &[Vec<LinkPose>]) -> Option<String> {
-    if !linkage.is_of_three()
+    if !linkage.is_of_paper()
         || poses.is_empty()
         || gap_mm(linkage, poses, [0, 1, 2], [false; 3]) <= MAX_GAP_MM
     {

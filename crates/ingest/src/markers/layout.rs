@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use trilink_base::body;
 use trilink_mocap::Recording;
-use trilink_tables::config::{Markers, toml_key};
+use trilink_tables::config::{MarkerLayout, toml_key};
 
 use crate::checks::{Check, Finding};
 use crate::error::Problem;
@@ -35,7 +35,7 @@ pub(crate) type Layout = Vec<Vec<LinkMarker>>;
 
 /// Finds every marker of the configured layout in the file, either by its full label or, if only one subject has such a
 /// marker, by its name without the subject. Returns the first problem as an error.
-pub(crate) fn locate(markers: &Markers, file: &Recording) -> Result<Layout, Problem> {
+pub(crate) fn locate(markers: &MarkerLayout, file: &Recording) -> Result<Layout, Problem> {
     let (layout, problems) = locate_all(markers, file);
     problems.into_iter().next().map_or(Ok(layout), Err)
 }
@@ -43,14 +43,16 @@ pub(crate) fn locate(markers: &Markers, file: &Recording) -> Result<Layout, Prob
 /// Finds the markers of the configured layout in the file. A marker that the file does not have is added to it as
 /// occluded, and returned as a finding, if its link has enough others.
 pub(crate) fn locate_or_occlude(
-    markers: &Markers,
+    markers: &MarkerLayout,
     mut file: Recording,
 ) -> Result<(Recording, Layout, Option<Finding>), Problem> {
     let (layout, problems) = locate_all(markers, &file);
     let mut sentences = Vec::new();
     for problem in problems {
         match problem {
-            Problem::MissingMarker { label, link, hint } if layout[link].len() >= MIN_REMAINING => {
+            Problem::MissingMarker { label, link, hint, .. }
+                if layout[link].len() >= MIN_REMAINING =>
+            {
                 sentences.push(format!("the file has no marker `{label}` of link {link}; {hint}"));
                 file = file.with_occluded(label);
             }
@@ -73,8 +75,8 @@ pub(crate) fn apply_aliases(aliases: &BTreeMap<String, String>, file: &mut Recor
         let point = |i| (body::point_label(found, i), body::point_label(meant, i));
         let own = std::iter::once((found.clone(), meant.clone()));
         for (found, meant) in own.chain((0..body::POINTS).map(point)) {
-            if column_of(0, &meant, &file.labels).is_err()
-                && let Ok(column) = column_of(0, &found, &file.labels)
+            if column_of(0, "", &meant, &file.labels).is_err()
+                && let Ok(column) = column_of(0, "", &found, &file.labels)
             {
                 file.labels[column] = meant;
             }
@@ -84,13 +86,14 @@ pub(crate) fn apply_aliases(aliases: &BTreeMap<String, String>, file: &mut Recor
 
 /// Finds the markers of the configured layout in the file. Also returns one problem for each marker that is missing or
 /// ambiguous, or a single problem if most markers are missing, because the file then records something else.
-pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Problem>) {
+pub(crate) fn locate_all(markers: &MarkerLayout, file: &Recording) -> (Layout, Vec<Problem>) {
     let mut layout = vec![Vec::new(); markers.links().len()];
     let mut problems = Vec::new();
     let mut owners: BTreeMap<usize, &str> = BTreeMap::new();
     for (link, configured) in markers.links().into_iter().enumerate() {
+        let table = markers.table_of(link);
         for (label, position_mm) in configured {
-            let found = column_of(link, label, &file.labels);
+            let found = column_of(link, &table, label, &file.labels);
             let column = match found {
                 Ok(column) => column,
                 // One problem stands for all points of a rigid body.
@@ -103,7 +106,8 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
             if let Some(first) = owners.insert(column, label) {
                 let found = file.labels[column].clone();
                 let first = first.to_owned();
-                problems.push(Problem::SharedMarker { found, first, second: label.clone() });
+                let (second, table) = (label.clone(), markers.table());
+                problems.push(Problem::SharedMarker { found, first, second, table });
             }
             let [x, y, height_mm] = *position_mm;
             layout[link].push(LinkMarker { column, local_position_mm: [x, y], height_mm });
@@ -136,12 +140,14 @@ pub(crate) fn locate_all(markers: &Markers, file: &Recording) -> (Layout, Vec<Pr
         let more = if labels.len() > MAX_SHOWN_LABELS { ", .." } else { "" };
         labels.truncate(MAX_SHOWN_LABELS);
         let labels = format!("`{}`{more}", labels.join("`, `"));
-        problems = vec![Problem::ForeignFile { missing, all, labels }];
+        let table = markers.table();
+        problems = vec![Problem::ForeignFile { missing, all, table, labels }];
     }
     (layout, problems)
 }
 
-fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Problem> {
+/// Returns the column of a marker, given the number and the table of its link, which are named in errors.
+fn column_of(link: usize, table: &str, label: &str, labels: &[String]) -> Result<usize, Problem> {
     let mut found: Vec<usize> = (0..labels.len()).filter(|&i| labels[i] == label).collect();
     if found.is_empty() {
         found = (0..labels.len()).filter(|&i| marker_name(&labels[i]) == label).collect();
@@ -150,17 +156,18 @@ fn column_of(link: usize, label: &str, labels: &[String]) -> Result<usize, Probl
         return Ok(column);
     }
     let label = body::name(label).to_owned();
+    let table = table.to_owned();
     match found[..] {
         [] => {
             let hint = proposals(&label, labels);
-            Err(Problem::MissingMarker { label, link, hint })
+            Err(Problem::MissingMarker { label, link, table, hint })
         }
         [first, ..] if found.iter().all(|&i| labels[i] == labels[first]) => {
-            Err(Problem::RepeatedLabel { label: body::name(&labels[first]).to_owned(), link })
+            Err(Problem::RepeatedLabel { label: body::name(&labels[first]).to_owned(), table })
         }
         _ => {
             let found = found.iter().map(|&i| body::name(&labels[i]).to_owned()).collect();
-            Err(Problem::AmbiguousMarker { label, link, found })
+            Err(Problem::AmbiguousMarker { label, table, found })
         }
     }
 }
@@ -195,6 +202,7 @@ mod tests {
 
     use trilink_mocap::LengthUnit;
     use trilink_mocap::read_markers;
+    use trilink_tables::config::Markers;
 
     use super::*;
     use crate::error::TrialFailure;
@@ -205,7 +213,7 @@ mod tests {
         let file = read_markers(path, LengthUnit::Mm).unwrap();
         let link0 = link0.into_iter().map(|label| (label.to_owned(), [0.0; 3])).collect();
         let markers = Markers { link0, link1: BTreeMap::new(), link2: BTreeMap::new() };
-        locate(&markers, &file).map_err(|problem| problem.in_file(Path::new("a.csv")))
+        locate(&markers.into(), &file).map_err(|problem| problem.in_file(Path::new("a.csv")))
     }
 
     #[test]
@@ -232,7 +240,9 @@ mod tests {
     fn a_label_that_a_file_has_twice_is_an_error() {
         let labels = ["Snake:M1".to_owned(), "Snake:M1".to_owned()];
         for label in ["M1", "Snake:M1"] {
-            let error = column_of(0, label, &labels).unwrap_err().in_file(Path::new("a.csv"));
+            let error = column_of(0, "markers.link0", label, &labels)
+                .unwrap_err()
+                .in_file(Path::new("a.csv"));
             assert_eq!(
                 error.to_string(),
                 "a.csv: the file has the label `Snake:M1` more than once, \

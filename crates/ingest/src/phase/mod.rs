@@ -58,8 +58,8 @@ type Joint<'j> = (usize, JointCommand, &'j [f64]);
 
 /// Commanded gait of a trial, with its frequency and the frame rate of the recording.
 pub struct CommandedGait<'a> {
-    /// Commands of the joints from front to rear; `None` for a joint that is not commanded. If none is, the time origin is
-    /// arbitrary.
+    /// Commands of the joints from front to rear; `None` for a joint that is not commanded. If none is, the phase is that
+    /// of the first harmonic of joint 1.
     pub joints: &'a [Option<JointCommand>],
     pub omega_rad_s: f64,
     pub rate_hz: f64,
@@ -69,8 +69,8 @@ pub struct CommandedGait<'a> {
 }
 
 impl CommandedGait<'_> {
-    /// Estimates the frequency and the phase by harmonic regression on the unsmoothed angles of the commanded joints,
-    /// rad. `phi_rad` is NaN where a joint is occluded.
+    /// Estimates the frequency and the phase by harmonic regression on the unsmoothed angles of the commanded joints (of
+    /// all joints if none is commanded), rad. `phi_rad` is NaN where a joint is occluded.
     ///
     /// # Errors
     /// Returns an error if the trial has too few frames per period, too few periods or too few visible samples, or if
@@ -117,13 +117,14 @@ impl CommandedGait<'_> {
     }
 
     /// Fits the phase of the command, which advances by `step` rad per frame, so that the first harmonics of the joint
-    /// angles have, on average, their commanded phases. Returns an error if a commanded joint does not move.
+    /// angles have, on average, their commanded phases, or, if no joint is commanded, that of joint 1 has phase 0. Returns an error if a commanded joint does not move.
     fn phase(
         &self,
         joints: &[Joint],
         steady: &Range<usize>,
         step: f64,
     ) -> Result<LinearPhase, Problem> {
+        let is_commanded = self.joints.iter().any(Option::is_some);
         let mut phase = LinearPhase::centred(steady, step);
         let mut sin = 0.0;
         let mut cos = 0.0;
@@ -139,8 +140,13 @@ impl CommandedGait<'_> {
                 });
             };
             let ahead = fit.phase_rad() - command.phase_rad;
-            sin += command.amplitude_rad * ahead.sin();
-            cos += command.amplitude_rad * ahead.cos();
+            let weight = match (is_commanded, joint) {
+                (true, _) => command.amplitude_rad,
+                (false, 0) => 1.0,
+                (false, _) => 0.0,
+            };
+            sin += weight * ahead.sin();
+            cos += weight * ahead.cos();
         }
         phase.offset_rad = wrap(phase.offset_rad + sin.atan2(cos));
         Ok(phase)

@@ -108,6 +108,7 @@ pub(crate) struct Linkage {
     is_bare: [bool; MAX_LINKS],
     /// Joints from front to rear.
     joints: [JointPosition; MAX_JOINTS],
+    is_of_paper: bool,
 }
 
 impl Linkage {
@@ -125,7 +126,7 @@ impl Linkage {
         }
         let reference = geometry.order.iter().position(|link| *link == 0).unwrap_or(0);
         let is_bare = std::array::from_fn(|link| link < links && is_bare(link));
-        Self { links, order, reference, is_bare, joints }
+        Self { links, order, reference, is_bare, joints, is_of_paper: geometry.is_of_paper }
     }
 
     /// Returns the joints from front to rear.
@@ -144,9 +145,9 @@ impl Linkage {
         if joint < self.reference { [behind, ahead] } else { [ahead, behind] }
     }
 
-    /// Returns whether the links are those of the paper's robot: a middle one with a link at either end.
-    pub(crate) fn is_of_three(&self) -> bool {
-        self.order() == [1, 0, 2]
+    /// Returns whether the robot is the paper's, whose joints are given by h and l.
+    pub(crate) fn is_of_paper(&self) -> bool {
+        self.is_of_paper
     }
 
     /// Returns a joint's position in the frame of one of its links, given by its index in `order`, mm.

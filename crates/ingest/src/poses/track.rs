@@ -219,7 +219,7 @@ impl LinkPoses {
     /// Arranges the poses in time, given the frame number of each row, and fills gaps of at most `max_gap` frames.
     ///
     /// # Errors
-    /// Returns an error if a link has no pose in any frame.
+    /// Returns an error if a link with markers has no pose in any frame.
     pub(crate) fn over_time(
         self,
         numbers: &[i64],
@@ -256,7 +256,9 @@ impl LinkPoses {
                 }
             }
         }
-        if let Some(link) = (0..links).find(|&link| theta[link].iter().all(|x| x.is_nan())) {
+        let is_unseen = |link: &usize| theta[*link].iter().all(|x| x.is_nan());
+        // The pose of a link without markers follows from its neighbours, which are checked.
+        if let Some(link) = (0..links).filter(|link| !layout[*link].is_empty()).find(is_unseen) {
             return Err(Problem::LinkUnseen { link });
         }
         theta.iter_mut().for_each(|theta| unwrap(theta));

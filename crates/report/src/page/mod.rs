@@ -165,7 +165,7 @@ pub(crate) fn html(
         has_chains => has_chains(tables, input),
         debiased => input.sigma == SigmaKind::Debiased,
         kalman => input.smoothing() == Smoothing::Kalman,
-        truth => truth.map(|truth| truth::compare(truth, tables)),
+        truth => truth.map(|truth| truth::compare(truth, tables, input)),
         scorecard => Serde(scores),
         of_the_paper => !scores.is_empty(),
         reasons => Serde(reasons.into_iter().collect::<Vec<_>>()),

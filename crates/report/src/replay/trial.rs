@@ -8,7 +8,7 @@ use trilink_base::numbers::{as_configured, fixed};
 use trilink_mechanics::{FIT_ACCURACY, Pose, Solver};
 use trilink_robot::JointCommand;
 use trilink_robot::metrics::padded;
-use trilink_tables::config::Markers;
+use trilink_tables::config::MarkerLayout;
 use trilink_tables::{FitRow, TrialRow};
 
 use super::{Cycles, Direction, MAX_FRAMES, Mark, Marker, Motion, Quantity, Replay};
@@ -31,7 +31,7 @@ pub(crate) fn of_trial(
     fit: Option<&FitRow>,
     skid_scale_m_s: Option<f64>,
 ) -> Option<Replay> {
-    let markers = input.markers_of(robot);
+    let layout = input.marker_layout(robot);
     let robot = input.any_robot(robot).filter(|of| of.joints() == recording.phi_rad.len())?;
     let window = window(trial, recording);
     let stride = window.len().div_ceil(MAX_FRAMES).max(1);
@@ -54,8 +54,8 @@ pub(crate) fn of_trial(
         let period_s = TAU / trial.omega_rad_s;
         Cycles { number: first.cycle, start_s: first.start_s, period_s }
     });
-    let links = robot.joints() + 1;
-    let (markers, marks) = marks(recording, (markers, links), window, stride);
+    let (markers, marks) =
+        layout.map_or((Vec::new(), Vec::new()), |layout| marks(recording, &layout, window, stride));
     let skid = Quantity {
         name: "Skid velocity",
         unit: "mm/s",
@@ -216,18 +216,17 @@ fn end_deviation(measured: &Motion, predicted: &Motion) -> String {
     )
 }
 
-/// Returns the markers of the layout on the first `links` links, and the ranges of frames in which they were missing or
-/// corrected. A frame shown in
+/// Returns the markers of the layout and the ranges of frames in which they were missing or corrected. A frame shown in
 /// the replay stands for all recorded frames up to the next frame shown.
 fn marks(
     recording: &Recording,
-    (layout, links): (&Markers, usize),
+    layout: &MarkerLayout,
     window: Range<usize>,
     stride: usize,
 ) -> (Vec<Marker>, Vec<Mark>) {
     let mut markers = Vec::new();
     let mut marks = Vec::new();
-    for (link, layout) in layout.links().into_iter().take(links).enumerate() {
+    for (link, layout) in layout.links().into_iter().enumerate() {
         for (label, [x_mm, y_mm, _]) in layout {
             let states: Vec<MarkerState> = window
                 .clone()

@@ -1,5 +1,5 @@
-//! Robots that are chains of two to eight links: `[robot.NAME]` with the key `links`, and the gaits and campaigns of
-//! these robots.
+//! Robots that are chains of two to eight links: `[robot.NAME]` with the key `links`, and the gaits, campaigns and marker
+//! layouts of these robots.
 
 mod check;
 mod split;
@@ -15,15 +15,17 @@ use trilink_robot::{
 
 pub(super) use split::take_chains;
 
-use super::{Config, Free, GaitConfig, JointConfig, Weights};
+use super::{Config, Free, GaitConfig, JointConfig, LinkMarkers, Weights};
 
-/// Chains in the configuration, with the gaits and campaigns that belong to chains alone.
+/// Chains in the configuration, with the gaits, campaigns and marker layouts that belong to chains alone.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Chains {
     pub robot: BTreeMap<String, ChainRobot>,
     pub gait: BTreeMap<String, ChainGait>,
     pub campaign: BTreeMap<String, ChainCampaign>,
+    /// Marker layouts by the name of the robot and the name of the link.
+    pub layout: BTreeMap<String, BTreeMap<String, LinkMarkers>>,
 }
 
 /// Robot whose links form a chain.
@@ -306,7 +308,7 @@ impl Config {
     pub fn chain_notice(&self, campaign: &str) -> Option<String> {
         self.chains.campaign.contains_key(campaign).then(|| {
             format!(
-                "campaign {campaign}: its robot is a chain; only `trilink simulate` supports chains"
+                "campaign {campaign}: its robot is a chain, which this command does not support"
             )
         })
     }
@@ -431,6 +433,55 @@ mod tests {
         assert_eq!(chain.joints, commands);
         let names: Vec<&str> = chain.links.iter().map(|link| link.name.as_str()).collect();
         assert_eq!((names, chain.reference), (vec!["front", "middle", "rear"], 1));
+    }
+
+    #[test]
+    fn a_chain_has_markers_by_the_names_of_its_links() {
+        const LAYOUT: &str = "[layout.snake]\nhead = { H1 = [1, 2, 3], H2 = [20, 2, 3] }\n\
+                              \"link 3\" = { C1 = [1, 2, 3], C2 = [20, 2, 3] }\n\
+                              \"link 4\" = { body = [20.5, -1.25, 55.0, 1.5, -2.0, 90.0] }\n";
+        let config = load(&format!("{SNAKE}{LAYOUT}")).unwrap();
+        let layout = config.marker_layout("snake").expect("a layout");
+        let markers: Vec<usize> = layout.links().iter().map(|link| link.len()).collect();
+        assert_eq!(markers, [2, 0, 2, 4]);
+        assert_eq!((layout.name(2), &*layout.table_of(2)), ("link 3", "layout.snake.\"link 3\""));
+        assert!(load(SNAKE).unwrap().marker_layout("snake").is_none());
+        for (old, new, expected) in [
+            (
+                "head = ",
+                "haed = ",
+                "key `layout.snake`: found `haed`, needed one of `head`, `link 2`, `link 3`, `link 4` (did you mean \
+                 `head`?)",
+            ),
+            (
+                "[layout.snake]",
+                "[layout.snaek]",
+                "key `layout.snaek`: found `snaek`, needed one of `snake` (did you mean `snake`?)",
+            ),
+            ("H2 = [20, 2, 3]", "C2 = [20, 2, 3]", "needed labels that no other link has"),
+            ("H2 = [20, 2, 3]", "H2 = [2, 2, 3]", "needed two markers at least 5 mm apart"),
+            (", H2 = [20, 2, 3]", "", "key `layout.snake.head`: found 1, needed 2 to 64 markers"),
+            (
+                "H2 = [20, 2, 3]",
+                "H2 = [20, 2]",
+                "found a list of length 2, needed a list of length 3",
+            ),
+            (
+                "H2 = [20, 2, 3]",
+                "H2 = [2e5, 2, 3]",
+                "key `layout.snake.head.H2`: found 200000.0, needed",
+            ),
+            (
+                "\"link 3\" = { C1 = [1, 2, 3], C2 = [20, 2, 3] }\n",
+                "",
+                "key `layout.snake.\"link 2\"`: found none, needed 2 to 64 markers, because only a link between two \
+                 links with markers can have none",
+            ),
+        ] {
+            assert!(LAYOUT.contains(old), "{old}");
+            let message = load(&format!("{SNAKE}{}", LAYOUT.replacen(old, new, 1))).expect_err(new);
+            assert!(message.contains(expected), "{old} -> {new}: {message}");
+        }
     }
 
     #[test]

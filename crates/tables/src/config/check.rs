@@ -289,7 +289,7 @@ impl Config {
             check.that(is_robot, &key, robot, "the name of a robot, [robot.NAME]")?;
             self.check_layout(check, &key, layout)?;
         }
-        Ok(())
+        self.check_chain_markers(check)
     }
 
     fn check_layout(
@@ -298,11 +298,21 @@ impl Config {
         name: &str,
         markers: &Markers,
     ) -> Result<(), ConfigError> {
+        let links = markers.links().into_iter().enumerate();
+        let links: Vec<_> = links.map(|(i, link)| (format!("{name}.link{i}"), link)).collect();
+        self.check_links(check, &links)
+    }
+
+    /// Checks the markers of the links of a layout, given the key of each link.
+    pub(super) fn check_links(
+        &self,
+        check: &Checker,
+        links: &[(String, &BTreeMap<String, [f64; 3]>)],
+    ) -> Result<(), ConfigError> {
         let mut owners = BTreeMap::new();
-        for (i, layout) in markers.links().into_iter().enumerate() {
-            let key = format!("{name}.link{i}");
+        for (key, layout) in links {
             let is_valid_count = (2..=MAX_MARKERS).contains(&layout.len());
-            check.that(is_valid_count, &key, &layout.len(), "2 to 64 markers")?;
+            check.that(is_valid_count, key, &layout.len(), "2 to 64 markers")?;
             for label in layout.keys() {
                 let ignored = self.vicon.ignore.iter().find(|name| matches_label(name, label));
                 let needed = format!("patterns that do not match `{label}` of {key}");
@@ -312,8 +322,8 @@ impl Config {
                     &ignored.map_or("", |s| s),
                     &needed,
                 )?;
-                let earlier = owners.insert(label, i);
-                check.that(earlier.is_none(), &key, label, "labels that no other link has")?;
+                let earlier = owners.insert(label, key);
+                check.that(earlier.is_none(), key, label, "labels that no other link has")?;
             }
             let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
             let has_distinct =
@@ -322,7 +332,7 @@ impl Config {
             let hint = if in_metres { " (are the positions in metres?)" } else { "" };
             let needed =
                 format!("two markers at least 5 mm apart in the plane, in millimetres{hint}");
-            check.that(has_distinct, &key, layout, &needed)?;
+            check.that(has_distinct, key, layout, &needed)?;
         }
         Ok(())
     }

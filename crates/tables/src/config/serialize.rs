@@ -1,4 +1,4 @@
-//! Serialization of the configuration, with the chains in the tables of the other robots, gaits and campaigns.
+//! Serialization of the configuration, with the tables of chains among those of the other robots.
 
 use std::collections::BTreeMap;
 
@@ -52,8 +52,9 @@ impl Serialize for Config {
         config.serialize_field("model", model)?;
         config.serialize_field("campaign", &joined(campaign, &chains.campaign))?;
         config.serialize_field("markers", markers)?;
+        let layout = joined(layout, &chains.layout);
         if !layout.is_empty() {
-            config.serialize_field("layout", layout)?;
+            config.serialize_field("layout", &layout)?;
         }
         config.serialize_field("report", report)?;
         config.serialize_field("compare", compare)?;

@@ -8,7 +8,8 @@ use toml::{Table, Value};
 use trilink_robot::{Chain, Laws, MAX_LINKS, Model, Per, Quantity};
 
 use super::super::check::{Checker, NAME, is_valid_name};
-use super::super::{Config, ConfigError};
+use super::super::marker_layout::link_table;
+use super::super::{Config, ConfigError, LinkMarkers, toml_key};
 use super::{ChainCampaign, ChainGait, ChainJoint, ChainRobot, CommandConfig, JointKind};
 
 /// Keys of a link that describe its wheel, apart from its place.
@@ -68,6 +69,40 @@ impl Config {
                 check.entry(&self.model, model, &key)?;
                 check.free(&key, *model, &self.model[model], &free.0, setup.as_ref())?;
             }
+        }
+        Ok(())
+    }
+
+    /// Checks the marker layouts of all chains.
+    pub(in super::super) fn check_chain_markers(&self, check: &Checker) -> Result<(), ConfigError> {
+        let robots = self.chains.robot.keys().chain(self.robot.keys());
+        let known: BTreeMap<&String, ()> = robots.map(|name| (name, ())).collect();
+        for (robot, layout) in &self.chains.layout {
+            let table = format!("layout.{}", toml_key(robot));
+            check.entry(&known, &robot, &table)?;
+            let names = self.chains.robot[robot].names();
+            let links: BTreeMap<&String, ()> = names.iter().map(|name| (name, ())).collect();
+            layout.keys().try_for_each(|link| check.entry(&links, &link, &table).map(drop))?;
+            let values = Value::try_from(layout).expect("a layout can be serialised");
+            check.numbers(&table, &values)?;
+            let none = LinkMarkers::default();
+            let markers = names.iter().map(|name| &layout.get(name).unwrap_or(&none).0);
+            let markers: Vec<&BTreeMap<String, [f64; 3]>> = markers.collect();
+            let is_bare = |place: usize| {
+                markers.get(place).is_none_or(|link: &&BTreeMap<_, _>| link.is_empty())
+            };
+            let mut with_markers = Vec::new();
+            for (place, (name, link)) in names.iter().zip(&markers).enumerate() {
+                let table = link_table(robot, name);
+                if is_bare(place) {
+                    let is_bridged = place > 0 && !is_bare(place - 1) && !is_bare(place + 1);
+                    let needed = "2 to 64 markers, because only a link between two links with markers can have none";
+                    check.that(is_bridged, &table, &format_args!("none"), needed)?;
+                } else {
+                    with_markers.push((table, *link));
+                }
+            }
+            self.check_links(check, &with_markers)?;
         }
         Ok(())
     }

@@ -28,8 +28,12 @@ impl<'de> Deserialize<'de> for Misplaced {
     }
 }
 
-/// Removes the robots with links, the campaigns of these robots and the gaits that only chains can have from a
-/// configuration, and parses them. A gait that has no key of chains belongs to them if only their campaigns use it.
+/// Keys of the links in the marker layout of a robot with three links.
+const LINK_KEYS: [&str; 3] = ["link0", "link1", "link2"];
+
+/// Removes the robots with links, the campaigns and marker layouts of these robots and the gaits that only chains can
+/// have from a configuration, and parses them. A gait that has no key of chains belongs to them if only their campaigns
+/// use it. A layout of an unknown robot belongs to them if it has none of the keys of the robot with three links.
 pub(in super::super) fn take_chains(config: &mut DeTable) -> Result<Chains, Error> {
     let robots = take(config, "robot", |_, robot| robot.contains_key(LINKS));
     let campaigns = take(config, "campaign", |_, campaign| {
@@ -46,13 +50,21 @@ pub(in super::super) fn take_chains(config: &mut DeTable) -> Result<Chains, Erro
         by_chains.contains(name) && !is_used_by_others
             || gait.iter().any(|(key, value)| is_of_chains(key.get_ref(), value.get_ref()))
     });
+    let others = config.get("robot").and_then(|all| all.get_ref().as_table());
+    let others: BTreeSet<String> =
+        others.into_iter().flatten().map(|(name, _)| name.get_ref().to_string()).collect();
+    let layouts = take(config, "layout", |name, layout| {
+        let is_unknown = !robots.is_empty() && !others.contains(name);
+        robots.contains_key(name)
+            || is_unknown && !LINK_KEYS.iter().any(|link| layout.contains_key(*link))
+    });
     for robot in robots.values().filter_map(|robot| robot.get_ref().as_table()) {
         let is_misplaced =
             |key: &str| Quantity::of_name(key).is_some_and(|quantity| !SHARED.contains(&quantity));
         let misplaced = robot.clone().into_iter().filter(|(key, _)| is_misplaced(key.get_ref()));
         parse::<BTreeMap<String, Misplaced>>(misplaced.collect())?;
     }
-    let tables = [("robot", robots), ("campaign", campaigns), ("gait", gaits)];
+    let tables = [("robot", robots), ("campaign", campaigns), ("gait", gaits), ("layout", layouts)];
     let tables =
         tables.map(|(name, table)| (unplaced(name.into()), unplaced(DeValue::Table(table))));
     parse(tables.into_iter().collect())
