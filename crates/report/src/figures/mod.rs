@@ -199,6 +199,7 @@ pub(crate) fn figures(
         found.figures.extend(of_campaign.figures);
         found.missing.extend(of_campaign.missing);
     }
+    found.missing.extend(inputs.not_simulated(&campaigns));
     found.figures.extend(inputs.together(&campaigns));
     inputs.releases(&campaigns, &mut found)?;
     found.figures.push(work::figure(WORK, tables, config));
@@ -245,12 +246,6 @@ impl Inputs<'_> {
             ),
         };
         found.missing.extend(lack.map(|lack| format!("Campaign {campaign}: {lack}.")));
-        if config.is_chain(campaign) && lack.is_none() {
-            found.missing.push(format!(
-                "Campaign {campaign}: simulated motions of the configured robot and the work of the actuators are not \
-                 drawn, because the robot is a chain; `trilink simulate {campaign}` computes them."
-            ));
-        }
         if let Some((_, gait)) = config.campaign_setup(campaign) {
             found.add(match gait.passive_joint() {
                 Some(_) => {
@@ -275,6 +270,22 @@ impl Inputs<'_> {
         found.figures.extend(fits::figures(stems, campaign, tables, source));
         found.figures.push(optimum::figure(&stem(OPTIMA), campaign, tables.maps_of(campaign)));
         Ok(found)
+    }
+
+    /// Returns the sentence that names the campaigns without figures of simulated motions because their robots are
+    /// chains; `None` if there is no such campaign.
+    fn not_simulated(self, campaigns: &[&str]) -> Option<String> {
+        let of_chains = campaigns.iter().copied().filter(|campaign| {
+            let is_fitted = !self.source.models(campaign).is_empty();
+            self.config.is_chain(campaign) && is_fitted
+        });
+        let names = of_chains.collect::<Vec<_>>().join(", ");
+        (!names.is_empty()).then(|| {
+            format!(
+                "Simulated motions of the configured robot and the work of the actuators are not drawn for robots that \
+                 are chains ({names}); `trilink simulate CAMPAIGN` computes them."
+            )
+        })
     }
 
     /// Adds the figures of the measured motion and of the wheel velocities for the campaign's trial whose frequency is

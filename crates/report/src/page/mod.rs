@@ -24,10 +24,8 @@ use trilink_statistics::Estimate;
 use trilink_tables::config::{SigmaKind, Smoothing};
 use trilink_tables::{CheckRow, CommonCause, Severity, TrialRow, TrialStatus};
 
-use self::parts::Parts;
+use self::parts::{Parts, WheelNames};
 use super::Changes;
-use super::figures::subscripted;
-use super::parameters::WHEELS;
 use super::scorecard::JudgedClaim;
 use super::tables::Tables;
 use super::truth::{self, Truth};
@@ -90,8 +88,8 @@ pub(crate) fn html(
     for check in troubling.clone() {
         codes.entry(&check.trial).or_default().extend(check.check.split(' ').next());
     }
-    // Skid ratios are of the kind (raw or debiased) that the fits use.
     let parts = Parts::of_trials(&tables.trials, input);
+    // Skid ratios are of the kind (raw or debiased) that the fits use.
     let listed = |rows: Vec<&TrialRow>| {
         let listed = rows.into_iter().map(|row| {
             let sigma = row.sigma(input.sigma);
@@ -103,25 +101,7 @@ pub(crate) fn html(
         });
         listed.collect::<Vec<_>>()
     };
-    // If the robots have different links, the wheels are named for each campaign instead of in the table's head.
-    let of_campaigns = tables.trials.iter().filter(|trial| !trial.campaign.is_empty());
-    let of_campaigns: BTreeMap<&str, Vec<String>> =
-        of_campaigns.map(|trial| (&*trial.campaign, input.links(&trial.campaign))).collect();
-    let distinct: BTreeSet<&Vec<String>> = of_campaigns.values().collect();
-    let names = match distinct.len() {
-        0 => Some(WHEELS.map(str::to_owned).to_vec()),
-        1 => distinct.into_iter().next().cloned(),
-        _ => None,
-    };
-    let named = of_campaigns.iter().filter(|_| names.is_none());
-    let wheel_names: BTreeMap<&str, String> = named
-        .map(|(campaign, links)| {
-            let wheels = links.iter().enumerate();
-            let wheels = wheels.filter(|(wheel, _)| input.has_wheel(campaign, *wheel));
-            let wheels = wheels.map(|(wheel, link)| format!("{} {link}", subscripted('σ', wheel)));
-            (*campaign, wheels.collect::<Vec<_>>().join(", "))
-        })
-        .collect();
+    let WheelNames { in_head, of_campaigns } = WheelNames::new(&tables.trials, input);
     let (first, folded) = listed_first(&tables.trials);
     // Notes on fits that replace missing data, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
@@ -159,8 +139,8 @@ pub(crate) fn html(
         trials => Serde(&tables.trials),
         trials_first => listed(first),
         trials_folded => listed(folded),
-        parts => parts.heads(names.as_deref().unwrap_or_default()),
-        wheel_names => Serde(wheel_names),
+        parts => parts.heads(&in_head),
+        wheel_names => Serde(of_campaigns),
         subject => subject(tables, input),
         has_chains => has_chains(tables, input),
         debiased => input.sigma == SigmaKind::Debiased,

@@ -1,6 +1,6 @@
 //! Wheels and joints whose metrics have columns in the tables of trials and cycles.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use minijinja::context;
 use minijinja::value::{Serde, Value};
@@ -9,6 +9,7 @@ use trilink_tables::{CycleRow, TrialRow};
 
 use crate::ReportInput;
 use crate::figures::subscripted;
+use crate::parameters::WHEELS;
 use crate::recording::Recording;
 
 /// Wheels, by the number of their link, and joints, by their index, that a table has columns for.
@@ -96,5 +97,36 @@ impl Parts {
             (cycle, sigma.collect(), alpha_rad.collect())
         });
         cycles.collect()
+    }
+}
+
+/// Names of the wheels in a table of trials.
+pub(super) struct WheelNames<'t> {
+    /// Names by number, for the headings of the columns; empty if the links of the robots have different names.
+    pub in_head: Vec<String>,
+    /// In this case, the symbols of the skid ratios with the names of the wheels, by campaign; otherwise empty.
+    pub of_campaigns: BTreeMap<&'t str, String>,
+}
+
+impl<'t> WheelNames<'t> {
+    pub(super) fn new(trials: &'t [TrialRow], input: &ReportInput) -> Self {
+        let campaigns: BTreeSet<&str> = trials.iter().map(|trial| &*trial.campaign).collect();
+        let campaigns = campaigns.into_iter().filter(|campaign| !campaign.is_empty());
+        let links: BTreeMap<&str, Vec<String>> =
+            campaigns.map(|campaign| (campaign, input.links(campaign))).collect();
+        let distinct: BTreeSet<&Vec<String>> = links.values().collect();
+        let in_head = match distinct.len() {
+            0 => Some(WHEELS.map(str::to_owned).into()),
+            1 => distinct.into_iter().next().cloned(),
+            _ => None,
+        };
+        let of_campaigns = links.iter().filter(|_| in_head.is_none()).map(|(campaign, links)| {
+            let wheels = links.iter().enumerate();
+            let wheels = wheels.filter(|(wheel, _)| input.has_wheel(campaign, *wheel));
+            let wheels = wheels.map(|(wheel, link)| format!("{} {link}", subscripted('σ', wheel)));
+            (*campaign, wheels.collect::<Vec<_>>().join(", "))
+        });
+        let of_campaigns = of_campaigns.collect();
+        Self { in_head: in_head.unwrap_or_default(), of_campaigns }
     }
 }
