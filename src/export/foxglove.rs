@@ -29,7 +29,7 @@ pub(super) fn write(motion: &Motion) -> Vec<u8> {
     ];
     let messages = (0..motion.rows()).flat_map(|row| {
         let time_ns = (NS_PER_S * motion.time_s(row)).round() as u64;
-        let links = motion.pose(row).map(|poses| (0, frame_transforms(poses, time_ns)));
+        let links = motion.pose(row).map(|[links, _]| (0, frame_transforms(links, time_ns)));
         let markers = (1, point_cloud(motion.markers.row_mm(row), time_ns));
         links.into_iter().chain([markers]).map(move |(channel, message)| Recorded {
             channel,
@@ -59,7 +59,7 @@ fn quaternion(theta_rad: f64) -> Message {
 }
 
 /// Encodes the poses of the links as `foxglove.FrameTransforms`.
-fn frame_transforms(poses: &[Pose; 3], time_ns: u64) -> Message {
+fn frame_transforms(poses: &[Pose], time_ns: u64) -> Message {
     let all = poses.iter().enumerate();
     all.fold(Message::default(), |message, (link, pose)| {
         let transform = Message::default()

@@ -10,7 +10,7 @@ mod trc;
 use std::path::PathBuf;
 
 use trilink_mocap::{ReadError, Recording, read_markers};
-use trilink_robot::{Pose, Robot};
+use trilink_robot::{AnyRobot, Pose};
 use trilink_tables::config::{Config, ConfigError, nearest};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
 use trilink_tables::{Coordinates, Frames as _, Reader, StoreError, TrialRow, poses_path};
@@ -46,8 +46,8 @@ pub enum ExportError {
     Store(#[from] StoreError),
 }
 
-/// Poses of links 0, 1 and 2 in a frame.
-type LinkPoses = [Pose; 3];
+/// Poses of the links by number, and of the joints from front to rear, in a frame.
+type Poses = [Vec<Pose>; 2];
 
 /// Recorded motion of a trial.
 #[derive(Debug)]
@@ -57,8 +57,9 @@ pub struct Motion {
     markers: Recording,
     rate_hz: f64,
     /// Poses for each row of the marker file; `None` in frames in which a link is missing.
-    poses: Vec<Option<LinkPoses>>,
-    robot: Option<Robot>,
+    poses: Vec<Option<Poses>>,
+    /// Number of joints of the robot; 0 if it is not configured.
+    joints: usize,
     /// Reason why there are no poses; `None` if there are any.
     pub without_poses: Option<String>,
 }
@@ -78,12 +79,12 @@ impl Motion {
         let rate_hz = markers.rate_hz.or(configured_hz).filter(|rate_hz| *rate_hz > 0.0);
         let rate_hz = rate_hz.ok_or(ExportError::NoRate { path })?;
         let robot = match &trial.campaign {
-            Some(campaign) => config.campaign_setup(campaign).map(|(robot, _)| robot),
+            Some(campaign) => config.setup(campaign).map(|(robot, _)| robot),
             None => trial
                 .robot
                 .as_ref()
                 .and_then(|robot| config.robot.get(robot))
-                .map(|robot| robot.to_robot()),
+                .map(|robot| robot.to_robot().into()),
         };
         let (poses, without_poses) = match &robot {
             Some(robot) => match poses(config, &trial.id, robot, &markers.frames) {
@@ -97,7 +98,8 @@ impl Motion {
                 (Vec::new(), Some("the robot of the trial is not in the configuration".to_owned()))
             }
         };
-        Ok(Self { name: trial.id.clone(), markers, rate_hz, poses, robot, without_poses })
+        let joints = robot.map_or(0, |robot| robot.joints());
+        Ok(Self { name: trial.id.clone(), markers, rate_hz, poses, joints, without_poses })
     }
 
     /// Returns the content of an export file in the given format.
@@ -120,9 +122,14 @@ impl Motion {
         (frames[row] - frames[0]) as f64 / self.rate_hz
     }
 
-    /// Returns the poses of the links in a frame; `None` if a link is missing.
-    fn pose(&self, row: usize) -> Option<&LinkPoses> {
+    /// Returns the poses of the links and joints in a frame; `None` if a link is missing.
+    fn pose(&self, row: usize) -> Option<&Poses> {
         self.poses.get(row)?.as_ref()
+    }
+
+    /// Returns the numbers of links and joints; zero if there are no poses.
+    fn parts(&self) -> [usize; 2] {
+        if self.without_poses.is_some() { [0; 2] } else { [self.joints + 1, self.joints] }
     }
 
     /// Returns unique labels for the markers, without characters that would end a cell or a line.
@@ -167,18 +174,22 @@ fn find<'t>(folders: &'t TrialFolders, name: &str) -> Result<&'t ListedTrial, Ex
 fn poses(
     config: &Config,
     trial: &str,
-    robot: &Robot,
+    robot: &AnyRobot,
     frames: &[i64],
-) -> Result<Vec<Option<LinkPoses>>, StoreError> {
+) -> Result<Vec<Option<Poses>>, StoreError> {
     let table = Reader::default().table(&poses_path(&config.paths.derived, trial))?;
     let known = table.values::<i64>("frame")?;
     let Coordinates { x_m, y_m, theta_rad, phi_rad } = Coordinates::from_table(&table)?;
     let poses = frames.iter().map(|frame| {
         let row = known.binary_search(frame).ok()?;
-        let middle = Pose { x_m: x_m[row], y_m: y_m[row], theta_rad: theta_rad[row] };
-        let poses = robot.link_poses(middle, [phi_rad[0][row], phi_rad[1][row]]);
+        let reference = Pose { x_m: x_m[row], y_m: y_m[row], theta_rad: theta_rad[row] };
+        let phi_rad: Vec<f64> = phi_rad.iter().map(|phi_rad| phi_rad[row]).collect();
+        if phi_rad.len() != robot.joints() {
+            return None;
+        }
+        let poses = robot.poses(reference, &phi_rad);
         let are_finite =
-            poses.iter().all(|pose| (pose.x_m + pose.y_m + pose.theta_rad).is_finite());
+            poses[0].iter().all(|pose| (pose.x_m + pose.y_m + pose.theta_rad).is_finite());
         are_finite.then_some(poses)
     });
     Ok(poses.collect())

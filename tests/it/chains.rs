@@ -448,3 +448,29 @@ fn synthetic_trials_of_the_gallery_yield_the_planted_coefficients() {
     }
     assert!(limits >= 10, "{limits}");
 }
+
+#[test]
+fn the_links_and_joints_of_a_chain_are_exported() {
+    let folder = folder_of("passive-snake.toml");
+    succeed(folder.path(), &["synth", "raw/practice", "--omega", "3"]);
+    let paths = std::fs::read_to_string(folder.path().join("pipeline.toml")).expect("a file");
+    let paths = format!("{paths}\n[paths]\nraw = \"raw/practice\"\n");
+    std::fs::write(folder.path().join("pipeline.toml"), paths).expect("a file");
+    let trials = ingested(folder.path());
+    let export = |format: &str| {
+        succeed(folder.path(), &["export", &trials[0].0.trial, "--format", format, "-o", "-"])
+    };
+    let table = export("csv");
+    let [header, first, ..] = table.lines().collect::<Vec<_>>()[..] else { panic!("{table}") };
+    assert!(header.contains("link3_theta_rad") && !header.contains("link4"), "{header}");
+    let cells = header.split(',').zip(first.split(','));
+    let cells: Vec<(&str, &str)> = cells.collect();
+    let of = |name: &str| {
+        let (_, cell) = cells.iter().find(|(column, _)| *column == name).expect(name);
+        cell.parse::<f64>().expect("a number")
+    };
+    // Link 2 follows link 0; their origins are 0.1 m from the joint between them.
+    let apart_m = (of("link2_x_m") - of("link0_x_m")).hypot(of("link2_y_m") - of("link0_y_m"));
+    assert!((0.1..0.2001).contains(&apart_m), "{apart_m}");
+    assert!(export("trc").contains("joint3"));
+}

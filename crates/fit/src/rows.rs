@@ -208,7 +208,7 @@ impl Job<'_> {
         let missing = Metric::FITTED.into_iter().filter(|metric| {
             let mut measured = measurements.iter().map(|of| of.metrics[*metric]);
             let protocols = &self.objective.protocols;
-            metric.is_of_three_links()
+            self.objective.robot.has_metric(*metric)
                 && protocols.iter().any(|of| of.term_weights()[*metric] > 0.0)
                 && measured.all(f64::is_nan)
         });

@@ -1,8 +1,9 @@
 //! Robots of any number of links behind one interface.
 
+use super::metrics::Metric;
 use super::{
     Chain, ChainNumber, Gait, Joint, JointNumber, Laws, Link, LinkNumber, MAX_JOINTS, Parameter,
-    Per, Quantity, Robot,
+    Per, Pose, Quantity, Robot,
 };
 
 /// Robot of three links, or a chain of two to eight.
@@ -94,6 +95,38 @@ impl AnyRobot {
                 };
                 chain.links.iter().all(is_straight) && chain.joints.iter().all(is_centred)
             }
+        }
+    }
+
+    /// Returns the poses of the links by number and those of the joints from front to rear, given the pose of link 0 and
+    /// the joint angles (rad). A joint has the heading of a link that it connects.
+    pub fn poses(&self, reference: Pose, phi_rad: &[f64]) -> [Vec<Pose>; 2] {
+        match self {
+            Self::ThreeLinks(robot) => {
+                let links = robot.link_poses(reference, [phi_rad[0], phi_rad[1]]);
+                [links.into(), robot.joints(reference).into()]
+            }
+            Self::Chain(chain) => {
+                let links = chain.link_poses(reference, phi_rad);
+                let pairs = links.iter().zip(&chain.links).take(chain.joints.len());
+                let joints = pairs.map(|(pose, link)| pose.ahead(-link.rear_joint_m)).collect();
+                [chain.numbering().into_iter().map(|link| links[link]).collect(), joints]
+            }
+        }
+    }
+
+    /// Returns whether the robot has the wheel or joint to which a metric belongs. Of the joints of a robot of three
+    /// links, only joint 1 has a metric.
+    pub fn has_metric(&self, metric: Metric) -> bool {
+        let Self::Chain(chain) = self else { return metric.is_of_three_links() };
+        let number_in = |all: &[Metric]| all.iter().position(|one| *one == metric);
+        match (number_in(&Metric::SIGMA), number_in(&Metric::ALPHA)) {
+            (Some(wheel), _) => {
+                let link = chain.numbering().get(wheel).map(|link| &chain.links[*link]);
+                link.is_some_and(|link| link.wheel.is_some())
+            }
+            (_, Some(joint)) => joint < chain.joints.len(),
+            _ => true,
         }
     }
 
@@ -236,6 +269,11 @@ mod tests {
         assert!(chain.value(Quantity::Skid.parameter(3)).is_nan());
         assert!(chain.value(Quantity::Stiffness.parameter(2)).is_nan());
         assert!(chain.is_free(0, &gait.into()) && !chain.is_free(1, &gait.into()));
+        let metrics = Metric::ALL.into_iter().filter(|metric| chain.has_metric(*metric));
+        assert_eq!(
+            metrics.map(Metric::name).collect::<Vec<_>>().join(" "),
+            "d v sigma0 sigma1 sigma2 alpha1 alpha2 dtheta"
+        );
     }
 
     #[test]

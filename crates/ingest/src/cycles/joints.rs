@@ -9,35 +9,27 @@
 use std::ops::Range;
 
 use trilink_robot::rotated;
-use trilink_statistics::{mean, seen, wrap};
+use trilink_statistics::{mean, seen};
 use trilink_tables::Coordinates;
 
-use super::measure::{Cycle, CycleData, change};
+use super::measure::CycleData;
 use crate::geometry::Connection;
 use crate::phase::{GAIT_HARMONICS, Harmonics};
 use crate::poses::{JointShift, PARTS, PoseShift};
 
 /// Standard errors due to the uncertainty of the joint positions, whose errors are common to all cycles of a trial.
 pub(super) struct JointErrors {
-    /// Standard error of the mean displacement per cycle, m.
-    pub distance_m: f64,
     /// Standard errors of offset, amplitude and phase of each joint's first harmonic, rad.
     pub gait_rad: Vec<[f64; 3]>,
     /// Standard errors of the wheels' mean squared skid velocities, by link, m^2/s^2; zero for a link without a wheel.
     pub skid_square: Vec<f64>,
 }
 
-/// Computes the standard errors due to the uncertainty of the joint positions for the given cycles, which lie in a range
-/// of frames.
-pub(super) fn joint_errors(
-    data: &CycleData,
-    cycles: &[&Cycle],
-    frames: &Range<usize>,
-) -> JointErrors {
+/// Computes the standard errors due to the uncertainty of the joint positions for the cycles in a range of frames.
+pub(super) fn joint_errors(data: &CycleData, frames: &Range<usize>) -> JointErrors {
     let shifts: Vec<&JointShift> =
         data.tracked.joint_shifts.iter().filter(|shift| frames.contains(&shift.frame)).collect();
     JointErrors {
-        distance_m: jackknife(distance_shifts(data, cycles, &shifts)),
         gait_rad: (0..data.geometry.joints())
             .map(|joint| gait_shifts(data, frames, &shifts, joint).map(jackknife))
             .collect(),
@@ -45,32 +37,6 @@ pub(super) fn joint_errors(
             .map(|link| jackknife(skid_shifts(data, frames, &shifts, link)))
             .collect(),
     }
-}
-
-/// Returns, for each part of the trial, the change in the mean displacement per cycle if the joint positions are
-/// estimated without this part, m. Link 0 is then shifted relative to itself, so that the displacement changes if the
-/// link turns from the start of a cycle to its end.
-fn distance_shifts(data: &CycleData, cycles: &[&Cycle], shifts: &[&JointShift]) -> [f64; PARTS] {
-    /// Difference in phase up to which the shape of the robot counts as that at the ends of a cycle, rad.
-    const NEAR_RAD: f64 = 0.5;
-    let Coordinates { x_m, y_m, theta_rad, .. } = &data.motion.coordinates;
-    let phase = &data.driven.phase;
-    std::array::from_fn(|part| {
-        let of_cycle = |cycle: &&Cycle| {
-            let Cycle { start, end, .. } = **cycle;
-            let is_near = |shift: &&&JointShift| {
-                wrap(phase.at(shift.frame as f64) - phase.at(start)).abs() < NEAR_RAD
-            };
-            let near: Vec<_> = shifts.iter().filter(is_near).collect();
-            let moved_m =
-                [0, 1].map(|i| mean(near.iter().map(|shift| shift.without[part].moved_m[i])));
-            let [from, to] =
-                [start, end].map(|frame| rotated(theta_rad[frame.round() as usize], moved_m));
-            let [x_m, y_m] = [change(x_m, start, end), change(y_m, start, end)];
-            (x_m * (to[0] - from[0]) + y_m * (to[1] - from[1])) / x_m.hypot(y_m)
-        };
-        mean(cycles.iter().map(of_cycle))
-    })
 }
 
 /// Returns, for each part of the trial, the changes in offset, amplitude and phase of a joint's first harmonic if the

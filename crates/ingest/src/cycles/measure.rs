@@ -188,7 +188,7 @@ pub(super) fn frames_within(start: f64, end: f64) -> Range<usize> {
 }
 
 /// Returns the change in a series between two times given in frames.
-pub(super) fn change(series: &[f64], start: f64, end: f64) -> f64 {
+fn change(series: &[f64], start: f64, end: f64) -> f64 {
     interpolate(series, end) - interpolate(series, start)
 }
 

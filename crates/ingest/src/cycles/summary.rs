@@ -49,12 +49,11 @@ pub(crate) fn describe_gait(
     row.cycles = steady.used.len() as i64;
     let used: Vec<&Cycle> = steady.used.iter().map(|&i| &cycles[i]).collect();
     let frames = steady.frames(cycles).unwrap_or(0..0);
-    let common = joint_errors(data, &used, &frames);
+    let common = joint_errors(data, &frames);
     let of =
         |metric: Metric| -> Vec<f64> { used.iter().map(|cycle| cycle.metrics[metric]).collect() };
     let [position, heading] = end_variances(data, row.smoothing_window as usize);
     let d = mean_of_changes(&of(Metric::D), &steady.used, position, 0.0);
-    let d = Estimate { se: d.se.hypot(common.distance_m), ..d };
     let per_turn = driven.omega_rad_s / TAU;
     let dtheta = mean_of_changes(&of(Metric::Dtheta), &steady.used, heading, 0.0);
     let alpha = Metric::ALPHA.map(|metric| independent_mean(&of(metric)));
