@@ -1,13 +1,14 @@
 //! Configuration of the report.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use serde::Serialize;
 use trilink_base::files::relative;
 use trilink_plot::Print;
 use trilink_robot::{AnyGait, AnyRobot, Gait, Model, Robot};
 use trilink_tables::config::{
-    Campaign, Compare, Config, Markers, Models, Paths, Report, RobotConfig, SigmaKind, Smoothing,
+    Campaign, ChainCampaign, ChainGait, Compare, Config, MarkerLayout, Models, Paths, Report,
+    RobotConfig, SigmaKind, Smoothing,
 };
 
 use super::looks::ModelLook;
@@ -43,8 +44,10 @@ impl ReportInput {
         Self { paths: config.paths.clone(), sigma: config.fit.sigma, asked_pages, shown }
     }
 
-    pub fn campaigns(&self) -> &BTreeMap<String, Campaign> {
-        &self.shown.campaign
+    /// Returns the names of the campaigns of all robots.
+    pub(crate) fn campaigns(&self) -> impl Iterator<Item = &str> {
+        let Config { campaign, chains, .. } = &self.shown;
+        campaign.keys().chain(chains.campaign.keys()).map(String::as_str)
     }
 
     pub fn models(&self) -> &Models {
@@ -86,34 +89,77 @@ impl ReportInput {
         self.shown.setup(campaign)
     }
 
+    /// Returns whether the robot of a campaign is a chain.
+    pub(crate) fn is_chain(&self, campaign: &str) -> bool {
+        self.shown.chains.campaign.contains_key(campaign)
+    }
+
     /// Returns the names of the links of a campaign's robot by number.
     pub(crate) fn links(&self, campaign: &str) -> Vec<String> {
         match self.shown.chain_setup(campaign) {
             None => WHEELS.map(str::to_owned).into(),
-            Some(chain) => {
-                chain.numbering().into_iter().map(|link| chain.links[link].name.clone()).collect()
-            }
+            Some(chain) => chain.names_by_number(),
         }
     }
 
-    /// Returns a robot in SI units, or `None` if it is not configured.
+    /// Returns whether a link of a campaign's robot, given its number, has a wheel; true for every link of a campaign
+    /// that is not configured.
+    pub(crate) fn has_wheel(&self, campaign: &str, number: usize) -> bool {
+        self.shown.chain_setup(campaign).is_none_or(|chain| {
+            let link = chain.numbering().get(number).map(|link| &chain.links[*link]);
+            link.is_some_and(|link| link.wheel.is_some())
+        })
+    }
+
+    /// Returns the indices of the joints of a campaign's robot whose angle is not commanded; none if the campaign is not
+    /// configured.
+    pub(crate) fn free_joints(&self, campaign: &str) -> Vec<usize> {
+        let setup = self.setup(campaign);
+        let joints = setup.iter().flat_map(|(robot, gait)| {
+            (0..robot.joints()).filter(|joint| robot.is_free(*joint, gait))
+        });
+        joints.collect()
+    }
+
+    /// Returns a robot of three links in SI units, or `None` if there is none with this name.
     pub fn robot(&self, name: &str) -> Option<Robot> {
         self.shown.robot.get(name).map(RobotConfig::to_robot)
     }
 
-    /// Returns the configuration of a campaign's robot, or `None` if the campaign or its robot is not configured.
+    /// Returns a robot in SI units, whatever the number of links, or `None` if it is not configured. The commands of a
+    /// chain are zero.
+    pub(crate) fn any_robot(&self, name: &str) -> Option<AnyRobot> {
+        let chain = self.shown.chains.robot.get(name);
+        let chain = chain.map(|chain| chain.to_chain(&ChainGait::default()).into());
+        chain.or_else(|| Some(self.robot(name)?.into()))
+    }
+
+    /// Returns the configuration of a campaign's robot of three links, or `None` if the campaign or its robot is not
+    /// configured.
     pub(crate) fn configured_robot(&self, campaign: &str) -> Option<&RobotConfig> {
-        self.shown.robot.get(&self.shown.campaign.get(campaign)?.robot)
+        self.shown.robot.get(self.robot_name(campaign)?)
     }
 
     /// Returns the name of a campaign's robot, or `None` if the campaign is not configured.
     pub(crate) fn robot_name(&self, campaign: &str) -> Option<&str> {
-        Some(&self.shown.campaign.get(campaign)?.robot)
+        Some(self.names(campaign)?.0)
     }
 
-    /// Returns the marker layout of a robot.
-    pub fn markers_of(&self, robot: &str) -> &Markers {
-        self.shown.markers_of(robot)
+    /// Returns the names of a campaign's robot and gait, or `None` if the campaign is not configured.
+    pub(crate) fn names(&self, campaign: &str) -> Option<(&str, &str)> {
+        let Config { campaign: of_three_links, chains, .. } = &self.shown;
+        match of_three_links.get(campaign) {
+            Some(Campaign { robot, gait, .. }) => Some((robot, gait)),
+            None => {
+                let ChainCampaign { robot, gait, .. } = chains.campaign.get(campaign)?;
+                Some((robot, gait))
+            }
+        }
+    }
+
+    /// Returns the marker layout of a robot; `None` for a robot without one.
+    pub(crate) fn marker_layout(&self, robot: &str) -> Option<MarkerLayout> {
+        self.shown.marker_layout(robot)
     }
 
     /// Returns the configuration as TOML, including default values.

@@ -103,8 +103,8 @@ fn table(
     let misfit = row_of_fits("Misfit ratio", fits, &mut notes, |fit| {
         (fit.lack_of_fit, "The noise of the measurements is not known.".to_owned())
     });
-    let setup = input.campaigns().get(campaign).map_or(String::new(), |setup| {
-        format!(" (robot {}, gait {})", escaped(&setup.robot), escaped(&setup.gait))
+    let setup = input.names(campaign).map_or(String::new(), |(robot, gait)| {
+        format!(" (robot {}, gait {})", escaped(robot), escaped(gait))
     });
     let models: String =
         fits.iter().map(|fit| format!(" & {}", escaped(fit.model.name()))).collect();

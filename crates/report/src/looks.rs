@@ -2,8 +2,8 @@
 
 use trilink_plot::RGBColor;
 use trilink_plot::{DASHES, Dash, INK, LINE_WIDTH, Look, SOLID, Shape, THICK, THIN};
-use trilink_robot::Model;
 use trilink_robot::metrics::{Bifurcation, BranchKind};
+use trilink_robot::{MAX_LINKS, Model};
 use trilink_tables::config::{ModelConfig, Models};
 
 /// Colour palette of Okabe and Ito, whose colours can be distinguished by colour-blind readers
@@ -92,8 +92,19 @@ pub(crate) const TRANSIENT: Look = Look::Line { colour: OTHER, dash: SOLID, widt
 /// Line style for a curve fitted to a recording.
 pub(crate) const FITTED: Look = line(okabe_ito::VERMILLION, DASHES);
 
-const COMPONENTS: [(RGBColor, Dash); 3] =
-    [(INK, SOLID), (okabe_ito::BLUE, LONG_DASHES), (okabe_ito::VERMILLION, SHORT_DASHES)];
+/// Colours and dashes of the components of a quantity: as many as a robot can have links.
+const COMPONENTS: [(RGBColor, Dash); MAX_LINKS] = [
+    (INK, SOLID),
+    (okabe_ito::BLUE, LONG_DASHES),
+    (okabe_ito::VERMILLION, SHORT_DASHES),
+    (okabe_ito::GREEN, SOLID),
+    (okabe_ito::PURPLE, LONG_DASHES),
+    (okabe_ito::ORANGE, SHORT_DASHES),
+    (okabe_ito::SKY, DOTS),
+    (OTHER, SPARSE_DASHES),
+];
+/// Number of colours that distinguish campaigns, besides the shapes of their markers.
+const CAMPAIGN_COLOURS: usize = 3;
 
 /// Returns the line style for the stable or unstable motions on a solution branch: the colour shows the kind of branch,
 /// and dashes show that the motions are unstable.
@@ -163,9 +174,9 @@ pub(crate) fn component(nth: usize) -> Look {
     line(colour, dash)
 }
 
-/// Returns the colour for the `nth` component of a quantity.
+/// Returns the colour for the `nth` campaign in a figure.
 pub(crate) fn component_colour(nth: usize) -> RGBColor {
-    COMPONENTS[nth % COMPONENTS.len()].0
+    COMPONENTS[nth % CAMPAIGN_COLOURS].0
 }
 
 /// Returns the markers for the `nth` campaign in a figure that distinguishes campaigns by colour.

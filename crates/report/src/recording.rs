@@ -3,34 +3,39 @@
 use std::path::Path;
 
 use trilink_mechanics::Pose;
+use trilink_robot::MAX_JOINTS;
+use trilink_robot::metrics::padded;
 use trilink_tables::{
-    Clock, Coordinates, CycleRow, Fill, FrameTexts, Frames as _, LABELS_APART, PoseFrames, Reader,
-    StoreError, WheelFrames, WheelVelocities, WheelVelocityErrors, poses_path, wheels_path,
+    Clock, CycleRow, Fill, FrameTexts, Frames as _, LABELS_APART, PoseFrames, Reader, StoreError,
+    WheelFrames, WheelVelocities, WheelVelocityErrors, poses_path, wheels_path,
 };
 
 /// Number of frames that numerical differentiation needs on each side of a frame, beyond those of the moving average.
 const DERIVATIVE_REACH: usize = 2;
 
-/// Measured motion of a trial. Array indices 0, 1, 2 stand for the middle, front and rear link or wheel; missing values
-/// are NaN.
+/// Pose of link 0 and the joint angles from front to rear, rad; NaN for joints that the robot lacks.
+pub(crate) type Coordinates = (Pose, [f64; MAX_JOINTS]);
+
+/// Measured motion of a trial. Quantities of links and wheels are listed by the number of the link, those of joints from
+/// front to rear; missing values are NaN.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Recording {
     pub time_s: Vec<f64>,
     pub x_m: Vec<f64>,
     pub y_m: Vec<f64>,
     pub theta_rad: Vec<f64>,
-    pub phi_rad: [Vec<f64>; 2],
-    pub residual_mm: [Vec<f64>; 3],
-    pub fill: [Vec<Fill>; 3],
+    pub phi_rad: Vec<Vec<f64>>,
+    pub residual_mm: Vec<Vec<f64>>,
+    pub fill: Vec<Vec<Fill>>,
     /// For each link, the labels of the occluded markers in every frame; empty if the pose table does not contain them.
-    pub unseen: [FrameTexts; 3],
+    pub unseen: Vec<FrameTexts>,
     /// For each link, the labels of the corrected markers in every frame; empty if the pose table does not contain
     /// them.
-    pub corrected: [FrameTexts; 3],
+    pub corrected: Vec<FrameTexts>,
     /// Roll velocities of the wheels; NaN where the moving average is incomplete (see [`Recording::read`]).
-    pub roll_m_s: [Vec<f64>; 3],
+    pub roll_m_s: Vec<Vec<f64>>,
     /// Skid velocities of the wheels; NaN where the moving average is incomplete.
-    pub skid_m_s: [Vec<f64>; 3],
+    pub skid_m_s: Vec<Vec<f64>>,
     /// Standard errors of both; `None` if the smoothing gives none.
     pub velocity_errors: Option<WheelVelocityErrors>,
     /// Gait cycles; empty for trials that are not of kind `gait`.
@@ -90,12 +95,11 @@ impl Recording {
             }
         }
         let PoseFrames { clock: Clock { frame, time_s }, coordinates, residual_mm, .. } = poses;
-        let Coordinates { x_m, y_m, theta_rad, phi_rad } = coordinates;
+        let trilink_tables::Coordinates { x_m, y_m, theta_rad, phi_rad } = coordinates;
         let of_wheels = wheels.clock.frame;
         let rows: Vec<_> = frame.iter().map(|frame| of_wheels.binary_search(frame).ok()).collect();
         let common = rows.iter().flatten().count();
         let has_same_frames = common == frame.len() && common == of_wheels.len();
-        let missing = vec![f64::NAN; frame.len().max(of_wheels.len())];
         let WheelVelocities { roll_m_s, skid_m_s } = wheels.velocities;
         let of_frames = |values: Vec<f64>| {
             let mut values: Vec<f64> =
@@ -108,13 +112,13 @@ impl Recording {
             x_m,
             y_m,
             theta_rad,
-            phi_rad: phi_rad.into_array_or(missing.clone()),
-            residual_mm: residual_mm.into_array_or(missing.clone()),
-            fill: poses.fill.into_array_or(vec![Fill::Missing; frame.len()]),
-            unseen: poses.unseen.into_array_or(FrameTexts::default()),
-            corrected: poses.corrected.into_array_or(FrameTexts::default()),
-            roll_m_s: roll_m_s.into_array_or(missing.clone()).map(of_frames),
-            skid_m_s: skid_m_s.into_array_or(missing).map(of_frames),
+            phi_rad: phi_rad.0,
+            residual_mm: residual_mm.0,
+            fill: poses.fill.0,
+            unseen: poses.unseen.0,
+            corrected: poses.corrected.0,
+            roll_m_s: roll_m_s.into_iter().map(of_frames).collect(),
+            skid_m_s: skid_m_s.into_iter().map(of_frames).collect(),
             velocity_errors: wheels.errors.map(|errors| WheelVelocityErrors {
                 roll_m_s: errors.roll_m_s.into_iter().map(of_frames).collect(),
                 skid_m_s: errors.skid_m_s.into_iter().map(of_frames).collect(),
@@ -167,22 +171,24 @@ impl Recording {
     }
 
     /// Returns the pose of link 0 and the joint angles in frame `i`, or `None` if any of them is unknown.
-    pub(crate) fn pose(&self, i: usize) -> Option<(Pose, [f64; 2])> {
+    pub(crate) fn pose(&self, i: usize) -> Option<Coordinates> {
         let pose = Pose { x_m: self.x_m[i], y_m: self.y_m[i], theta_rad: self.theta_rad[i] };
-        let phi_rad = self.phi_rad.each_ref().map(|phi_rad| phi_rad[i]);
-        let sum = pose.x_m + pose.y_m + pose.theta_rad + phi_rad[0] + phi_rad[1];
-        sum.is_finite().then_some((pose, phi_rad))
+        let phi_rad: Vec<f64> = self.phi_rad.iter().map(|phi_rad| phi_rad[i]).collect();
+        let sum = pose.x_m + pose.y_m + pose.theta_rad + phi_rad.iter().sum::<f64>();
+        sum.is_finite().then_some((pose, padded(&phi_rad)))
     }
 
     /// Returns the state of a marker in frame `i`. If the pose table does not contain marker states, all markers of a
     /// link count as missing where the link's pose is interpolated or missing.
     pub(crate) fn marker(&self, link: usize, label: &str, i: usize) -> MarkerState {
-        let contains = |all: &[FrameTexts; 3]| {
-            let labels = all[link].get(i).filter(|labels| !labels.is_empty());
+        let contains = |all: &[FrameTexts]| {
+            let labels = all.get(link).and_then(|labels| labels.get(i));
+            let labels = labels.filter(|labels| !labels.is_empty());
             labels.is_some_and(|labels| labels.split(LABELS_APART).any(|name| name == label))
         };
-        let is_missing = if self.unseen[link].is_empty() {
-            matches!(self.fill[link].get(i), Some(Fill::Interpolated | Fill::Missing))
+        let is_missing = if self.unseen.get(link).is_none_or(FrameTexts::is_empty) {
+            let fill = self.fill.get(link).and_then(|fill| fill.get(i));
+            matches!(fill, Some(Fill::Interpolated | Fill::Missing))
         } else {
             contains(&self.unseen)
         };
@@ -303,10 +309,10 @@ mod tests {
         let none = FrameTexts::default;
         let fill = vec![Fill::Measured, Fill::Interpolated, Fill::Rigid];
         let without_labels =
-            Recording { fill: [fill.clone(), fill, Vec::new()], ..Recording::default() };
+            Recording { fill: vec![fill.clone(), fill, Vec::new()], ..Recording::default() };
         let with_labels = Recording {
-            unseen: [texts(["", "R1, R2", ""]), none(), none()],
-            corrected: [texts(["", "", "R10"]), none(), none()],
+            unseen: vec![texts(["", "R1, R2", ""]), none(), none()],
+            corrected: vec![texts(["", "", "R10"]), none(), none()],
             ..without_labels.clone()
         };
         use MarkerState::{Corrected, Missing, Seen};

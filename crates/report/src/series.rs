@@ -34,7 +34,6 @@ pub(crate) const DISPLACEMENT: Quantity = Quantity::new(Metric::D);
 pub(crate) const SPEED: Quantity = Quantity::new(Metric::V);
 pub(crate) const TURNING: Quantity = Quantity::new(Metric::Dtheta);
 pub(crate) const AMPLITUDE: Quantity = Quantity::new(Metric::Alpha1);
-pub(crate) const AMPLITUDE2: Quantity = Quantity::new(Metric::Alpha2);
 
 /// Returns every quantity to which models are fitted.
 pub(crate) fn fitted() -> [Quantity; Metric::FITTED.len()] {

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{
-    FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
-    Solver,
+    ChainProblem, ChainSample, FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem,
+    REFERENCE_ACCURACY, Sample, Solver,
 };
 use trilink_robot::metrics::GaitMetrics;
 use trilink_statistics::extremes;
@@ -75,6 +75,67 @@ pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
         *command = command.map(|command| command.measured(measured.command()));
     }
     problem
+}
+
+/// Sample of a simulated motion of any robot.
+pub(crate) trait MotionSample {
+    fn time_s(&self) -> f64;
+    /// Returns the pose of link 0; the motion starts at the origin, heading along x.
+    fn pose(&self) -> Pose;
+    /// Returns the joint angles from front to rear, rad.
+    fn phi_rad(&self) -> &[f64];
+}
+
+impl MotionSample for Sample {
+    fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    fn phi_rad(&self) -> &[f64] {
+        &self.phi_rad
+    }
+}
+
+impl MotionSample for ChainSample {
+    fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    fn phi_rad(&self) -> &[f64] {
+        &self.phi_rad
+    }
+}
+
+/// Returns the motion problem for a fitted model of a chain at a trial's frequency, under the gait input of the fit;
+/// `None` if the fit failed, or if its campaign is not configured or not that of a chain.
+pub(crate) fn chain_fitted_to(
+    input: &ReportInput,
+    fit: &FitRow,
+    trial: &TrialRow,
+) -> Option<ChainProblem> {
+    let (mut robot, mut gait) = input.setup(&fit.campaign)?;
+    let laws = input.models().get(&fit.model)?.laws();
+    for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
+        if !parameter.is_sum() {
+            robot.set(parameter, *value);
+        }
+    }
+    if fit.gait_input == GaitInput::Measured {
+        for (command, measured) in gait.joints.iter_mut().zip(trial.joints()) {
+            *command = command.map(|command| command.measured(measured.command()));
+        }
+    }
+    let chain = robot.chain()?.with_gait(&gait);
+    let omega_rad_s = trial.omega_rad_s;
+    fit.status.is_ok().then_some(ChainProblem { chain, laws, omega_rad_s })
 }
 
 /// Returns the frequencies (rad/s) and values of a quantity of a fitted model, at a subset of the frequencies of the
@@ -166,7 +227,7 @@ fn stable(solver: &mut Solver, problem: &Problem) -> Option<GaitMetrics> {
 
 /// Returns the times (s) and poses of a motion that starts at the pose `start` and repeats a cycle. The poses in
 /// `cycle` are relative to the start of the cycle.
-pub(crate) fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
+pub(crate) fn repeat(cycle: &[impl MotionSample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
     let [first, .., last] = cycle else { return Vec::new() };
     let mut poses = vec![(0.0, start)];
     let mut from = start;
@@ -175,10 +236,10 @@ pub(crate) fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, 
         poses.extend(
             cycle[1..]
                 .iter()
-                .map(|sample| (time_s + sample.time_s - first.time_s, from * sample.pose)),
+                .map(|sample| (time_s + sample.time_s() - first.time_s(), from * sample.pose())),
         );
-        from = from * last.pose;
-        time_s += last.time_s - first.time_s;
+        from = from * last.pose();
+        time_s += last.time_s() - first.time_s();
     }
     poses
 }

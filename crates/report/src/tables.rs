@@ -150,7 +150,7 @@ impl Tables {
 
     /// Returns the names of all campaigns that occur in the configuration or the tables.
     pub(crate) fn campaigns<'a>(&'a self, config: &'a ReportInput) -> BTreeSet<&'a str> {
-        let configured = config.campaigns().keys().map(String::as_str);
+        let configured = config.campaigns();
         let measured = self.trials.iter().map(|row| row.campaign.as_str());
         let fitted = self.fits.iter().map(|row| row.campaign.as_str());
         configured.chain(measured).chain(fitted).filter(|name| !name.is_empty()).collect()

@@ -8,12 +8,13 @@ use minijinja::value::{Serde, Value};
 use serde::{Deserialize, Serialize};
 use trilink_base::files;
 use trilink_base::numbers::fixed;
-use trilink_robot::metrics::{GaitMetrics, padded};
-use trilink_robot::{Model, Parameter, Robot};
+use trilink_robot::metrics::{GaitMetrics, Metric, padded};
+use trilink_robot::{Model, Parameter, Per, Robot};
 use trilink_tables::config::Paths;
 use trilink_tables::trial::{TRUTH_FILE, find_folders};
 use trilink_tables::{Reader, StoreError, TrialRow};
 
+use super::ReportInput;
 use super::parameters::FittedParameter;
 use super::tables::Tables;
 
@@ -87,6 +88,19 @@ impl PlantedCampaign {
         }
         Some(parameter.value_in(&robot))
     }
+
+    /// Returns the true value of a parameter of a chain; `None` if it is unknown.
+    fn planted_value_of_chain(&self, parameter: Parameter) -> Option<f64> {
+        let planted = self.planted.get(parameter.quantity().name())?;
+        let Some(each) = planted.as_array() else { return planted.as_f64() };
+        match parameter.number() {
+            Some(number) => {
+                let is_of_joint = parameter.quantity().definition().per == Per::FreeJoint;
+                each.get(number.checked_sub(usize::from(is_of_joint))?)?.as_f64()
+            }
+            None => parameter.is_sum().then(|| each.iter().filter_map(|one| one.as_f64()).sum()),
+        }
+    }
 }
 
 /// True motion of a synthetic trial.
@@ -97,7 +111,9 @@ pub(crate) struct PlantedTrial {
     pub v_m_s: Option<f64>,
     /// By link; `None` for one without a wheel.
     pub sigma: Option<Vec<Option<f64>>>,
-    pub alpha1_rad: Option<f64>,
+    /// Other values, such as the amplitudes of the joints (`alpha1_rad`, ..).
+    #[serde(flatten)]
+    pub others: BTreeMap<String, serde_json::Value>,
 }
 
 impl PlantedTrial {
@@ -108,7 +124,9 @@ impl PlantedTrial {
             d_m: self.d_m.unwrap_or(f64::NAN),
             v_m_s: self.v_m_s.unwrap_or(f64::NAN),
             sigma: padded(&sigma.collect::<Vec<_>>()),
-            alpha_rad: padded(&[self.alpha1_rad.unwrap_or(f64::NAN)]),
+            alpha_rad: Metric::ALPHA.map(|alpha| {
+                self.others.get(alpha.column()).and_then(|of| of.as_f64()).unwrap_or(f64::NAN)
+            }),
             ..GaitMetrics::MISSING
         }
     }
@@ -251,7 +269,7 @@ pub fn notice_of_folders(paths: &Paths) -> String {
 }
 
 /// Returns the template values for comparing true and fitted parameters on the report page.
-pub(crate) fn compare(truth: &Truth, tables: &Tables) -> Value {
+pub(crate) fn compare(truth: &Truth, tables: &Tables, input: &ReportInput) -> Value {
     let trials = tables.trials.iter();
     let trials: Vec<(&TrialRow, GaitMetrics)> = trials
         .filter_map(|trial| Some((trial, truth.trials.get(&trial.trial)?.metrics())))
@@ -260,7 +278,7 @@ pub(crate) fn compare(truth: &Truth, tables: &Tables) -> Value {
         max_deviation("d", &trials, |metrics| metrics.d_m),
         max_deviation("v", &trials, |metrics| metrics.v_m_s),
     ];
-    let known = planted(truth, tables);
+    let known = planted(truth, tables, input);
     let summary = generating_models(truth, tables).into_iter().chain(unmodelled_effects(truth));
     let summary: Vec<String> = summary.chain(within.into_iter().flatten()).collect();
     context! {
@@ -358,18 +376,30 @@ pub(crate) struct Known<'t> {
 }
 
 /// Returns all fitted coefficients with known true values, grouped by campaign.
-pub(crate) fn planted<'t>(truth: &Truth, tables: &'t Tables) -> Vec<Known<'t>> {
+pub(crate) fn planted<'t>(
+    truth: &Truth,
+    tables: &'t Tables,
+    input: &ReportInput,
+) -> Vec<Known<'t>> {
     let mut known = Vec::new();
     for fit in &tables.fits {
         let planted = truth.campaigns.get(&fit.campaign);
         let Some(planted) = planted.filter(|planted| planted.model() == fit.model) else {
             continue;
         };
-        known.extend(Parameter::ALL.into_iter().filter_map(|parameter| {
+        let is_chain = input.is_chain(&fit.campaign);
+        let links = input.links(&fit.campaign);
+        let parameters = Parameter::OF_ANY_ROBOT.into_iter();
+        let parameters = parameters.filter(|of| is_chain || of.is_of_three_links());
+        known.extend(parameters.filter_map(|parameter| {
             let is_determined = !parameter.is_sum() || fit.free.contains(&parameter);
-            let planted = planted.planted_value(parameter).filter(|_| is_determined)?;
+            let planted = match is_chain {
+                true => planted.planted_value_of_chain(parameter),
+                false => planted.planted_value(parameter),
+            };
+            let planted = planted.filter(|_| is_determined)?;
             let scatter = fit.scatter[parameter];
-            let parameter = FittedParameter::new(fit, parameter);
+            let parameter = FittedParameter::new(fit, parameter).of_links(&links);
             Some(Known { campaign: &fit.campaign, model: fit.model, parameter, planted, scatter })
         }));
     }
@@ -402,6 +432,7 @@ fn max_deviation(
 #[cfg(test)]
 mod tests {
     use trilink_robot::Quantity;
+    use trilink_tables::config::Config;
 
     use super::*;
     use crate::tests::made_up;
@@ -425,7 +456,8 @@ mod tests {
         let fits = fits.into_iter().chain([("wet", Model::SKID_ROLL), ("wet", coulomb)]);
         let fits = fits.map(|(campaign, model)| made_up::fit(campaign, model, 0)).collect();
         let tables = Tables { fits, ..Tables::default() };
-        let known: Vec<_> = planted(&truth, &tables)
+        let input = ReportInput::new(&Config::default(), BTreeSet::new());
+        let known: Vec<_> = planted(&truth, &tables, &input)
             .iter()
             .map(|known| (known.campaign, known.model, known.parameter.parameter, known.planted))
             .collect();

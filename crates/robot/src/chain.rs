@@ -491,6 +491,11 @@ impl Chain {
         std::iter::once(self.reference).chain(others).collect()
     }
 
+    /// Returns the names of the links by number (see [`Chain::numbering`]).
+    pub fn names_by_number(&self) -> Vec<String> {
+        self.numbering().into_iter().map(|link| self.links[link].name.clone()).collect()
+    }
+
     /// Returns the poses of the links' origins from front to rear, given the pose of the reference link and the joint
     /// angles (rad).
     pub fn link_poses(&self, reference: Pose, phi_rad: &[f64]) -> Vec<Pose> {
@@ -509,10 +514,16 @@ impl Chain {
     /// Returns the mean distance of the first and of the last link's wheel (or, without a wheel, centre of mass) from
     /// that link's joint, m: the side link length l of the paper's robot, by which skid velocities are normalised.
     pub fn outer_length_m(links: &[Link]) -> f64 {
-        let place = |link: &Link| link.wheel.map_or(link.com_m, |wheel| wheel.place_m);
-        let front = links.first().map_or(0.0, |link| link.rear_joint_m + place(link));
-        let rear = links.last().map_or(0.0, |link| link.front_joint_m - place(link));
+        let place_m = Self::outer_place_m;
+        let front = links.first().map_or(0.0, |link| link.rear_joint_m + place_m(link));
+        let rear = links.last().map_or(0.0, |link| link.front_joint_m - place_m(link));
         0.5 * (front.abs() + rear.abs())
+    }
+
+    /// Returns the place that stands for the end of the first or last link, m: that of its wheel or, without a wheel, of
+    /// its centre of mass.
+    pub fn outer_place_m(link: &Link) -> f64 {
+        link.wheel.map_or(link.com_m, |wheel| wheel.place_m)
     }
 
     /// Returns the angle of a joint before the motion begins, rad: that of its command at phase 0, or that at which its

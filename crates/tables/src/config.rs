@@ -13,6 +13,7 @@ mod marker_layout;
 mod model;
 mod paths;
 mod robot;
+mod serialize;
 mod settings;
 mod strict;
 
@@ -51,7 +52,7 @@ pub const CONFIG_FILE: &str = "pipeline.toml";
 /// Configuration read from `pipeline.toml`. A key that is left out has its default value. Any entry of
 /// `robot`, `gait`, `campaign` or `markers` replaces the whole default table of that name, whereas entries of
 /// `model` are added to the default models.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     pub paths: Paths,
@@ -64,13 +65,13 @@ pub struct Config {
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
     /// Marker layouts of robots of three links that have another one than `markers`, by the name of the robot.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     pub layout: BTreeMap<String, Markers>,
     pub report: Report,
     pub compare: Compare,
     pub optimise: Optimise,
     /// Robots that are chains, with their gaits, campaigns and marker layouts. These entries of the tables `robot`,
-    /// `gait`, `campaign` and `layout` are not in the fields of these names.
+    /// `gait`, `campaign` and `layout` are not in the fields of these names, but serialized with them.
     #[serde(skip)]
     pub chains: Chains,
 }

@@ -24,9 +24,10 @@ pub(super) fn figure(
     let (_, fit) = row.laws().into_iter().find(|(of, _)| *of == law)?;
     let term = |value: f64| if value.is_finite() { value / row.mass_kg } else { 0.0 };
     let [viscous_1_s, dry_m_s2] = [fit.roll_sum_kg_s.value, fit.roll_dry_sum_n.value].map(term);
-    let speed = recording.roll_m_s[0].iter().map(|of| of.abs());
+    let roll_m_s = recording.roll_m_s.first()?;
+    let speed = roll_m_s.iter().map(|of| of.abs());
     let measured: Vec<(f64, f64)> = recording.time_s.iter().copied().zip(speed).collect();
-    let coasting = &measured[coasting(&recording.roll_m_s[0], transition_m_s)];
+    let coasting = &measured[coasting(roll_m_s, transition_m_s)];
     let known = coasting.iter().copied().filter(|(_, speed)| speed.is_finite());
     let coasting: Vec<(f64, f64)> = known.collect();
     let (start_s, end_s) = (coasting.first()?.0, coasting.last()?.0);
@@ -91,7 +92,7 @@ mod tests {
         let time_s: Vec<f64> = (0..300).map(|i| 0.01 * f64::from(i)).collect();
         // The robot was pushed backwards.
         let roll = time_s.iter().map(|t| -speed(*t)).collect();
-        let roll_m_s = [roll, Vec::new(), Vec::new()];
+        let roll_m_s = vec![roll];
         let recording = Recording { time_s, roll_m_s, ..Recording::default() };
         let figure = figure("coast", &row, &recording, 0.0).expect("it coasts");
         let curve = &figure.panels[0].layers[1].points;

@@ -2,7 +2,7 @@
 
 use trilink_mechanics::{Pose, Sample};
 use trilink_plot::{Layer, Look, Panel, Scale};
-use trilink_robot::Robot;
+use trilink_robot::{AnyRobot, Chain, Robot};
 
 use crate::looks;
 
@@ -18,7 +18,23 @@ pub(super) fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Pan
     Panel::new(title, "Time (s)", y_label, layers)
 }
 
-/// Returns a panel that maps the path of the middle link, with equal scales on both axes.
+/// Returns the symbol of the angle of a joint, given the index of the joint.
+pub(super) fn angle(joint: usize) -> String {
+    subscripted('φ', joint + 1)
+}
+
+/// Returns a symbol with a number of one digit as its index.
+pub(crate) fn subscripted(symbol: char, number: usize) -> String {
+    const DIGITS: [char; 10] = ['₀', '₁', '₂', '₃', '₄', '₅', '₆', '₇', '₈', '₉'];
+    format!("{symbol}{}", DIGITS[number % 10])
+}
+
+/// Returns a noun phrase for the link with a given name, such as `the middle link` or `link 2`.
+pub(crate) fn link_noun(name: &str) -> String {
+    if name.contains("link") { name.to_owned() } else { format!("the {name} link") }
+}
+
+/// Returns a panel that maps the path of link 0, with equal scales on both axes.
 pub(super) fn map(title: impl Into<String>, layers: Vec<Layer>) -> Panel {
     scaled(Scale::Equal, Panel::new(title, "x (m)", "y (m)", layers))
 }
@@ -35,11 +51,14 @@ pub(super) fn scaled(scale: Scale, panel: Panel) -> Panel {
 
 /// Returns one line for each component of a quantity; `names` are the names of the components, and `points` returns the
 /// points of the component with a given index.
-pub(super) fn lines(names: &[&str], points: impl Fn(usize) -> Vec<(f64, f64)>) -> Vec<Layer> {
+pub(super) fn lines(
+    names: &[impl AsRef<str>],
+    points: impl Fn(usize) -> Vec<(f64, f64)>,
+) -> Vec<Layer> {
     names
         .iter()
         .enumerate()
-        .map(|(nth, name)| Layer::new(name, points(nth), looks::component(nth)))
+        .map(|(nth, name)| Layer::new(name.as_ref(), points(nth), looks::component(nth)))
         .collect()
 }
 
@@ -71,6 +90,27 @@ pub(super) fn links(robot: &Robot, pose: Pose, phi_rad: [f64; 2]) -> Vec<(f64, f
     let [joint1, joint2] = robot.joints(pose);
     let positions = [front, joint1, joint2, rear];
     positions.map(|pose| (pose.x_m, pose.y_m)).into()
+}
+
+/// Returns the positions (m) of the front end, the joints and the rear end of a robot, from front to rear; `None` if
+/// the number of joint angles is not that of the robot's joints. The ends are at the outer wheels.
+pub(super) fn links_of(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<Vec<(f64, f64)>> {
+    match robot {
+        AnyRobot::ThreeLinks(robot) => Some(links(robot, pose, phi_rad.try_into().ok()?)),
+        AnyRobot::Chain(chain) => {
+            let Chain { links, joints, .. } = chain;
+            if phi_rad.len() != joints.len() {
+                return None;
+            }
+            let poses = chain.link_poses(pose, phi_rad);
+            let (first, last) = (links.first()?, links.last()?);
+            let front = poses.first()?.ahead(Chain::outer_place_m(first));
+            let rear = poses.last()?.ahead(Chain::outer_place_m(last));
+            let joints = poses.iter().zip(links).map(|(pose, link)| pose.ahead(-link.rear_joint_m));
+            let points = [front].into_iter().chain(joints.take(links.len() - 1)).chain([rear]);
+            Some(points.map(|pose| (pose.x_m, pose.y_m)).collect())
+        }
+    }
 }
 
 /// Returns an arrow that is drawn beside a path and points in the direction of travel.
@@ -111,6 +151,20 @@ mod tests {
         // The front link is turned to the left by -phi1; the rear link is straight.
         let bent = super::links(&robot, Pose::default(), [-0.5, 0.0]);
         assert!(bent[0].1 > 0.0 && bent[3].1 == 0.0);
+    }
+
+    #[test]
+    fn a_chain_like_the_robot_of_three_links_is_drawn_through_the_same_points() {
+        let (robot, gait) = (Robot::semi_passive(), trilink_robot::Gait::passive_symmetric());
+        let pose = Pose { x_m: 0.3, y_m: -0.2, theta_rad: 0.7 };
+        let known = links(&robot, pose, [0.4, -0.3]);
+        let chain = AnyRobot::from(robot.chain(&gait));
+        let found = links_of(&chain, pose, &[0.4, -0.3]).expect("two joints");
+        for (found, known) in found.iter().zip(&known) {
+            assert!((found.0 - known.0).abs() + (found.1 - known.1).abs() < 1e-12);
+        }
+        assert_eq!(found.len(), known.len());
+        assert_eq!(links_of(&chain, pose, &[0.4]), None);
     }
 
     #[test]

@@ -115,7 +115,11 @@ pub(crate) fn skid(stem: &str, campaigns: &[&str], source: Source<'_>) -> Figure
     let has_points = |series: &[Series]| series.iter().any(|of| of.points().next().is_some());
     let plots: Vec<Plot> = plots
         .enumerate()
-        .filter(|(wheel, (_, series))| *wheel < links.len().min(3) || has_points(series))
+        .filter(|(wheel, (_, series))| {
+            let is_always_shown = *wheel < links.len().min(3)
+                && campaigns.iter().any(|campaign| source.input.has_wheel(campaign, *wheel));
+            is_always_shown || has_points(series)
+        })
         .map(|(_, plot)| plot)
         .collect();
     let (input, of_trials) = drivers(&plots, source);

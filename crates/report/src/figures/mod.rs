@@ -19,10 +19,11 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 pub use common::FREQUENCY;
+pub(crate) use common::{link_noun, subscripted};
 pub(crate) use texts::texts;
 
 use trilink_plot::Figure;
-use trilink_robot::{Gait, JointCommand};
+use trilink_robot::{AnyGait, Gait, JointCommand};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{Reader, RobotParameterRow, StoreError, TrialRow};
 
@@ -198,6 +199,7 @@ pub(crate) fn figures(
         found.figures.extend(of_campaign.figures);
         found.missing.extend(of_campaign.missing);
     }
+    found.missing.extend(inputs.not_simulated(&campaigns));
     found.figures.extend(inputs.together(&campaigns));
     inputs.releases(&campaigns, &mut found)?;
     found.figures.push(work::figure(WORK, tables, config));
@@ -270,6 +272,22 @@ impl Inputs<'_> {
         Ok(found)
     }
 
+    /// Returns the sentence that names the campaigns without figures of simulated motions because their robots are
+    /// chains; `None` if there is no such campaign.
+    fn not_simulated(self, campaigns: &[&str]) -> Option<String> {
+        let of_chains = campaigns.iter().copied().filter(|campaign| {
+            let is_fitted = !self.source.models(campaign).is_empty();
+            self.config.is_chain(campaign) && is_fitted
+        });
+        let names = of_chains.collect::<Vec<_>>().join(", ");
+        (!names.is_empty()).then(|| {
+            format!(
+                "Simulated motions of the configured robot and the work of the actuators are not drawn for robots that \
+                 are chains ({names}); `trilink simulate CAMPAIGN` computes them."
+            )
+        })
+    }
+
     /// Adds the figures of the measured motion and of the wheel velocities for the campaign's trial whose frequency is
     /// closest to [`SHOWN_RAD_S`], if there is one.
     fn tracked(
@@ -286,12 +304,12 @@ impl Inputs<'_> {
         let Some(trial) = nearest else { return Ok(()) };
         let recording = self.recording(&trial.trial)?;
         let draw = |missing: &mut Vec<String>| {
-            let setup = self.config.campaign_setup(campaign);
+            let setup = self.config.setup(campaign);
             setup.ok_or_else(|| format!("campaign {campaign} is not configured"))?;
             let recording = recording?;
             let inputs = (self.tables, self.config);
             let motion = tracking::figure(&gait, trial, &recording, inputs, missing);
-            let wheels = tracking::wheels(&wheels, trial, &recording);
+            let wheels = tracking::wheels(&wheels, trial, &recording, self.config);
             Ok::<_, String>(
                 [motion.ok_or_else(|| format!("no cycle of trial {} is used", trial.trial))?]
                     .into_iter()
@@ -316,40 +334,50 @@ impl Inputs<'_> {
     /// Returns the figures that compare the skid ratios of campaigns with the same robot, and those that compare the
     /// skid ratios of campaigns with the same gait (see [`is_alike`]).
     fn together(self, campaigns: &[&str]) -> Vec<Figure> {
-        let setup = |campaign: &str| self.config.campaigns().get(campaign);
+        let setup = |campaign: &str| self.config.names(campaign);
         let is_drawn = |campaign: &&str| {
             self.source.has_measurements(campaign) || !self.source.models(campaign).is_empty()
         };
-        let mut members: Vec<(Gait, &str)> = campaigns
+        let mut members: Vec<(AnyGait, &str)> = campaigns
             .iter()
             .filter(|campaign| is_drawn(campaign))
-            .filter_map(|campaign| Some((self.config.campaign_setup(campaign)?.1, *campaign)))
+            .filter_map(|campaign| Some((self.config.setup(campaign)?.1, *campaign)))
             .collect();
         // Campaigns are sorted by gait, not by name: smaller offsets first, then gaits without a passive joint first.
-        let offsets = |gait: &Gait| -> f64 {
+        let offsets = |gait: &AnyGait| -> f64 {
             gait.joints.iter().flatten().map(|joint| joint.offset_rad.abs()).sum()
         };
-        members.sort_by(|(a, _), (b, _)| {
-            let is_passive = |gait: &Gait| gait.passive_joint().is_some();
-            offsets(a).total_cmp(&offsets(b)).then(is_passive(a).cmp(&is_passive(b)))
+        members.sort_by(|(a, of_a), (b, of_b)| {
+            let is_passive = |campaign: &str| !self.config.free_joints(campaign).is_empty();
+            offsets(a).total_cmp(&offsets(b)).then(is_passive(of_a).cmp(&is_passive(of_b)))
         });
         let mut groups: Vec<(&str, Kind, Vec<&str>)> = Vec::new();
         for (nth, (gait, campaign)) in members.iter().enumerate() {
-            let Some(of) = setup(campaign) else { continue };
-            let has_robot = |(_, other): &(Gait, &str)| {
-                setup(other).is_some_and(|other| other.robot == of.robot)
+            let Some((own_robot, own_gait)) = setup(campaign) else { continue };
+            let has_robot = |(_, other): &(AnyGait, &str)| {
+                setup(other).is_some_and(|(robot, _)| robot == own_robot)
             };
-            let has_gait = |(other, _): &(Gait, &str)| is_alike(gait, other);
-            let names = |is_of: &dyn Fn(&(Gait, &str)) -> bool| -> Vec<&str> {
+            let is_chain = self.config.is_chain(campaign);
+            let has_gait = |(other_gait, other): &(AnyGait, &str)| {
+                // Gaits of chains also have commands of other kinds than angles; they are compared by name.
+                let is_alike = if is_chain {
+                    setup(other).is_some_and(|(_, gait)| gait == own_gait)
+                        && self.config.links(other) == self.config.links(campaign)
+                } else {
+                    is_alike(&(*gait).into(), &(*other_gait).into())
+                };
+                is_alike && self.config.is_chain(other) == is_chain
+            };
+            let names = |is_of: &dyn Fn(&(AnyGait, &str)) -> bool| -> Vec<&str> {
                 members.iter().filter(|other| is_of(other)).map(|(_, other)| *other).collect()
             };
             if !members[..nth].iter().any(has_robot) {
-                groups.push((&of.robot, BY_GAIT, names(&has_robot)));
+                groups.push((own_robot, BY_GAIT, names(&has_robot)));
             }
             let of_gait = names(&has_gait);
             let is_new = !groups.iter().any(|(_, _, known)| *known == of_gait);
             if is_new && !members[..nth].iter().any(has_gait) {
-                groups.push((&of.gait, BY_ROBOT, of_gait));
+                groups.push((own_gait, BY_ROBOT, of_gait));
             }
         }
         let mut taken = [BTreeSet::new(), BTreeSet::new()];
@@ -372,10 +400,9 @@ impl Inputs<'_> {
         let robots: BTreeSet<&str> = releases.clone().map(|row| row.robot.as_str()).collect();
         let mut taken = BTreeSet::new();
         for robot in robots {
-            let setup = self.config.campaigns();
             let campaigns: Vec<&str> = campaigns
                 .iter()
-                .filter(|of| setup.get(**of).is_some_and(|of| of.robot == robot))
+                .filter(|of| self.config.robot_name(of) == Some(robot))
                 .copied()
                 .collect();
             let stem = RELEASE.stem(&file_name(robot, &mut taken), &campaigns);

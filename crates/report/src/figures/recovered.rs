@@ -1,6 +1,9 @@
 //! Figure of fitted and measured values against the true values of synthetic trials.
 
+use std::collections::BTreeSet;
+
 use minijinja::context;
+use trilink_base::text::interned;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use trilink_robot::metrics::Metric;
 use trilink_statistics::Estimate;
@@ -8,6 +11,7 @@ use trilink_statistics::HALF_WIDTH_95;
 
 use super::common::{OMEGA, scaled};
 use super::texts::texts;
+use crate::ReportInput;
 use crate::looks;
 use crate::series::{AMPLITUDE, DISPLACEMENT, Quantity, Source};
 use crate::tables::Tables;
@@ -16,17 +20,26 @@ use crate::truth::{self, Known, Truth};
 /// Returns the figure of fitted and measured values against the true values of synthetic trials; empty if no true
 /// values are known.
 pub(super) fn figure(stem: &str, truth: &Truth, tables: &Tables, source: Source<'_>) -> Figure {
-    let quantities = [DISPLACEMENT, AMPLITUDE].into_iter().chain(Metric::SIGMA.map(Quantity::new));
+    // Wheels have the names of the links only if all robots have the same.
+    let campaigns = super::campaigns_of(source).into_iter();
+    let links: BTreeSet<Vec<String>> = campaigns.map(|campaign| source.links(campaign)).collect();
+    let names = links.first().filter(|_| links.len() == 1);
+    let wheels = Metric::SIGMA.into_iter().enumerate().map(|(wheel, metric)| match names {
+        Some(names) => Quantity::of_links(metric, names),
+        _ => Quantity { title: interned(&format!("Wheel {wheel}")), ..Quantity::new(metric) },
+    });
+    let joints = Metric::ALPHA[1..].iter().map(|metric| Quantity::new(*metric));
+    let quantities = [DISPLACEMENT, AMPLITUDE].into_iter().chain(wheels).chain(joints);
     let deviations = quantities.map(|quantity| deviations(truth, source, &quantity));
-    let all = std::iter::once(coefficients(truth, tables)).chain(deviations);
+    let all = std::iter::once(coefficients(truth, tables, source.input)).chain(deviations);
     let panels = all.filter(|panel| !panel.is_empty()).collect();
     let texts = texts("truth", context! {});
     Figure::new(stem, texts, &super::campaigns_of(source), Layout::Grid, panels)
 }
 
 /// Returns the panel in which fitted coefficients are plotted against their true values.
-fn coefficients(truth: &Truth, tables: &Tables) -> Panel {
-    let known: Vec<_> = truth::planted(truth, tables)
+fn coefficients(truth: &Truth, tables: &Tables, input: &ReportInput) -> Panel {
+    let known: Vec<_> = truth::planted(truth, tables, input)
         .into_iter()
         .filter(|known| known.parameter.free && known.planted > 0.0)
         .collect();

@@ -6,7 +6,7 @@ use trilink_plot::{Figure, Layer, Layout, Look, Panel};
 use trilink_statistics::Estimate;
 use trilink_tables::RobotParameterRow;
 
-use super::common::DEG;
+use super::common::{DEG, angle};
 use super::texts::texts;
 use crate::looks;
 use crate::recording::Recording;
@@ -19,8 +19,8 @@ const POINTS: usize = 400;
 
 /// Returns the figure of a joint release; `None` if the tables contain no fitted decay.
 pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording) -> Option<Figure> {
-    let joint = usize::try_from(row.joint - 1).ok().filter(|joint| *joint < 2)?;
-    let phi = &recording.phi_rad[joint];
+    let joint = usize::try_from(row.joint - 1).ok()?;
+    let phi = recording.phi_rad.get(joint)?;
     let released_s = row.released_s;
     let swing = row.swing();
     let decays_s = (-REMAINDER.ln() / swing.viscous_1_s).min(swing.stops_s() + BEFORE_S);
@@ -49,7 +49,7 @@ pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording)
         ..Panel::new(
             format!("Joint {} of robot {}", row.joint, row.robot),
             "Time after release (s)",
-            format!("φ{} (deg)", ["₁", "₂"][joint]),
+            format!("{} (deg)", angle(joint)),
             vec![
                 Layer::new("measured", seen, looks::RECORDED),
                 Layer::new("fitted decay", fitted, looks::FITTED),
@@ -98,7 +98,8 @@ mod tests {
         };
         let time_s: Vec<f64> = (0..480).map(|i| f64::from(i) / 120.0).collect();
         let phi: Vec<f64> = time_s.iter().map(|t| row.decay_rad((t - 1.0).max(0.0))).collect();
-        let recording = Recording { time_s, phi_rad: [phi, Vec::new()], ..Recording::default() };
+        let recording =
+            Recording { time_s, phi_rad: vec![phi, Vec::new()], ..Recording::default() };
         let figure = figure("release", &row, &recording).expect("it swings");
         let [seen, fitted, ..] = figure.panels[0].layers.as_slice() else {
             panic!("two curves are drawn");

@@ -2,14 +2,15 @@
 
 use minijinja::context;
 use trilink_base::numbers::with_error;
-use trilink_mechanics::{Model, MotionError, Problem, Sample};
+use trilink_mechanics::{ChainSample, FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range};
 use trilink_robot::{Gait, rotated};
 use trilink_statistics::wrap;
 use trilink_tables::TrialRow;
 
-use super::common::{self, DEG, links, links_at_start, map, shape, time_course, travel};
+use super::common::{self, DEG, angle, links_at_start, links_of, map, shape, time_course, travel};
 use super::texts::texts;
+use super::trial::path_title;
 use crate::ReportInput;
 use crate::looks;
 use crate::recording::{Recording, Shown};
@@ -35,7 +36,8 @@ pub(super) fn figure(
     (tables, config): (&Tables, &ReportInput),
     missing: &mut Vec<String>,
 ) -> Option<Figure> {
-    let (robot, commanded_gait) = config.campaign_setup(&trial.campaign)?;
+    let (robot, _) = config.setup(&trial.campaign)?;
+    let three_links = config.campaign_setup(&trial.campaign);
     let Shown { start_s, end_s, cycles, frames: shown } =
         recording.shown(trial.omega_rad_s, CYCLES)?;
     let start = recording.pose_at(start_s)?;
@@ -48,8 +50,6 @@ pub(super) fn figure(
     let turned = start.theta_rad - travel_rad;
     let turns_rad = turned - wrap(turned);
     let heading_deg = |theta_rad: f64| DEG * (theta_rad - travel_rad - turns_rad);
-    let [phi1, phi2] = recording.phi_rad.each_ref();
-    let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
     let mut heading =
         vec![measured(&|i| (recording.time_s[i] - start_s, heading_deg(recording.theta_rad[i])))];
     let position = |(x, y): (f64, f64)| {
@@ -57,46 +57,88 @@ pub(super) fn figure(
         (along, aside)
     };
     let seen = |i: usize| position((recording.x_m[i], recording.y_m[i]));
-    let first = shown.start.min(phi1.len().saturating_sub(1));
-    let at_start = links(&robot, start, [phi1[first], phi2[first]]);
+    let first = shown.start.min(recording.time_s.len().saturating_sub(1));
+    let at_start: Vec<f64> = recording.phi_rad.iter().map(|phi_rad| phi_rad[first]).collect();
+    let at_start = links_of(&robot, start, &at_start)?;
     let positions = shown.clone().map(seen).filter(|(x, y)| (x + y).is_finite());
     let mut path = vec![
         links_at_start(at_start.into_iter().map(position)),
         travel(&positions.collect::<Vec<_>>()),
         measured(&seen),
     ];
-    // The commanded gait is shown only if both joints are commanded.
-    let is_whole = commanded_gait.passive_joint().is_none();
-    gait.extend(is_whole.then(|| commanded(&commanded_gait)));
-    let overlays = overlays(stem, trial, (tables, config), missing);
-    let is_stiff = overlays.iter().any(|overlay| overlay.name == STIFF_NAME);
-    for Overlay { name, problem, look, cycle } in overlays {
-        let is_commanded = is_whole && problem.gait == commanded_gait;
-        let curve = |points: Vec<(f64, f64)>| Layer::new(&name, points, look);
-        if !is_commanded {
-            gait.push(curve(shape(&cycle)));
-        }
-        let poses = simulated::repeat(&cycle, cycles, start);
-        heading
-            .push(curve(poses.iter().map(|(t, pose)| (*t, heading_deg(pose.theta_rad))).collect()));
+    let mut add = |name: &str, look: Look, poses: Vec<(f64, Pose)>| {
+        let courses = poses.iter().map(|(time_s, pose)| (*time_s, heading_deg(pose.theta_rad)));
+        heading.push(Layer::new(name, courses, look));
         let positions = poses.iter().map(|(_, pose)| position((pose.x_m, pose.y_m)));
-        path.push(curve(positions.collect()));
-    }
+        path.push(Layer::new(name, positions, look));
+    };
+    let mut is_stiff = false;
+    let mut is_simulated = true;
+    let gait = match three_links {
+        Some((_, commanded_gait)) => {
+            let [phi1, phi2] = recording.phi_rad.as_slice() else { return None };
+            let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
+            // The commanded gait is shown only if both joints are commanded.
+            let is_whole = commanded_gait.passive_joint().is_none();
+            gait.extend(is_whole.then(|| commanded(&commanded_gait)));
+            let overlays = overlays(stem, trial, (tables, config), missing);
+            is_stiff = overlays.iter().any(|overlay| overlay.name == STIFF_NAME);
+            for Overlay { name, problem, look, cycle } in overlays {
+                let is_commanded = is_whole && problem.gait == commanded_gait;
+                if !is_commanded {
+                    gait.push(Layer::new(&name, shape(&cycle), look));
+                }
+                add(&name, look, simulated::repeat(&cycle, cycles, start));
+            }
+            vec![common::gait("Gait", gait)]
+        }
+        None => {
+            let mut joints: Vec<Vec<Layer>> = recording
+                .phi_rad
+                .iter()
+                .map(|phi_rad| {
+                    vec![measured(&|i| (recording.time_s[i] - start_s, DEG * phi_rad[i]))]
+                })
+                .collect();
+            let overlay = chain_overlay(stem, trial, (tables, config), missing);
+            is_simulated = overlay.is_some();
+            if let Some((name, look, cycle)) = overlay {
+                for (joint, layers) in joints.iter_mut().enumerate() {
+                    let course = repeated_angle(&cycle, cycles, joint);
+                    layers.push(Layer::new(&name, course, look));
+                }
+                add(&name, look, simulated::repeat(&cycle, cycles, start));
+            }
+            let panel = |(joint, layers)| {
+                let symbol = angle(joint);
+                time_course(&format!("Joint angle {symbol}"), &format!("{symbol} (deg)"), layers)
+            };
+            joints.into_iter().enumerate().map(panel).collect()
+        }
+    };
     let d = with_error(1e3 * trial.metrics.d_m, 1e3 * trial.metrics_se.d_m);
+    let title = path_title(trial, config);
+    let is_chain = config.is_chain(&trial.campaign);
     let TrialRow { trial, campaign, omega_rad_s, .. } = trial;
     let omega = format!("{omega_rad_s:.1}");
-    let panels = vec![
-        common::gait("Gait", gait),
+    let mut panels = gait;
+    panels.extend([
         time_course("Heading θ", "θ (deg)", heading),
-        map(format!("Path of the middle link, d = {d} mm"), path),
-    ];
-    let texts = texts("tracking", context! { campaign, omega, cycles, trial, is_stiff });
+        map(format!("{title}, d = {d} mm"), path),
+    ]);
+    let values = context! { campaign, omega, cycles, trial, is_stiff, is_chain, is_simulated };
+    let texts = texts("tracking", values);
     Some(Figure::new(stem, texts, &[campaign], Layout::Pairs, panels))
 }
 
 /// Returns the figure of the roll and skid velocities of the wheels (Fig. 12 of the paper); `None` if the trial has no
 /// cycle in use (cycle that enters the trial means).
-pub(super) fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Option<Figure> {
+pub(super) fn wheels(
+    stem: &str,
+    trial: &TrialRow,
+    recording: &Recording,
+    config: &ReportInput,
+) -> Option<Figure> {
     let Shown { start_s, cycles, frames, .. } = recording.shown(trial.omega_rad_s, CYCLES)?;
     let course = |values: &[f64]| {
         let points = frames.clone().map(|i| (recording.time_s[i] - start_s, 1e3 * values[i]));
@@ -104,19 +146,60 @@ pub(super) fn wheels(stem: &str, trial: &TrialRow, recording: &Recording) -> Opt
     };
     let all = recording.roll_m_s.iter().chain(&recording.skid_m_s).flat_map(|of| course(of));
     let covered = Range::enclosing(all.map(|(_, mm_s)| mm_s));
-    let wheels = ["Wheel 0 (middle)", "Wheel 1 (front)", "Wheel 2 (rear)"].into_iter();
+    let wheels = config.links(&trial.campaign).into_iter().enumerate();
     let wheels = wheels.zip(recording.roll_m_s.iter().zip(&recording.skid_m_s));
-    let panels = wheels.map(|(wheel, (roll_m_s, skid_m_s))| {
+    let wheels = wheels.filter(|((number, _), _)| config.has_wheel(&trial.campaign, *number));
+    let panels = wheels.map(|((number, link), (roll_m_s, skid_m_s))| {
         let layers = vec![
             Layer::new("roll", course(roll_m_s), looks::ROLL),
             Layer::new("skid", course(skid_m_s), looks::SKID),
         ];
-        Panel { covered, ..time_course(wheel, "Velocity (mm/s)", layers) }
+        let title = format!("Wheel {number} ({link})");
+        Panel { covered, ..time_course(&title, "Velocity (mm/s)", layers) }
     });
     let TrialRow { trial, campaign, omega_rad_s, smoothing_window, .. } = trial;
     let omega = format!("{omega_rad_s:.1}");
     let values = context! { campaign, omega, cycles, trial, smoothing_window => *smoothing_window };
     Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Stack, panels.collect()))
+}
+
+/// Returns the name and look of the preferred fitted model of a chain, with a cycle of its motion under the conditions of
+/// a trial; `None` if there is no such model. If the model has no motion, a sentence is added to `missing`.
+fn chain_overlay(
+    stem: &str,
+    trial: &TrialRow,
+    (tables, config): (&Tables, &ReportInput),
+    missing: &mut Vec<String>,
+) -> Option<(String, Look, Vec<ChainSample>)> {
+    let fit = tables.preferred(&trial.campaign)?;
+    let problem = simulated::chain_fitted_to(config, fit, trial)?;
+    let name = format!("{}, fitted", fit.model.name());
+    match problem.cycle(FIT_ACCURACY, simulated::SAMPLES) {
+        Ok(cycle) => Some((name, config.look(fit.model).over_recorded(), cycle)),
+        Err(error) => {
+            missing.push(not_overlaid(stem, &name, trial, &error));
+            None
+        }
+    }
+}
+
+/// Returns the sentence that says why a model is not drawn over the measurements of a trial.
+fn not_overlaid(stem: &str, name: &str, trial: &TrialRow, error: &MotionError) -> String {
+    let figure = super::called(stem);
+    let trial = &trial.trial;
+    format!("{figure}: model {name} is not drawn over the measurements of trial {trial}: {error}.")
+}
+
+/// Returns the time course of a joint's angle (deg) for a cycle that is repeated `cycles` times.
+fn repeated_angle(cycle: &[ChainSample], cycles: usize, joint: usize) -> Vec<(f64, f64)> {
+    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
+    let repeated = (0..cycles).flat_map(|nth| cycle.iter().map(move |sample| (nth, sample)));
+    repeated
+        .map(|(nth, sample)| {
+            let phi_rad = sample.phi_rad.get(joint).copied().unwrap_or(f64::NAN);
+            (nth as f64 * period_s + sample.time_s, DEG * phi_rad)
+        })
+        .collect()
 }
 
 /// Returns the layer with the commanded gait as a closed curve in the plane of the two joint angles (deg).
@@ -157,14 +240,7 @@ fn overlays(
     let mut found = Vec::new();
     let mut add = |name: &str, solved: Result<Overlay, MotionError>| match solved {
         Ok(overlay) => found.push(overlay),
-        Err(error) => {
-            let figure = super::called(stem);
-            let trial = &trial.trial;
-            missing.push(format!(
-                "{figure}: model {name} is not drawn over the measurements of trial {trial}: \
-                 {error}."
-            ));
-        }
+        Err(error) => missing.push(not_overlaid(stem, name, trial, &error)),
     };
     let best_known = |model| {
         let inputs = (tables, config);

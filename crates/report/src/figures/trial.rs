@@ -3,7 +3,6 @@
 use minijinja::context;
 use minijinja::value::Value;
 use trilink_base::numbers::significant;
-use trilink_mechanics::Pose;
 use trilink_plot::envelope;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range, Scale};
 use trilink_robot::metrics::Metric;
@@ -11,7 +10,9 @@ use trilink_statistics::mean;
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{CycleRow, Fill, TrialRow};
 
-use super::common::{DEG, lines, links, links_at_start, map, time_course, travel};
+use super::common::{
+    DEG, angle, lines, link_noun, links_at_start, links_of, map, time_course, travel,
+};
 use super::texts::texts;
 use super::tracking;
 use crate::ReportInput;
@@ -55,25 +56,41 @@ pub(crate) fn figures(
     let angles = recording
         .phi_rad
         .iter()
-        .zip(["φ₁", "φ₂"])
+        .zip((0..).map(angle))
         .map(|(phi_rad, joint)| {
             course(format!("Joint angle {joint}"), &format!("{joint} (deg)"), phi_rad, DEG)
         })
         .collect();
+    let names = config.links(&trial.campaign);
+    let is_chain = config.is_chain(&trial.campaign);
+    let name_of = |link: usize| names.get(link).filter(|_| is_chain);
     let wheels = [("Roll", &recording.roll_m_s), ("Skid", &recording.skid_m_s)].into_iter();
     let wheels = wheels.flat_map(|(kind, all_m_s)| {
-        let titles = (0..).map(move |wheel| format!("{kind} velocity of wheel {wheel}"));
+        let title = |wheel: usize| {
+            let name = name_of(wheel).map_or(String::new(), |name| format!(" ({name})"));
+            format!("{kind} velocity of wheel {wheel}{name}")
+        };
         let y_label = format!("{kind} (mm/s)");
         // The wheels share one scale, so that they can be compared.
         let ranges = all_m_s.iter().filter_map(|m_s| used(m_s, 1e3));
         let covered = Range::enclosing(ranges.flat_map(|range| [range.low, range.high]));
         let shown = covered.map(with_margin);
-        titles
-            .zip(all_m_s)
-            .map(|(title, m_s)| Panel { covered, shown, ..course(title, &y_label, m_s, 1e3) })
+        all_m_s
+            .iter()
+            .enumerate()
+            .filter(|(wheel, _)| config.has_wheel(&trial.campaign, *wheel))
+            .map(|(wheel, m_s)| Panel {
+                covered,
+                shown,
+                ..course(title(wheel), &y_label, m_s, 1e3)
+            })
             .collect::<Vec<_>>()
     });
-    let residuals = lines(&["link 0", "link 1", "link 2"], |link| {
+    let name = |link: usize| {
+        name_of(link).map_or_else(|| format!("link {link}"), |name| format!("{link}: {name}"))
+    };
+    let of_links: Vec<String> = (0..recording.residual_mm.len()).map(name).collect();
+    let residuals = lines(&of_links, |link| {
         let ends = envelope(&over_time(&recording.residual_mm[link], 1.0), PARTS);
         ends.into_iter().map(|[a, b]| if b.1 >= a.1 { b } else { a }).collect()
     });
@@ -118,22 +135,24 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
         recording.x_m.iter().copied().zip(recording.y_m.iter().copied()).collect();
     let seen: Vec<(f64, f64)> = all.iter().copied().filter(|(x, y)| (x + y).is_finite()).collect();
     let mut layers = Vec::new();
-    let at = |i: usize| {
-        let pose = Pose { x_m: all[i].0, y_m: all[i].1, theta_rad: recording.theta_rad[i] };
-        (pose, recording.phi_rad.each_ref().map(|phi_rad| phi_rad[i]))
-    };
-    let start = (0..all.len()).map(at).find(|(pose, phi_rad)| {
-        (pose.x_m + pose.y_m + pose.theta_rad + phi_rad[0] + phi_rad[1]).is_finite()
-    });
-    if let (Some((pose, phi_rad)), Some((robot, _))) =
-        (start, config.campaign_setup(&trial.campaign))
-    {
-        layers.extend([links_at_start(links(&robot, pose, phi_rad)), travel(&seen)]);
+    let start = (0..all.len()).find_map(|i| recording.pose(i));
+    let links =
+        start.zip(config.setup(&trial.campaign)).and_then(|((pose, phi_rad), (robot, _))| {
+            links_of(&robot, pose, phi_rad.get(..recording.phi_rad.len())?)
+        });
+    if let Some(links) = links {
+        layers.extend([links_at_start(links), travel(&seen)]);
     }
     layers.push(Layer::new("measured", all, looks::RECORDED));
     let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });
-    let panels = vec![map("Path of the middle link", layers)];
+    let panels = vec![map(path_title(trial, config), layers)];
     Figure::new("path", texts, &[], Layout::Stack, panels)
+}
+
+/// Returns the title of a map of the robot's path in a trial, which names link 0.
+pub(super) fn path_title(trial: &TrialRow, config: &ReportInput) -> String {
+    let links = config.links(&trial.campaign);
+    format!("Path of {}", links.first().map_or("link 0".to_owned(), |name| link_noun(name)))
 }
 
 /// Returns the figure of the metrics of each cycle, with their means over the used cycles.
@@ -141,7 +160,8 @@ fn cycles(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figu
     let links = &config.links(&trial.campaign);
     let is_shown = |metric: &Metric| {
         let mut values = recording.cycles.iter().map(|cycle| cycle.metrics[*metric]);
-        metric.is_of_three_links() || values.any(f64::is_finite)
+        let is_always_shown = metric.is_of_three_links() && !config.is_chain(&trial.campaign);
+        is_always_shown || values.any(f64::is_finite)
     };
     let quantities = Metric::FITTED.into_iter().filter(is_shown);
     let panels = quantities
@@ -229,11 +249,12 @@ fn gaps(recording: &Recording) -> Vec<Layer> {
     };
     // Each bar extends 0.5 above and below its centre, so that the bars of neighbouring links touch.
     let bar = |from_s, to_s, link| [(from_s, link, 0.5), (to_s, link, 0.5)];
-    let recorded = [0.0, 1.0, 2.0].into_iter().flat_map(|link| bar(*first_s, *last_s, link));
+    let links = (0..recording.fill.len()).map(|link| link as f64);
+    let recorded = links.clone().flat_map(|link| bar(*first_s, *last_s, link));
     let mut layers = vec![Layer::with_errors("", recorded, Look::Spans(looks::BAND))];
     for (nth, (fill, name)) in KINDS.into_iter().enumerate() {
         let mut bars = Vec::new();
-        for (fills, link) in recording.fill.iter().zip([0.0, 1.0, 2.0]) {
+        for (fills, link) in recording.fill.iter().zip(links.clone()) {
             let mut i = 0;
             for run in fills.chunk_by(|a, b| a == b) {
                 let from_s = recording.time_s[i];

@@ -55,15 +55,16 @@ fn section(
     {
         return Ok(None);
     }
-    let setup = input.campaigns().get(name);
+    let setup = input.names(name);
     let comparison = tables.comparison.iter().filter(|row| row.campaign == name);
     let fitted = fits.iter().map(|fit| (name, fit.model));
     let exact = taken_as_exact(input, tables, name);
     let links = input.links(name);
     Ok(Some(context! {
         name => name,
-        robot => setup.map(|campaign| &campaign.robot),
-        gait => setup.map(|campaign| &campaign.gait),
+        robot => setup.map(|(robot, _)| robot),
+        gait => setup.map(|(_, gait)| gait),
+        alpha => if input.is_chain(name) { "α" } else { "α₁" },
         trials => trials,
         driven_by => tables.source(input).gait_input(fitted),
         shown => of_kinds(&["models", "residuals"]),
@@ -77,8 +78,7 @@ fn section(
         maps => of_kinds(&["optima"]),
         fits => fit_values(&fits, tables.preferred(name), &links),
         starts_agree => starts_agree(&fits),
-        is_exact => !exact.is_empty()
-            && input.configured_robot(name).is_some_and(RobotConfig::is_exact),
+        is_exact => is_exact(input, tables, name),
         exact => exact,
         alternatives => fit_values(&alternatives, None, &links),
         comparison => Serde(comparison.collect::<Vec<_>>()),
@@ -140,16 +140,28 @@ fn starts_agree(fits: &[FitRow]) -> String {
     }
 }
 
+/// Returns the fits of a campaign that have confidence intervals.
+fn fits_with_intervals<'t>(tables: &'t Tables, name: &str) -> impl Iterator<Item = &'t FitRow> {
+    let fits = tables.fits.iter().filter(move |fit| fit.campaign == name);
+    fits.filter(|fit| !fit.free.is_empty() && fit.no_interval.is_none())
+}
+
+/// Returns whether confidence intervals of a campaign take all parameters of its robot as exact. Those of a chain have no
+/// standard deviations.
+fn is_exact(input: &ReportInput, tables: &Tables, name: &str) -> bool {
+    if input.is_chain(name) {
+        return fits_with_intervals(tables, name).next().is_some();
+    }
+    !taken_as_exact(input, tables, name).is_empty()
+        && input.configured_robot(name).is_some_and(RobotConfig::is_exact)
+}
+
 /// Returns the configuration keys of those quantities of a campaign's robot that have no stated uncertainty, so that
 /// the confidence intervals treat them as exact.
 ///
 /// A quantity that can be fitted is listed only if a fit with confidence intervals holds it fixed.
 fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
-    let fits: Vec<&FitRow> = tables
-        .fits
-        .iter()
-        .filter(|fit| fit.campaign == name && !fit.free.is_empty() && fit.no_interval.is_none())
-        .collect();
+    let fits: Vec<&FitRow> = fits_with_intervals(tables, name).collect();
     let robot = input.configured_robot(name).filter(|_| !fits.is_empty());
     let exact = robot.into_iter().flat_map(RobotConfig::exact);
     exact

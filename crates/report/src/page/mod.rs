@@ -4,6 +4,7 @@ mod campaigns;
 mod engine;
 mod image;
 mod optima;
+mod parts;
 mod shared;
 mod trial;
 
@@ -19,11 +20,12 @@ pub(crate) use trial::{html as trial_html, neighbours};
 
 use trilink_base::files::relative;
 use trilink_plot::Figure;
+use trilink_statistics::Estimate;
 use trilink_tables::config::{SigmaKind, Smoothing};
 use trilink_tables::{CheckRow, CommonCause, Severity, TrialRow, TrialStatus};
 
+use self::parts::{Parts, WheelNames};
 use super::Changes;
-use super::parameters::WHEELS;
 use super::scorecard::JudgedClaim;
 use super::tables::Tables;
 use super::truth::{self, Truth};
@@ -86,13 +88,20 @@ pub(crate) fn html(
     for check in troubling.clone() {
         codes.entry(&check.trial).or_default().extend(check.check.split(' ').next());
     }
+    let parts = Parts::of_trials(&tables.trials, input);
     // Skid ratios are of the kind (raw or debiased) that the fits use.
     let listed = |rows: Vec<&TrialRow>| {
         let listed = rows.into_iter().map(|row| {
-            Value::from(Serde((row, &row.sigma(input.sigma)[..3], codes.get(&*row.trial))))
+            let sigma = row.sigma(input.sigma);
+            let sigma: Vec<Estimate> = parts.wheels.iter().map(|wheel| sigma[*wheel]).collect();
+            let [alpha_rad, se_rad] = [&row.metrics, &row.metrics_se].map(|of| of.alpha_rad);
+            let alpha = parts.joints.iter().map(|of| Estimate::new(alpha_rad[*of], se_rad[*of]));
+            let alpha: Vec<Estimate> = alpha.collect();
+            Value::from(Serde((row, sigma, alpha, codes.get(&*row.trial))))
         });
         listed.collect::<Vec<_>>()
     };
+    let WheelNames { in_head, of_campaigns } = WheelNames::new(&tables.trials, input);
     let (first, folded) = listed_first(&tables.trials);
     // Notes on fits that replace missing data, by campaign.
     let notes = tables.fits.iter().map(|fit| (&fit.campaign, &fit.notes));
@@ -117,7 +126,7 @@ pub(crate) fn html(
         missing => Serde(missing),
         changes => Serde(changes),
         campaigns => campaigns::sections(input, (tables, truth), drawn)?,
-        shared => shared::sections(tables),
+        shared => shared::sections(tables, input),
         not_shared => Serde(shared::not_tested(input, tables)),
         paper_figures => Serde(paper_figures(drawn)),
         comparisons => images(drawn, |figure| {
@@ -130,10 +139,13 @@ pub(crate) fn html(
         trials => Serde(&tables.trials),
         trials_first => listed(first),
         trials_folded => listed(folded),
-        wheels => WHEELS,
+        parts => parts.heads(&in_head),
+        wheel_names => Serde(of_campaigns),
+        subject => subject(tables, input),
+        has_chains => has_chains(tables, input),
         debiased => input.sigma == SigmaKind::Debiased,
         kalman => input.smoothing() == Smoothing::Kalman,
-        truth => truth.map(|truth| truth::compare(truth, tables)),
+        truth => truth.map(|truth| truth::compare(truth, tables, input)),
         scorecard => Serde(scores),
         of_the_paper => !scores.is_empty(),
         reasons => Serde(reasons.into_iter().collect::<Vec<_>>()),
@@ -143,6 +155,25 @@ pub(crate) fn html(
         configuration => input.configuration(),
     };
     fill("index.html", include_str!("index.html"), &page).map_err(ReportError::Page)
+}
+
+/// Returns whether a campaign in the tables has a chain.
+fn has_chains(tables: &Tables, input: &ReportInput) -> bool {
+    let trials = tables.trials.iter().map(|row| &row.campaign);
+    let mut campaigns = trials.chain(tables.fits.iter().map(|fit| &fit.campaign));
+    campaigns.any(|campaign| input.is_chain(campaign))
+}
+
+/// Returns a noun phrase for the robots of the report.
+fn subject(tables: &Tables, input: &ReportInput) -> &'static str {
+    if !has_chains(tables, input) {
+        return "a wheeled three-link robot";
+    }
+    let robots = tables.trials.iter().filter_map(|row| input.robot_name(&row.campaign));
+    match robots.collect::<BTreeSet<_>>().len() {
+        1 => "a wheeled robot",
+        _ => "wheeled robots",
+    }
 }
 
 /// Maximum number of trials in the table that is not folded.

@@ -14,9 +14,9 @@ use crate::tables::Tables;
 
 /// Returns the template values of one section per robot on the fits to all of its campaigns together, in the order of
 /// the table `shared_fits`.
-pub(super) fn sections(tables: &Tables) -> Vec<Value> {
+pub(super) fn sections(tables: &Tables, input: &ReportInput) -> Vec<Value> {
     let robots = tables.shared_fits.chunk_by(|a, b| a.robot == b.robot);
-    robots.map(|rows| section(rows, tables)).collect()
+    robots.map(|rows| section(rows, tables, input)).collect()
 }
 
 /// Returns the robots whose campaigns were fitted only separately, each with these campaigns.
@@ -26,8 +26,8 @@ pub(super) fn not_tested<'t>(
 ) -> BTreeMap<&'t str, BTreeSet<&'t str>> {
     let mut robots: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for fit in &tables.fits {
-        if let Some(campaign) = input.campaigns().get(&fit.campaign) {
-            robots.entry(&campaign.robot).or_default().insert(&fit.campaign);
+        if let Some(robot) = input.robot_name(&fit.campaign) {
+            robots.entry(robot).or_default().insert(&fit.campaign);
         }
     }
     robots.retain(|robot, campaigns| {
@@ -38,7 +38,12 @@ pub(super) fn not_tested<'t>(
 
 /// Returns the template values of the section on a robot; `rows` are the fits of each model to all its campaigns
 /// together.
-fn section(rows: &[SharedFitRow], tables: &Tables) -> Value {
+fn section(rows: &[SharedFitRow], tables: &Tables, input: &ReportInput) -> Value {
+    let links = rows[0].campaigns.first().map_or(Vec::new(), |campaign| input.links(campaign));
+    let free_parameters = |fit: &FitRow, free: &[Parameter]| -> Vec<FittedParameter> {
+        let of_fit = free.iter().map(|of| FittedParameter::new(fit, *of).of_links(&links));
+        of_fit.collect()
+    };
     let models = rows.iter().map(|row| {
         let own = tables
             .fits
@@ -64,11 +69,6 @@ fn section(rows: &[SharedFitRow], tables: &Tables) -> Value {
         sentence => sentence(rows),
         models => models.collect::<Vec<_>>(),
     }
-}
-
-/// Returns the values and uncertainties that a fit gives for the parameters `free`.
-fn free_parameters(fit: &FitRow, free: &[Parameter]) -> Vec<FittedParameter> {
-    free.iter().map(|parameter| FittedParameter::new(fit, *parameter)).collect()
 }
 
 /// Returns a sentence on the result of fitting a model to all campaigns of a robot together.

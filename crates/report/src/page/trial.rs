@@ -6,9 +6,11 @@ use serde::Serialize;
 use trilink_mechanics::Model;
 use trilink_robot::metrics::Metric;
 use trilink_statistics::Estimate;
-use trilink_tables::{CheckRow, Fill, RobotParameterRow, RobotQuantity, TrialRow};
+use trilink_tables::{CheckRow, Fill, JointGait, RobotParameterRow, RobotQuantity, TrialRow};
 
+use super::parts::Parts;
 use super::{TrialPages, fill};
+use crate::figures::subscripted;
 use crate::recording::Recording;
 use crate::replay::Replay;
 use crate::series::fitted;
@@ -33,6 +35,8 @@ pub(crate) fn html(
     let quantities: Vec<RobotQuantity> = robots.flat_map(RobotParameterRow::quantities).collect();
     let checks = tables.checks.iter().filter(|check| check.trial == trial.trial);
     let (models, predicted) = predicted(trial, tables, input);
+    let parts = Parts::of_cycles(trial, recording, input);
+    let links = input.links(&trial.campaign);
     let page = context! {
         version => env!("CARGO_PKG_VERSION"),
         synthetic => if is_synthetic { "This trial is synthetic." } else { "" },
@@ -45,8 +49,11 @@ pub(crate) fn html(
         predicted => Serde(predicted),
         figures => figures,
         replay => replay.map(|replay| replay.value(&format!("Motion of trial {}", trial.trial))),
-        gaps => Serde(recording.map(gaps)),
-        cycles => Serde(recording.map(|recording| &recording.cycles)),
+        gaps => Serde(recording.map(|recording| gaps(recording, trial, input))),
+        parts => parts.heads(&links),
+        cycles => Serde(recording.map(|recording| parts.cycles(recording))),
+        skid_and_amplitudes => Serde(skid_and_amplitudes(trial, &links)),
+        gait => Serde(gait(trial)),
         checks => Serde(checks.collect::<Vec<&CheckRow>>()),
     };
     fill("trial.html", include_str!("trial.html"), &page).map_err(ReportError::Page)
@@ -100,10 +107,14 @@ fn predicted(
     let source = tables.source(input);
     let models = source.models(&trial.campaign).into_iter();
     let rows = models.filter_map(|model| source.of_trial(trial, model)).collect::<Vec<_>>();
-    let passive = input.campaign_setup(&trial.campaign).and_then(|(_, gait)| gait.passive_joint());
-    let shown = fitted().into_iter().filter(|of| match of.metric {
-        Metric::Alpha1 => passive == Some(0),
-        metric => metric.is_of_three_links() || trial.metrics[metric].is_finite(),
+    let free = input.free_joints(&trial.campaign);
+    let is_chain = input.is_chain(&trial.campaign);
+    let shown = fitted().into_iter().filter(|of| {
+        let metric = of.metric;
+        match Metric::ALPHA.iter().position(|alpha| *alpha == metric) {
+            Some(joint) if joint == 0 || is_chain => free.contains(&joint),
+            _ => metric.is_of_three_links() || trial.metrics[metric].is_finite(),
+        }
     });
     let of_quantity = shown.map(|quantity| {
         let measured = quantity.of_trial(trial, source.sigma);
@@ -122,19 +133,67 @@ fn predicted(
     (rows.iter().map(|row| row.model).collect(), of_quantity.collect())
 }
 
-/// Returns, for each link, the fractions of frames in which the pose is measured, found from other markers,
+/// Row of the table of results: name, value, standard error (0 if unknown) and unit.
+type Row = (String, f64, f64, &'static str);
+
+/// Returns the rows with the skid ratios, also corrected for noise, and the amplitudes of the joints; `links` are the
+/// names of the links by number.
+fn skid_and_amplitudes(trial: &TrialRow, links: &[String]) -> Vec<Row> {
+    let TrialRow { metrics, metrics_se, .. } = trial;
+    let link = |wheel: usize| links.get(wheel).map_or(format!("link {wheel}"), String::clone);
+    let symbol = |wheel: usize| subscripted('σ', wheel);
+    let skid = (0..).zip(metrics.sigma).zip(metrics_se.sigma).map(|((wheel, value), se)| {
+        let link = link(wheel);
+        let wheel_of = if link.contains("link") {
+            format!("wheel of {link}")
+        } else {
+            format!("{link} wheel")
+        };
+        (format!("{}, {wheel_of}", symbol(wheel)), value, se, "")
+    });
+    let debiased = (0..).zip(trial.all_debiased()).map(|(wheel, Estimate { value, se })| {
+        (format!("{}, {}, corrected for noise", symbol(wheel), link(wheel)), value, se, "")
+    });
+    let amplitudes = (1..).zip(metrics.alpha_rad).zip(metrics_se.alpha_rad);
+    let amplitudes = amplitudes.map(|((joint, value), se)| {
+        (subscripted('α', joint), value.to_degrees(), se.to_degrees(), "deg")
+    });
+    skid.chain(debiased).chain(amplitudes).collect()
+}
+
+/// Returns the rows with the measured gait of the joints.
+fn gait(trial: &TrialRow) -> Vec<Row> {
+    let rows = (1..).zip(trial.joints()).flat_map(
+        |(joint, JointGait { offset_rad, amplitude_rad, .. })| {
+            let symbol = subscripted('φ', joint);
+            [("Offset", offset_rad), ("Amplitude", amplitude_rad)]
+                .map(|(name, rad)| (format!("{name} of {symbol}"), rad.to_degrees(), 0.0, "deg"))
+        },
+    );
+    rows.collect()
+}
+
+/// Returns, for each link, its name, the fractions of frames in which the pose is measured, found from other markers,
 /// interpolated and missing, and the duration (s) of the longest span without a pose (`None` if there is none).
-fn gaps(recording: &Recording) -> [([f64; 4], Option<f64>); 3] {
+fn gaps(
+    recording: &Recording,
+    trial: &TrialRow,
+    input: &ReportInput,
+) -> Vec<(String, [f64; 4], Option<f64>)> {
     let step_s = match recording.time_s.as_slice() {
         [first, second, ..] => second - first,
         _ => f64::NAN,
     };
-    recording.fill.each_ref().map(|fill| {
+    let names =
+        if input.is_chain(&trial.campaign) { input.links(&trial.campaign) } else { Vec::new() };
+    let links = recording.fill.iter().enumerate().map(|(link, fill)| {
         let missing = fill.chunk_by(|a, b| a == b).filter(|run| run[0] == Fill::Missing);
         let longest_s = missing.map(|run| run.len() as f64 * step_s).max_by(f64::total_cmp);
         let shares = Fill::ALL.map(|kind| {
             fill.iter().filter(|fill| **fill == kind).count() as f64 / fill.len().max(1) as f64
         });
-        (shares, longest_s)
-    })
+        let name = names.get(link).map_or(String::new(), |name| format!(": {name}"));
+        (format!("{link}{name}"), shares, longest_s)
+    });
+    links.collect()
 }

@@ -7,10 +7,11 @@ use serde::Serialize;
 use trilink_base::numbers::{as_configured, fixed};
 use trilink_mechanics::Pose;
 use trilink_plot::RGBColor;
-use trilink_robot::rotated;
+use trilink_robot::{AnyRobot, rotated};
 
 use super::numbers::{self, PER_MM, PER_UNIT, whole};
-use super::{Direction, Mark, Motion, Quantity, Replay};
+use super::{Direction, Mark, Motion, Quantity, Replay, body};
+use crate::figures::link_noun;
 
 /// Minimum ratio of width to height of the drawing.
 const MIN_ASPECT: f64 = 1.5;
@@ -31,8 +32,6 @@ const MIN_STILL_DISTANCE: f64 = 1.3;
 const MAX_ARROW: f64 = 0.8;
 /// Quantile of a quantity's absolute values that is taken as the typical value.
 const TYPICAL_QUANTILE: f64 = 0.95;
-/// Radius of a drawn marker, as a multiple of [`Replay::reach_m`].
-const MARKER_RADIUS: f64 = 0.04;
 /// Length of an arrowhead, in units of 0.1 mm.
 const ARROW_HEAD: f64 = 120.0;
 
@@ -95,7 +94,7 @@ impl Replay {
         });
         let trails = self.motions.iter().map(|of| context! { name => &of.name, path => trail(of) });
         let stills = self.stills(&arrows);
-        let size = self.reach_m();
+        let shapes = body::shapes(&self.robot);
         context! {
             title,
             alternative => self.alternative(title, stills.len()),
@@ -107,8 +106,9 @@ impl Replay {
             view_mm => view_mm.round(),
             bar_mm => as_configured(bar_mm),
             grid => (PER_MM * grid_mm).round() as i64,
-            shapes => Serde(self.shapes()),
-            marker => (PER_UNIT * MARKER_RADIUS * size).round() as i64,
+            is_chain => matches!(self.robot, AnyRobot::Chain(_)),
+            shapes => Serde(&shapes),
+            marker => (PER_UNIT * body::marker_radius_m(&self.robot)).round() as i64,
             trails => trails.collect::<Vec<_>>(),
             model => self.motions.iter().find_map(|motion| motion.colour).map(hex),
             stills => Serde(stills),
@@ -120,10 +120,9 @@ impl Replay {
         }
     }
 
-    /// Returns the larger of the two distances (m) from the middle wheel to the side wheels when the robot is straight.
+    /// Returns half the length (m) of the straight robot (see [`body::reach_m`]).
     fn reach_m(&self) -> f64 {
-        let [front_m, rear_m] = self.robot.reach_m();
-        front_m.max(rear_m)
+        body::reach_m(&self.robot)
     }
 
     /// Returns the direction (rad) from the first to the last position of the robot; 0 if these positions are close
@@ -158,42 +157,6 @@ impl Replay {
         let [left, right] = centred(x, wide);
         let [low, high] = centred(y, high);
         View { left, right, low, high }
-    }
-
-    /// Returns the SVG paths of the body and the wheel of each link, in the coordinates of the link.
-    fn shapes(&self) -> [[String; 2]; 3] {
-        let [[ahead, behind], [front, rear]] = [self.robot.h_m, self.robot.l_m]
-            .map(|lengths_m| lengths_m.map(|m| (PER_UNIT * m).round()));
-        let size = PER_UNIT * self.reach_m();
-        let [width, axle, radius, tread] =
-            [0.07, 0.19, 0.1, 0.02].map(|share| (share * size).round());
-        let joint = (0.6 * width).round();
-        let body = |from: f64, to: f64| format!("M{from} {}H{to}V{width}H{from}z", -width);
-        let pivot = |x: f64| {
-            format!(
-                "M{} 0a{joint} {joint} 0 1 0 {} 0a{joint} {joint} 0 1 0 {} 0",
-                x - joint,
-                2.0 * joint,
-                -2.0 * joint
-            )
-        };
-        let wheel = |y: f64| {
-            format!(
-                "M{} {}h{}v{}h{}z",
-                -radius,
-                y - tread,
-                2.0 * radius,
-                2.0 * tread,
-                -2.0 * radius
-            )
-        };
-        let wheels = format!("{}{}", wheel(axle), wheel(-axle)) + &format!("M0 {}V{axle}", -axle);
-        let bodies = [
-            body(-behind, ahead) + &pivot(ahead) + &pivot(-behind),
-            body(-front, 0.3 * front),
-            body(-0.3 * rear, rear),
-        ];
-        bodies.map(|body| [body, wheels.clone()])
     }
 
     /// Returns the indices of the frames shown in the still drawing, spaced along the path of the robot. The last of
@@ -295,6 +258,14 @@ impl Replay {
         .collect()
     }
 
+    /// Returns a noun phrase for link 0.
+    fn reference(&self) -> String {
+        match &self.robot {
+            AnyRobot::ThreeLinks(_) => "the middle link".to_owned(),
+            AnyRobot::Chain(chain) => link_noun(&chain.links[chain.reference].name),
+        }
+    }
+
     /// Returns the text alternative (`alt` text) for the still drawing, in which the robot appears `robots` times.
     fn alternative(&self, title: &str, robots: usize) -> String {
         let mut poses = self.motions[0].poses.iter().flatten();
@@ -304,8 +275,9 @@ impl Replay {
             let [x, y] = [b.x_m - a.x_m, b.y_m - a.y_m];
             let seconds = self.time_s.last().zip(self.time_s.first()).map_or(0.0, |(b, a)| b - a);
             format!(
-                " In {} s, the middle link moves {} mm and turns by {}°.",
+                " In {} s, {} moves {} mm and turns by {}°.",
                 fixed(seconds, 1),
+                self.reference(),
                 fixed(1e3 * x.hypot(y), 0),
                 fixed((b.theta_rad - a.theta_rad).to_degrees(), 0)
             )

@@ -3,6 +3,7 @@
 //! A page stores the motion as integers: lengths in units of 0.1 mm, angles in 0.1 mrad, times in 0.1 ms, velocities in
 //! 0.1 mm/s. Each integer is stored as its difference from the last known value.
 
+mod body;
 mod drawing;
 mod numbers;
 mod simulation;
@@ -10,7 +11,9 @@ mod trial;
 
 use trilink_mechanics::Pose;
 use trilink_plot::RGBColor;
-use trilink_robot::Robot;
+use trilink_robot::AnyRobot;
+
+use crate::recording::Coordinates;
 
 pub(crate) use drawing::nice;
 pub use simulation::{SimulationError, page as simulation_page};
@@ -25,7 +28,7 @@ const MAX_FRAMES: usize = 300;
 /// `None`.
 #[derive(Debug, Clone)]
 pub(crate) struct Replay {
-    pub robot: Robot,
+    pub robot: AnyRobot,
     pub time_s: Vec<f64>,
     /// Main motion, followed by the motions that are overlaid on it.
     pub motions: Vec<Motion>,
@@ -37,9 +40,6 @@ pub(crate) struct Replay {
     /// Sentences that form the caption.
     pub notes: Vec<String>,
 }
-
-/// Pose of link 0 and the two joint angles (rad).
-pub(crate) type Coordinates = (Pose, [f64; 2]);
 
 /// Coordinates of the robot in every frame.
 #[derive(Debug, Clone)]
@@ -101,8 +101,15 @@ pub(crate) struct Cycles {
 }
 
 impl Replay {
-    /// Returns the poses of links 0, 1 and 2 in a frame; `None` if they are unknown.
-    fn links(&self, motion: &Motion, frame: usize) -> Option<[Pose; 3]> {
-        motion.poses[frame].map(|(pose, phi_rad)| self.robot.link_poses(pose, phi_rad))
+    /// Returns the poses of the links by number in a frame; `None` if they are unknown.
+    fn links(&self, motion: &Motion, frame: usize) -> Option<Vec<Pose>> {
+        let (pose, phi_rad) = motion.poses[frame]?;
+        Some(match &self.robot {
+            AnyRobot::ThreeLinks(robot) => robot.link_poses(pose, [phi_rad[0], phi_rad[1]]).into(),
+            AnyRobot::Chain(chain) => {
+                let poses = chain.link_poses(pose, &phi_rad[..chain.joints.len()]);
+                chain.numbering().into_iter().map(|link| poses[link]).collect()
+            }
+        })
     }
 }

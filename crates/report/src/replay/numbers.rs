@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use trilink_base::text::escape_controls;
 
+use super::body::{self, Lengths};
 use super::{Coordinates, Direction, Mark, Marker, Motion, Replay};
 
 /// Number of steps per SI unit (m, rad, s); values are stored as whole numbers of steps.
@@ -36,8 +37,8 @@ fn differences(values: impl Iterator<Item = f64>) -> Vec<Option<i64>> {
 #[derive(Serialize)]
 struct Numbers<'r> {
     per_unit: f64,
-    half: [Option<i64>; 2],
-    side: [Option<i64>; 2],
+    #[serde(flatten)]
+    lengths: Lengths,
     time: Vec<Option<i64>>,
     motions: Vec<Value>,
     quantities: Vec<Value>,
@@ -53,15 +54,16 @@ struct Numbers<'r> {
 /// (m) per SI unit of the quantity, or `None` if no arrow is drawn.
 pub(super) fn json(replay: &Replay, arrows: &[Option<f64>]) -> String {
     let motion = |motion: &Motion| {
-        let of = |value: fn(&Coordinates) -> f64| {
+        let of = |value: &dyn Fn(&Coordinates) -> f64| {
             differences(motion.poses.iter().map(|pose| pose.as_ref().map_or(f64::NAN, value)))
         };
+        let joints = 0..replay.robot.joints();
         json!({
             "name": motion.name,
-            "x": of(|(pose, _)| pose.x_m),
-            "y": of(|(pose, _)| pose.y_m),
-            "theta": of(|(pose, _)| pose.theta_rad),
-            "phi": [of(|(_, phi_rad)| phi_rad[0]), of(|(_, phi_rad)| phi_rad[1])],
+            "x": of(&|(pose, _)| pose.x_m),
+            "y": of(&|(pose, _)| pose.y_m),
+            "theta": of(&|(pose, _)| pose.theta_rad),
+            "phi": joints.map(|joint| of(&|(_, phi_rad)| phi_rad[joint])).collect::<Vec<_>>(),
         })
     };
     fn marker(Marker { link, label, position_mm }: &Marker) -> (usize, [i64; 2], Cow<'_, str>) {
@@ -69,8 +71,7 @@ pub(super) fn json(replay: &Replay, arrows: &[Option<f64>]) -> String {
     }
     let numbers = Numbers {
         per_unit: PER_UNIT,
-        half: replay.robot.h_m.map(whole),
-        side: replay.robot.l_m.map(whole),
+        lengths: body::lengths(&replay.robot),
         time: differences(replay.time_s.iter().copied()),
         motions: replay.motions.iter().map(motion).collect(),
         quantities: replay

@@ -7,6 +7,7 @@ use trilink_base::numbers::as_configured;
 use trilink_mechanics::{MotionError, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Panel};
 use trilink_robot::ContactForces;
+use trilink_robot::metrics::padded;
 
 use super::{Cycles, Direction, MAX_FRAMES, Motion, Quantity, Replay};
 use crate::{ReportError, looks, page};
@@ -122,11 +123,11 @@ fn replay(
     let motion = Motion {
         name: model.to_owned(),
         colour: None,
-        poses: shown().map(|sample| Some((sample.pose, sample.phi_rad))).collect(),
+        poses: shown().map(|sample| Some((sample.pose, padded(&sample.phi_rad)))).collect(),
     };
     let period_s = std::f64::consts::TAU / problem.omega_rad_s;
     Replay {
-        robot: problem.robot.clone(),
+        robot: problem.robot.clone().into(),
         time_s: shown().map(|sample| sample.time_s).collect(),
         motions: vec![motion],
         quantities,

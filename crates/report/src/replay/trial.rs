@@ -5,13 +5,16 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_base::numbers::{as_configured, fixed};
-use trilink_mechanics::{FIT_ACCURACY, Pose, Sample, Solver};
-use trilink_tables::config::Markers;
+use trilink_mechanics::{FIT_ACCURACY, Pose, Solver};
+use trilink_robot::JointCommand;
+use trilink_robot::metrics::padded;
+use trilink_tables::config::MarkerLayout;
 use trilink_tables::{FitRow, TrialRow};
 
-use super::{Coordinates, Cycles, Direction, MAX_FRAMES, Mark, Marker, Motion, Quantity, Replay};
-use crate::recording::{MarkerState, Recording};
-use crate::{ReportInput, simulated};
+use super::{Cycles, Direction, MAX_FRAMES, Mark, Marker, Motion, Quantity, Replay};
+use crate::ReportInput;
+use crate::recording::{Coordinates, MarkerState, Recording};
+use crate::simulated::{self, MotionSample};
 
 /// Minimum number of frames per cycle in a replay; if the whole recording would have fewer, only part of it is shown.
 const MIN_FRAMES_OF_CYCLE: usize = 16;
@@ -28,8 +31,8 @@ pub(crate) fn of_trial(
     fit: Option<&FitRow>,
     skid_scale_m_s: Option<f64>,
 ) -> Option<Replay> {
-    let markers = input.markers_of(robot);
-    let robot = input.robot(robot)?;
+    let layout = input.marker_layout(robot);
+    let robot = input.any_robot(robot).filter(|of| of.joints() == recording.phi_rad.len())?;
     let window = window(trial, recording);
     let stride = window.len().div_ceil(MAX_FRAMES).max(1);
     let frames: Vec<usize> = window.clone().step_by(stride).collect();
@@ -51,7 +54,8 @@ pub(crate) fn of_trial(
         let period_s = TAU / trial.omega_rad_s;
         Cycles { number: first.cycle, start_s: first.start_s, period_s }
     });
-    let (markers, marks) = marks(recording, markers, window, stride);
+    let (markers, marks) =
+        layout.map_or((Vec::new(), Vec::new()), |layout| marks(recording, &layout, window, stride));
     let skid = Quantity {
         name: "Skid velocity",
         unit: "mm/s",
@@ -122,36 +126,38 @@ fn predicted(
     let used = recording.cycles.iter().filter(|cycle| cycle.used);
     let starts = used.filter_map(|cycle| Some((cycle, recording.pose_at(cycle.start_s)?)));
     let (cycle, start) = starts.into_iter().next().ok_or("no cycle of the trial is used")?;
+    let times_s = time_s.iter().map(|time_s| time_s - cycle.start_s);
     let is_known = simulated::OMEGAS_RAD_S.contains(&trial.omega_rad_s);
-    let problem = is_known.then(|| simulated::fitted_to(input, fit, trial)).flatten();
-    let problem = problem
-        .filter(|of| {
-            of.gait
-                .joints
-                .iter()
-                .flatten()
-                .map(|joint| joint.offset_rad + joint.amplitude_rad + joint.phase_rad)
-                .all(f64::is_finite)
-        })
-        .ok_or_else(|| {
-            format!("the trial's frequency or gait, or the fit of {}, is not known", fit.model)
-        })?;
-    let mut solver = Solver::default();
-    solver.solve(&problem, FIT_ACCURACY).map_err(|error| format!("{}: {error}", fit.model))?;
-    let samples = solver.cycle(simulated::SAMPLES);
-    let samples = samples.map_err(|error| format!("{}: {error}", fit.model))?;
-    let poses = time_s.iter().map(|time_s| time_s - cycle.start_s);
-    let motion = Motion {
-        name: fit.model.to_string(),
-        colour: Some(input.look(fit.model).colour),
-        poses: repeated(&samples, start, poses),
+    let unknown =
+        || format!("the trial's frequency or gait, or the fit of {}, is not known", fit.model);
+    let no_motion = |error| format!("{}: {error}", fit.model);
+    let are_finite = |gait: &[Option<JointCommand>]| {
+        gait.iter()
+            .flatten()
+            .map(|joint| joint.offset_rad + joint.amplitude_rad + joint.phase_rad)
+            .all(f64::is_finite)
     };
+    let poses = if input.is_chain(&trial.campaign) {
+        let problem = is_known.then(|| simulated::chain_fitted_to(input, fit, trial)).flatten();
+        let problem = problem.filter(|of| are_finite(&of.chain.gait().joints));
+        let samples = problem.ok_or_else(unknown)?.cycle(FIT_ACCURACY, simulated::SAMPLES);
+        repeated(&samples.map_err(no_motion)?, start, times_s)
+    } else {
+        let problem = is_known.then(|| simulated::fitted_to(input, fit, trial)).flatten();
+        let problem = problem.filter(|of| are_finite(&of.gait.joints)).ok_or_else(unknown)?;
+        let mut solver = Solver::default();
+        solver.solve(&problem, FIT_ACCURACY).map_err(no_motion)?;
+        let samples = solver.cycle(simulated::SAMPLES).map_err(no_motion)?;
+        repeated(&samples, start, times_s)
+    };
+    let colour = Some(input.look(fit.model).colour);
+    let motion = Motion { name: fit.model.to_string(), colour, poses };
     let how = format!(
         "Dashed: steady motion of {} as fitted to the campaign, with the {} gait at {} rad/s, \
          starting with the pose and phase of the robot at the start of cycle {}, the first used cycle",
         fit.model,
         fit.gait_input.name(),
-        as_configured(problem.omega_rad_s),
+        as_configured(trial.omega_rad_s),
         cycle.cycle
     );
     Ok((motion, how))
@@ -160,13 +166,13 @@ fn predicted(
 /// Returns the poses and joint angles of a motion that starts at the pose `start` and repeats the cycle `samples`.
 /// `times_s` are measured from the start and must be sorted; the result is `None` at times before the start and after
 /// [`MAX_CYCLES`] cycles.
-pub(crate) fn repeated(
-    samples: &[Sample],
+pub(crate) fn repeated<S: MotionSample>(
+    samples: &[S],
     mut start: Pose,
     times_s: impl Iterator<Item = f64>,
 ) -> Vec<Option<Coordinates>> {
     let [.., last] = samples else { return Vec::new() };
-    let period_s = last.time_s;
+    let period_s = last.time_s();
     let intervals = samples.len() - 1;
     let mut cycles = 0.0;
     times_s
@@ -175,20 +181,22 @@ pub(crate) fn repeated(
                 return None;
             }
             while time_s >= (cycles + 1.0) * period_s {
-                (start, cycles) = (start * last.pose, cycles + 1.0);
+                (start, cycles) = (start * last.pose(), cycles + 1.0);
             }
             let position = (time_s / period_s - cycles) * intervals as f64;
             let before = (position as usize).min(intervals - 1);
             let fraction = position - before as f64;
-            let a = &samples[before];
-            let b = &samples[before + 1];
             let between = |a: f64, b: f64| a + fraction * (b - a);
+            let [a, b] = [&samples[before], &samples[before + 1]];
+            let joints = a.phi_rad().iter().zip(b.phi_rad());
+            let phi_rad: Vec<f64> = joints.map(|(a, b)| between(*a, *b)).collect();
+            let [a, b] = [a.pose(), b.pose()];
             let pose = Pose {
-                x_m: between(a.pose.x_m, b.pose.x_m),
-                y_m: between(a.pose.y_m, b.pose.y_m),
-                theta_rad: between(a.pose.theta_rad, b.pose.theta_rad),
+                x_m: between(a.x_m, b.x_m),
+                y_m: between(a.y_m, b.y_m),
+                theta_rad: between(a.theta_rad, b.theta_rad),
             };
-            Some((start * pose, [0, 1].map(|joint| between(a.phi_rad[joint], b.phi_rad[joint]))))
+            Some((start * pose, padded(&phi_rad)))
         })
         .collect()
 }
@@ -212,7 +220,7 @@ fn end_deviation(measured: &Motion, predicted: &Motion) -> String {
 /// the replay stands for all recorded frames up to the next frame shown.
 fn marks(
     recording: &Recording,
-    layout: &Markers,
+    layout: &MarkerLayout,
     window: Range<usize>,
     stride: usize,
 ) -> (Vec<Marker>, Vec<Mark>) {

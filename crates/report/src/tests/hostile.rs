@@ -147,60 +147,110 @@ fn repeat_or_drop<T: Clone>(
     }
 }
 
+/// Returns numbers of all links and joints of chains.
+fn numbers_of_chains(tables: &mut MadeUp) -> Vec<&mut f64> {
+    let mut numbers: Vec<&mut f64> = Vec::new();
+    for TrialRow { omega_rad_s, metrics, metrics_se, gait, more_gait, .. } in &mut tables.trials {
+        numbers.extend([omega_rad_s, &mut metrics.d_m, &mut metrics.v_m_s, &mut metrics_se.d_m]);
+        numbers.extend(&mut metrics.sigma);
+        numbers.extend(&mut metrics.alpha_rad);
+        numbers.extend(&mut metrics_se.alpha_rad);
+        let joints = gait.iter_mut().chain(more_gait.iter_mut());
+        numbers.extend(joints.flat_map(|joint| [&mut joint.offset_rad, &mut joint.amplitude_rad]));
+    }
+    for PredictionRow { omega_rad_s, metrics, .. } in &mut tables.predictions {
+        numbers.extend([omega_rad_s, &mut metrics.d_m]);
+        numbers.extend(&mut metrics.sigma);
+        numbers.extend(&mut metrics.alpha_rad);
+    }
+    for FitRow { parameters, lower, upper, j, .. } in &mut tables.fits {
+        numbers.push(j);
+        let all = [parameters, lower, upper].into_iter().flat_map(|of| of.iter_mut());
+        numbers.extend(all.filter(|value| value.is_finite()));
+    }
+    numbers
+}
+
+/// Strategy for changes of the tables: numbers to replace, rows to repeat or drop, and frames of a wheel table.
+type Changes = (Vec<(Index, f64)>, Vec<(Index, bool)>, Vec<(i64, f64)>);
+
+fn changes() -> impl Strategy<Value = Changes> {
+    (
+        prop::collection::vec((any::<Index>(), number()), 0..120),
+        prop::collection::vec((any::<Index>(), any::<bool>()), 0..6),
+        prop::collection::vec((0_i64..40, number()), 0..60),
+    )
+}
+
+/// Writes a report from changed tables. `numbers_of` returns the numbers that can be replaced; `write` writes the tables.
+fn check(
+    mut tables: MadeUp,
+    (changes, rows, frames): Changes,
+    numbers_of: fn(&mut MadeUp) -> Vec<&mut f64>,
+    write: impl Fn(&MadeUp, &Path),
+    config: impl Fn(&Path) -> Config,
+) -> Result<(), TestCaseError> {
+    let folder = temporary();
+    repeat_or_drop(&mut tables.trials, &rows, |row| &mut row.trial);
+    repeat_or_drop(&mut tables.fits, &rows, |row| &mut row.campaign);
+    repeat_or_drop(&mut tables.predictions, &rows, |row| &mut row.trial);
+    {
+        let mut numbers = numbers_of(&mut tables);
+        for (at, value) in &changes {
+            let at = at.index(numbers.len());
+            *numbers[at] = *value;
+        }
+    }
+    // Tables with negative standard errors are rejected.
+    for TrialRow { metrics_se: se, .. } in &mut tables.trials {
+        (se.d_m, se.sigma) = (se.d_m.abs(), se.sigma.map(f64::abs));
+        se.alpha_rad = se.alpha_rad.map(f64::abs);
+    }
+    let derived = folder.path().join("derived");
+    write(&tables, &derived);
+    let column = |name: &str, of: &dyn Fn(&(i64, f64)) -> f64| {
+        trilink_tables::numbers(name, frames.iter().map(of).collect())
+    };
+    let of_frames: Vec<i64> = frames.iter().map(|(frame, _)| *frame).collect();
+    let mut columns = vec![
+        polars::prelude::Column::new("frame".into(), of_frames),
+        column("time_s", &|(frame, value)| *frame as f64 + (1e-3 * value).clamp(-1.0, 1e300)),
+    ];
+    let names = ["roll0_m_s", "roll1_m_s", "roll2_m_s", "skid0_m_s", "skid1_m_s", "skid2_m_s"];
+    columns.extend(names.map(|name| column(name, &|(_, value)| *value)));
+    let trial = &tables.trials[0].trial;
+    save(&Table::new(columns), &wheels_path(&derived, trial));
+
+    let input = ReportInput::new(&config(folder.path()), BTreeSet::new());
+    let start = Instant::now();
+    let content = Content::read(&input, Reader::default()).expect("reads");
+    for figure in &content.figures {
+        let svg = trilink_plot::Drawing::new(figure).expect("is drawn").svg();
+        prop_assert!(svg.len() < 4_000_000, "{}: {} bytes", figure.stem, svg.len());
+        prop_assert!(csv_of(figure).len() < 4_000_000);
+    }
+    let known = (&*content.tables, content.truth.as_ref());
+    ToDisk::during(|to_disk| {
+        let pages = &content.pages;
+        let kept = BTreeSet::new();
+        trials::write(&input, (known, &content.reader), pages, &kept, to_disk)
+    })
+    .0
+    .expect("pages");
+    prop_assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+    Ok(())
+}
+
 proptest! {
     // The seed is fixed, so that a failure that only another seed would find does not appear in an unrelated change.
     #![proptest_config(ProptestConfig { cases: 8, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..Default::default() })]
     #[test]
-    fn no_table_makes_the_report_panic_or_become_too_large_or_slow(
-        changes in prop::collection::vec((any::<Index>(), number()), 0..120),
-        rows in prop::collection::vec((any::<Index>(), any::<bool>()), 0..6),
-        frames in prop::collection::vec((0_i64..40, number()), 0..60),
-    ) {
-        let folder = temporary();
-        let mut tables = few();
-        repeat_or_drop(&mut tables.trials, &rows, |row| &mut row.trial);
-        repeat_or_drop(&mut tables.fits, &rows, |row| &mut row.campaign);
-        repeat_or_drop(&mut tables.predictions, &rows, |row| &mut row.trial);
-        {
-            let mut numbers = numbers_of(&mut tables);
-            for (at, value) in &changes {
-                let at = at.index(numbers.len());
-                *numbers[at] = *value;
-            }
-        }
-        // Tables with negative standard errors are rejected.
-        for TrialRow { metrics_se: se, .. } in &mut tables.trials {
-            (se.d_m, se.sigma) = (se.d_m.abs(), se.sigma.map(f64::abs));
-        }
-        let derived = folder.path().join("derived");
-        tables.write(&derived);
-        let column = |name: &str, of: &dyn Fn(&(i64, f64)) -> f64| {
-            trilink_tables::numbers(name, frames.iter().map(of).collect())
-        };
-        let of_frames: Vec<i64> = frames.iter().map(|(frame, _)| *frame).collect();
-        let mut columns = vec![
-            polars::prelude::Column::new("frame".into(), of_frames),
-            column("time_s", &|(frame, value)| *frame as f64 + (1e-3 * value).clamp(-1.0, 1e300)),
-        ];
-        let names = ["roll0_m_s", "roll1_m_s", "roll2_m_s", "skid0_m_s", "skid1_m_s", "skid2_m_s"];
-        columns.extend(names.map(|name| column(name, &|(_, value)| *value)));
-        let trial = &tables.trials[0].trial;
-        save(&Table::new(columns), &wheels_path(&derived, trial));
+    fn no_table_makes_the_report_panic_or_become_too_large_or_slow(changes in changes()) {
+        check(few(), changes, numbers_of, MadeUp::write, config_of_one)?;
+    }
 
-        let input = ReportInput::new(&config_of_one(folder.path()), BTreeSet::new());
-        let start = Instant::now();
-        let content = Content::read(&input, Reader::default()).expect("reads");
-        for figure in &content.figures {
-            let svg = trilink_plot::Drawing::new(figure).expect("is drawn").svg();
-            prop_assert!(svg.len() < 4_000_000, "{}: {} bytes", figure.stem, svg.len());
-            prop_assert!(csv_of(figure).len() < 4_000_000);
-        }
-        let known = (&*content.tables, content.truth.as_ref());
-        ToDisk::during(|to_disk| {
-            let pages = &content.pages;
-            let kept = BTreeSet::new();
-            trials::write(&input, (known, &content.reader), pages, &kept, to_disk)
-        }).0.expect("pages");
-        prop_assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+    #[test]
+    fn no_table_of_chains_makes_the_report_panic_or_become_too_large_or_slow(changes in changes()) {
+        check(chains::few(), changes, numbers_of_chains, chains::write, chains::config_of_chains)?;
     }
 }

@@ -1,5 +1,6 @@
 //! Tests of the whole report, made from synthetic tables.
 
+mod chains;
 mod hostile;
 pub(super) mod made_up;
 mod missing;

@@ -7,7 +7,7 @@ use trilink_tables::{Table, poses_path, wheels_path};
 use super::{Path, SKEWED, read, standard};
 
 /// Returns the JSON data that the script on a page reads.
-fn numbers(page: &str) -> Value {
+pub(super) fn numbers(page: &str) -> Value {
     let start = "<script type=\"application/json\">";
     let from = page.find(start).expect("a replay") + start.len();
     let data = &page[from..][..page[from..].find("</script>").expect("an end")];

@@ -414,6 +414,7 @@ mod tests {
         let default = toml::to_string(&Config::default()).unwrap();
         let both = load(&format!("{default}{SNAKE}")).unwrap();
         assert_eq!(both.chains, load(SNAKE).unwrap().chains);
+        assert_eq!(load(&toml::to_string(&both).unwrap()), Ok(both.clone()));
         assert_eq!(Config { chains: Chains::default(), ..both }, Config::default());
     }
 
