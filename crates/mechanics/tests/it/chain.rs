@@ -218,14 +218,14 @@ fn the_three_link_robot_and_its_chain_have_the_same_derivatives() {
         let problem = ChainProblem { chain: chain.clone(), laws, omega_rad_s: 3.9 };
         let (_, slopes) = problem.derivatives(ACCURACY, &numbers).unwrap();
         for ((number, (metrics, work_j)), slopes) in known.iter().zip(&slopes) {
-            let [middle, front, rear] = metrics.sigma;
+            let [middle, front, rear, ..] = metrics.sigma;
             let pairs = [
                 (slopes.metrics.d_m, metrics.d_m),
                 (slopes.metrics.dtheta_rad, metrics.dtheta_rad),
                 (slopes.metrics.sigma[0], front),
                 (slopes.metrics.sigma[1], middle),
                 (slopes.metrics.sigma[2], rear),
-                (slopes.metrics.alpha_rad[0], metrics.alpha1_rad),
+                (slopes.metrics.alpha_rad[0], metrics.alpha_rad[0]),
                 (slopes.work_j, *work_j),
             ];
             let size = chain.number_mut(*number).unwrap().abs().max(0.1);
