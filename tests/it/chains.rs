@@ -400,3 +400,15 @@ fn mistakes_in_trials_of_chains_are_named() {
     let expected = "campaign twistcar: needed a robot whose marker layout is configured";
     assert!(error.contains(expected), "{error}");
 }
+
+#[test]
+fn a_trial_of_a_chain_is_exported_without_poses() {
+    let folder = folder_of("twistcar.toml");
+    succeed(folder.path(), &["synth", "raw/demo", "--omega", "4"]);
+    succeed(folder.path(), &["ingest"]);
+    let export = ["export", "twistcar-4.00-r1", "--format", "csv", "--output", "x.csv"];
+    let note = text(&trilink(folder.path(), &export).stderr);
+    let expected =
+        "exported markers without poses, because campaign twistcar: its robot is a chain";
+    assert!(note.contains(expected), "{note}");
+}
