@@ -95,9 +95,7 @@ impl Motion {
                 Err(error) => return Err(error.into()),
             },
             None => {
-                let notice = trial.campaign.as_ref().and_then(|name| config.chain_notice(name));
-                let unknown = || "the robot of the trial is not in the configuration".to_owned();
-                (Vec::new(), Some(notice.unwrap_or_else(unknown)))
+                (Vec::new(), Some("the robot of the trial is not in the configuration".to_owned()))
             }
         };
         let joints = robot.map_or(0, |robot| robot.joints());
