@@ -9,7 +9,7 @@ use trilink_fit::design::{
 };
 use trilink_fit::simulate::{FitSummary, KnownFits};
 use trilink_fit::{FitInformation, FitInput, KnownFit};
-use trilink_robot::{Gait, Model};
+use trilink_robot::{AnyGait, Model};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Columns, NoInterval};
 
@@ -76,9 +76,6 @@ impl Design {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         context.check_assumed(check_unconfigured_tables)?;
         let config = &context.config;
-        if let Some(notice) = config.chain_notice(&self.campaign) {
-            return Err(notice.into());
-        }
         let fits = KnownFits::read(config, true)?;
         let model = match &self.model {
             Some(model) => model.clone(),
@@ -168,22 +165,24 @@ impl Design {
     }
 
     /// Returns the candidate gaits with the names of their campaigns.
-    fn gaits(&self, config: &Config) -> Result<Vec<(String, Gait)>, Failure> {
+    fn gaits(&self, config: &Config) -> Result<Vec<(String, AnyGait)>, Failure> {
         let own = [self.campaign.clone()];
         let names = if self.candidates.is_empty() { &own[..] } else { &self.candidates };
-        let robot = |name: &String| config.campaign.get(name).map(|campaign| &campaign.robot);
+        let robot = |name: &String| {
+            let of_chain = config.chains.campaign.get(name).map(|campaign| &campaign.robot);
+            config.campaign.get(name).map(|campaign| &campaign.robot).or(of_chain)
+        };
         let mut gaits = Vec::new();
         for name in names {
-            let (Some(_), Some((_, gait))) = (robot(name), config.campaign_setup(name)) else {
-                if let Some(notice) = config.chain_notice(name) {
-                    return Err(format!("--candidates: {notice}").into());
-                }
-                let hint = did_you_mean(name, config.campaign.keys().map(String::as_str));
+            let Some((_, gait)) = config.setup(name) else {
+                let known = config.campaign.keys().chain(config.chains.campaign.keys());
+                let hint = did_you_mean(name, known.map(String::as_str));
                 return Err(format!("--candidates: no campaign `{name}`{hint}").into());
             };
-            let own = config.campaign_setup(&self.campaign).map(|(_, gait)| gait);
+            let own = config.setup(&self.campaign).map(|(_, gait)| gait);
             let has_same_joints = own.is_some_and(|own| {
-                [0, 1].iter().all(|&i| own.joints[i].is_some() == gait.joints[i].is_some())
+                let mut pairs = own.joints.iter().zip(gait.joints);
+                pairs.all(|(own, other)| own.is_some() == other.is_some())
             });
             if robot(name) != robot(&self.campaign) || !has_same_joints {
                 return Err(format!(
@@ -211,7 +210,7 @@ impl Design {
     fn all_candidates(
         &self,
         information: &FitInformation,
-        gaits: &[(String, Gait)],
+        gaits: &[(String, AnyGait)],
     ) -> Vec<Candidate> {
         let (low, high) = match information.range_rad_s() {
             [low, high] if high > MAX_SAME_RATIO * low => (low, high),
@@ -292,9 +291,13 @@ fn print_trials(trials: &[DesignRow]) {
     let mut table = Table::new(trials)
         .left("gait of", |row| row.campaign.clone())
         .right("omega rad/s", |row| short(row.omega_rad_s));
-    if trials.iter().any(|row| row.amplitude_rad.iter().any(|rad| rad.is_finite())) {
-        table = table.right("amplitudes deg", |row| {
-            let amplitudes_rad = row.amplitude_rad.iter().filter(|rad| rad.is_finite());
+    let amplitudes_rad = |row: &DesignRow| {
+        let all = row.amplitude_rad.iter().chain(&*row.more_amplitude_rad).copied();
+        all.filter(|rad| rad.is_finite()).collect::<Vec<f64>>()
+    };
+    if trials.iter().any(|row| !amplitudes_rad(row).is_empty()) {
+        table = table.right("amplitudes deg", move |row| {
+            let amplitudes_rad = amplitudes_rad(row).into_iter();
             let amplitudes = amplitudes_rad.map(|rad| format!("{:.1}", rad.to_degrees()));
             amplitudes.collect::<Vec<_>>().join(", ")
         });

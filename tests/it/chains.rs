@@ -201,7 +201,6 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     for arguments in [
         &["branches", "twistcar", "--over", "omega_rad_s=2..4"][..],
         &["optimise", "twistcar", "--model", "skid-roll", "--maximise", "v"],
-        &["design", "twistcar", "--model", "skid-roll"],
     ] {
         refused(arguments, notice);
     }
@@ -438,6 +437,13 @@ fn synthetic_trials_of_the_gallery_yield_the_planted_coefficients() {
                 );
                 limits += 1;
             }
+        }
+        if robot == "twistcar.toml" {
+            let design = ["design", "twistcar", "--model", "skid-roll", "--add", "2", "--json"];
+            let advice: Value =
+                serde_json::from_str(&succeed(folder.path(), &design)).expect("JSON");
+            let amplitude_rad = advice["trials"][0]["phi1_amplitude_rad"].as_f64();
+            assert!((amplitude_rad.expect("a number") - 30_f64.to_radians()).abs() < 1e-9);
         }
         let simulate = ["simulate", &fit.campaign, "--model", "skid-roll", "--fitted", "--json"];
         let answer = succeed(folder.path(), &[&simulate[..], &["--omega", "4"]].concat());

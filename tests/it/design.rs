@@ -69,7 +69,7 @@ fn fitted(config: &Config, trials: &[TrialRow]) -> (KnownFit, FitData) {
 }
 
 fn candidates() -> Vec<Candidate> {
-    let command = Config::default().campaign_setup(CAMPAIGN).unwrap().1;
+    let (_, command) = Config::default().setup(CAMPAIGN).unwrap();
     let at = |i: usize| 0.5 + 5.5 * i as f64 / (CANDIDATES - 1) as f64;
     let of = |i| Candidate { campaign: CAMPAIGN.to_owned(), command, omega_rad_s: at(i) };
     (0..CANDIDATES).map(of).collect()

@@ -47,7 +47,7 @@ enum Setup {
     },
     Chain {
         robot: NamedEntry<ChainRobot>,
-        gait: NamedEntry<ChainGait>,
+        gait: Box<NamedEntry<ChainGait>>,
     },
 }
 
@@ -100,7 +100,7 @@ impl IngestInput {
             let gait = config.chain_gait(&chain.gait)?;
             Setup::Chain {
                 robot: NamedEntry::find(&config.chains.robot, &name)?,
-                gait: NamedEntry { name: chain.gait.clone(), value: gait },
+                gait: Box::new(NamedEntry { name: chain.gait.clone(), value: gait }),
             }
         } else {
             let mut robot = NamedEntry::find(&config.robot, &name)?;

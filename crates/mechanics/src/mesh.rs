@@ -226,14 +226,17 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
         self.states.start = states.start;
         let bounds = &self.bounds;
         let mut old = 0;
+        let of_old = |old: usize| (states.start_of(old), states.stages_of(old));
+        let (mut start, mut stages) = of_old(0);
         self.states.fill(bounds.len() - 1, |k| {
             RADAU.nodes.map(|node| {
                 let position = span_position(bounds, k, node);
                 while old + 2 < before.len() && before[old + 1] <= position {
                     old += 1;
+                    (start, stages) = of_old(old);
                 }
                 let fraction = (position - before[old]) / (before[old + 1] - before[old]);
-                interpolate(&states.start_of(old), &states.stages_of(old), fraction)
+                interpolate(&start, &stages, fraction)
             })
         });
         self.lay_out(model);

@@ -65,9 +65,10 @@ impl Slope {
     }
 }
 
-/// Simulated motion of a joint release or a coast-down: the coordinates `(x, y, theta, phi1, phi2)` in every frame, m
-/// and rad, and the true parameters with which they were computed.
+/// Simulated motion of a robot in a joint release or a coast-down: the coordinates `(x, y, theta, phi1, phi2)` in every
+/// frame, m and rad, and the true parameters with which they were computed.
 pub(super) struct Decay {
+    pub robot: Robot,
     pub coordinates: Vec<[f64; 5]>,
     pub truth: DecayTruth,
 }
@@ -103,6 +104,7 @@ pub(super) fn released(
         coordinates
     };
     Some(Decay {
+        robot: robot.clone(),
         coordinates: (0..(duration_s * rate_hz) as usize).map(at).collect(),
         truth: DecayTruth {
             robot: name.to_owned(),
@@ -147,6 +149,7 @@ pub(super) fn coasting(
         [path_m, 0.0, 0.0, 0.0, 0.0]
     };
     Some(Decay {
+        robot: robot.clone(),
         coordinates: (0..(duration_s * rate_hz) as usize).map(at).collect(),
         truth: DecayTruth {
             robot: name.to_owned(),

@@ -299,7 +299,7 @@ pub fn synthesise(
     let trials = trials.into_iter().flatten().collect();
     let mut robots = BTreeMap::new();
     for plan in &plans {
-        if let Source::Decay(_, decay) = &plan.source {
+        if let Source::Decay(decay) = &plan.source {
             robots.insert(plan.trial.id.clone(), decay.truth.clone());
         }
     }
@@ -353,9 +353,9 @@ fn write_trial(
     };
     let drive = match source {
         Source::Gait(drive) => drive,
-        Source::Decay(robot, decay) => {
+        Source::Decay(decay) => {
             let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
-            write(&filmed(&scene, robot, &decay.coordinates, seed.clone()))?;
+            write(&filmed(&scene, &decay.robot, &decay.coordinates, seed.clone()))?;
             return Ok(None);
         }
     };

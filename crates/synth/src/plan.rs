@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
 use trilink_mechanics::{ChainProblem, Laws, Problem};
-use trilink_robot::{Model, Robot};
+use trilink_robot::Model;
 use trilink_tables::config::{ChainCampaign, Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
@@ -46,13 +46,13 @@ pub(super) struct Plan {
 /// Source of the motion in a trial.
 pub(super) enum Source {
     Gait(Box<Drive>),
-    /// Joint release or coast-down of a robot.
-    Decay(Robot, Decay),
+    /// Joint release or coast-down.
+    Decay(Box<Decay>),
 }
 
 /// Equations of motion of a commanded robot.
 pub(super) enum Driven {
-    ThreeLinks(Problem),
+    ThreeLinks(Box<Problem>),
     Chain(ChainProblem),
 }
 
@@ -264,7 +264,7 @@ pub(super) fn gaits(
             Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
         plans.extend(schedule.plans(|omega_rad_s, friction| {
             let robot = robot.with_friction_scaled(friction);
-            Driven::ThreeLinks(Problem { robot, gait, laws, omega_rad_s })
+            Driven::ThreeLinks(Box::new(Problem { robot, gait, laws, omega_rad_s }))
         }));
     }
     for (index, (name, campaign)) in config.chains.campaign.iter().enumerate() {
@@ -351,7 +351,7 @@ pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
                 seed = random(noise_seed, seed.get_stream());
                 seed.set_word_pos(position);
             }
-            let source = decay.map(|decay| Source::Decay(robot.clone(), decay));
+            let source = decay.map(|decay| Source::Decay(Box::new(decay)));
             plans.extend(source.map(|source| Plan { trial, source, seed }));
         }
     }

@@ -14,9 +14,9 @@ mod undetermined;
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_base::named;
-use trilink_robot::Gait;
+use trilink_robot::AnyGait;
 use trilink_robot::metrics::{GaitMetrics, Metric};
-use trilink_tables::{Extrapolation, FitRow, rows};
+use trilink_tables::{Extrapolation, FitRow, Numbered, rows};
 
 use crate::{FitInformation, TrialInformation};
 use choice::{Choice, DesignSize};
@@ -91,7 +91,8 @@ impl Prediction {
 pub struct Candidate {
     /// Campaign that the gait belongs to.
     pub campaign: String,
-    pub command: Gait,
+    /// Commands of the driven joints.
+    pub command: AnyGait,
     pub omega_rad_s: f64,
 }
 
@@ -130,8 +131,10 @@ rows! {
     pub struct DesignRow {
         pub campaign: String,
         pub omega_rad_s: f64,
-        /// Amplitudes of joints 1 and 2; NaN for a passive joint.
+        /// Amplitudes of joints 1 and 2; NaN for a joint that is not driven.
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
+        /// Amplitudes of the joints behind them up to the last driven one.
+        pub more_amplitude_rad: Numbered<f64, 3> as "phi{}_amplitude_rad",
         /// Number of times that the trial should be run.
         pub repeats: i64,
         /// Whether the trial lies outside the range of the fitted trials.
@@ -219,7 +222,7 @@ fn with_motion<'c>(
 ) -> Result<(Vec<&'c Candidate>, Vec<TrialInformation>), AdviceError> {
     let all = candidates.par_iter().with_max_len(1).map(|candidate| {
         cancel.check()?;
-        Ok(information.candidate(candidate.command.into(), candidate.omega_rad_s, shifts, true))
+        Ok(information.candidate(candidate.command, candidate.omega_rad_s, shifts, true))
     });
     let all: Vec<Option<TrialInformation>> = all.collect::<Result<_, Cancelled>>()?;
     let (candidates, trials): (Vec<_>, Vec<_>) = candidates
@@ -251,7 +254,7 @@ fn at_replicates(
         let shifts = &all[index];
         let sums = candidates.iter().map(|candidate| {
             information
-                .candidate(candidate.command.into(), candidate.omega_rad_s, shifts, false)
+                .candidate(candidate.command, candidate.omega_rad_s, shifts, false)
                 .as_ref()
                 .map_or_else(|| Sums::zero(shifts.len()), Sums::from_trial)
         });
@@ -271,14 +274,21 @@ fn design_rows(
 ) -> Vec<DesignRow> {
     let rows = choice.chunk_by(|a, b| a == b).map(|repeated| {
         let Candidate { campaign, command, omega_rad_s } = candidates[repeated[0]];
+        let amplitudes_rad =
+            command.joints.map(|joint| joint.map_or(f64::NAN, |of| of.amplitude_rad));
+        let driven = command.joints.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
         DesignRow {
             campaign: campaign.clone(),
             omega_rad_s: *omega_rad_s,
-            amplitude_rad: command
-                .joints
-                .map(|joint| joint.map_or(f64::NAN, |of| of.amplitude_rad)),
+            amplitude_rad: [0, 1].map(|i| amplitudes_rad[i]),
+            more_amplitude_rad: amplitudes_rad
+                .get(2..driven)
+                .unwrap_or_default()
+                .iter()
+                .copied()
+                .collect(),
             repeats: repeated.len() as i64,
-            extrapolation: information.extrapolation((*command).into(), *omega_rad_s),
+            extrapolation: information.extrapolation(*command, *omega_rad_s),
             metrics: trials[repeated[0]].metrics,
         }
     });

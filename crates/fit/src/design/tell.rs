@@ -122,7 +122,7 @@ pub fn tell(
         cancel.check()?;
         let [one, other] = [one, other].map(|model| {
             let no_shifts = vec![0.0; model.free().count()];
-            model.candidate(candidate.command.into(), candidate.omega_rad_s, &no_shifts, false)
+            model.candidate(candidate.command, candidate.omega_rad_s, &no_shifts, false)
         });
         Ok(one.zip(other))
     });

@@ -254,4 +254,53 @@ mod tests {
         assert_eq!(foreign([90.0, -100.0, 90.0, -140.0]), ["1", "3"]);
         assert_eq!(foreign([90.0; 4]), ["1", "2", "3", "4"]);
     }
+
+    #[test]
+    fn a_trial_of_a_chain_that_follows_another_campaign_fails() {
+        let command = |phase_deg: f64| {
+            Some(JointCommand::new(0.0, 30_f64.to_radians(), phase_deg.to_radians()))
+        };
+        let gait = |joints: &[Option<JointCommand>]| CampaignGait {
+            joints: joints.to_vec(),
+            is_of_chain: true,
+        };
+        let waves = |step_deg: f64| gait(&[0.0, 1.0, 2.0].map(|joint| command(step_deg * joint)));
+        let gaits = BTreeMap::from([
+            ("slow".to_owned(), waves(-40.0)),
+            ("fast".to_owned(), waves(-80.0)),
+            ("elastic".to_owned(), gait(&[None; 3])),
+            ("pair".to_owned(), gait(&[command(0.0), command(-80.0)])),
+        ]);
+        let joint = |phase_deg: f64| JointGait {
+            offset_rad: 0.0,
+            amplitude_rad: 30_f64.to_radians(),
+            phase_rad: phase_deg.to_radians(),
+            ..JointGait::blank()
+        };
+        let names = ["slow", "fast", "elastic"];
+        let trials = names.map(|campaign| TrialRow {
+            trial: campaign.to_owned(),
+            campaign: campaign.to_owned(),
+            kind: TrialKind::Gait,
+            status: TrialStatus::Ok,
+            gait: [joint(0.0), joint(-80.0)],
+            more_gait: [joint(-160.0)].into(),
+            ..TrialRow::blank()
+        });
+        let mut rows = Ingested { trials: trials.into(), ..Ingested::default() };
+        find_other_campaigns(&mut rows, &gaits);
+        assert_eq!(
+            rows.trials.iter().map(|row| row.status).collect::<Vec<_>>(),
+            [TrialStatus::Failed, TrialStatus::Ok, TrialStatus::Ok]
+        );
+        assert!(rows.trials[0].message.contains("campaign `fast`"), "{}", rows.trials[0].message);
+
+        let turned = JointGait { offset_rad: 0.1, ..joint(-160.0) };
+        let trial = TrialRow { more_gait: [turned].into(), ..rows.trials[1].clone() };
+        let mut rows = Ingested { trials: vec![trial; 2], ..Ingested::default() };
+        find_common_offsets(&mut rows, &gaits);
+        let expected = "joint 3: measured offset +5.7 deg in all 2 trials, configured 0: either offset_deg is wrong, or \
+                        the positions of the markers on one of its two links are rotated";
+        assert_eq!(rows.trials[0].message, expected);
+    }
 }

@@ -332,3 +332,26 @@ fn frequency(phi_rad: &[f64]) -> Option<f64> {
     let span = rises[rises.len() - 1] - rises[0];
     Some(TAU * (span / median(periods)).round() / span)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn front_and_rear_of_a_robot_that_is_read_backwards_are_named_by_their_tables() {
+        let joint = |offset_rad: f64, phase_rad: f64| JointCommand::new(offset_rad, 0.5, phase_rad);
+        let gait = [Some(joint(0.3, 0.0)), Some(joint(0.1, -1.2))];
+        let measured = [joint(-0.1, PI - 1.2), joint(-0.3, PI)];
+        for (is_of_paper, tables) in [
+            (true, "swap markers.link1 and markers.link2, and reverse"),
+            (
+                false,
+                "swap the tables of the first and the last link in the marker layout, and reverse",
+            ),
+        ] {
+            let finding = check_gait(&measured, &gait, is_of_paper);
+            let expected = format!("front and rear are swapped: {tables}");
+            assert!(finding.message.contains(&expected), "{}", finding.message);
+        }
+    }
+}

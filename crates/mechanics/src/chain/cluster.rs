@@ -6,12 +6,10 @@
 //! by a free joint, which is the origin of its frame, and has the heading of the link at that joint. Parents precede
 //! their children.
 
-use trilink_robot::{
-    Chain, Drag, FreeJoint, Joint, JointCommand, MAX_LINKS, Number, TorqueCommand, Wheel,
-    WheelFriction,
-};
+use trilink_robot::{Chain, Drag, FreeJoint, Joint, MAX_LINKS, Number, Wheel, WheelFriction};
 
 use super::plane::{Heading, Moving, Vector, inner, moment, normal, rotated, scaled, sum};
+use super::wave::{Wave, prescribed};
 
 /// Link in its cluster.
 #[derive(Debug, Clone)]
@@ -63,43 +61,6 @@ struct Hinge {
     /// 1 if the heading increases with the joint's angle (behind the reference link), otherwise -1.
     sign: f64,
     wave: Wave,
-}
-
-/// Commanded angle as a Fourier series.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Wave {
-    offset_rad: f64,
-    /// In-phase and quadrature components of the first and, if there is one, the second harmonic, rad.
-    first: [f64; 2],
-    second: Option<[f64; 2]>,
-}
-
-impl Wave {
-    pub(super) fn new(command: &JointCommand) -> Self {
-        let (sin, cos) = command.phase_rad.sin_cos();
-        let first = [command.amplitude_rad * cos, command.amplitude_rad * sin];
-        let second = command.second.map(|second| [second.in_phase_rad, second.quadrature_rad]);
-        Self { offset_rad: command.offset_rad, first, second }
-    }
-
-    /// Returns the angle, rate and acceleration at a phase, given its sine and cosine.
-    #[inline(always)]
-    pub(super) fn at<T: Number>(&self, [sin, cos]: [T; 2], omega_rad_s: f64) -> [T; 3] {
-        let mut waves = [T::splat(self.offset_rad), T::splat(0.0), T::splat(0.0)];
-        let mut add = |[a, b]: [f64; 2], [sin, cos]: [T; 2], omega_rad_s: f64| {
-            let [a, b, omega] = [a, b, omega_rad_s].map(T::splat);
-            let angle = a * cos - b * sin;
-            waves[0] += angle;
-            waves[1] -= omega * (a * sin + b * cos);
-            waves[2] -= omega * omega * angle;
-        };
-        add(self.first, [sin, cos], omega_rad_s);
-        if let Some(second) = self.second {
-            let double = sin * cos;
-            add(second, [double + double, cos * cos - sin * sin], 2.0 * omega_rad_s);
-        }
-        waves
-    }
 }
 
 #[derive(Debug, Clone)]
@@ -158,19 +119,18 @@ impl<T: Number> WheelNode<T> {
         Self { direction: none, place: none, rate: none }
     }
 
-    /// Returns a wheel on a link with the given heading and motion of its origin.
+    /// Returns a wheel on a link, given the motion of the link's origin and [`Heading::unit`].
     #[inline(always)]
-    fn new(wheel: &Wheel, heading: &Heading<T>, origin: &Moving<T>) -> Self {
-        let arm = scaled(T::splat(wheel.place_m), heading.turn);
+    fn new(wheel: &Wheel, origin: &Moving<T>, unit: &Moving<T>) -> Self {
         let direction = match wheel.steer_rad {
-            0.0 => heading.turn,
+            0.0 => unit.at,
             steer_rad => {
                 let (sin, cos) = steer_rad.sin_cos();
-                rotated(heading.turn, [T::splat(cos), T::splat(sin)])
+                rotated(unit.at, [T::splat(cos), T::splat(sin)])
             }
         };
-        let rate = sum(origin.rate, scaled(heading.rate, normal(arm)));
-        Self { direction, place: sum(origin.at, arm), rate }
+        let Moving { at: place, rate, .. } = origin.ahead(wheel.place_m, unit);
+        Self { direction, place, rate }
     }
 }
 
@@ -235,51 +195,39 @@ impl Cluster {
         self.members[0].rotor
     }
 
-    /// Calls `visit` for each link of the cluster with its heading and the motion of its origin, given the sine and cosine
-    /// of the phase.
+    /// Calls `visit` for each link of the cluster with its heading, [`Heading::unit`] and the motion of its origin, given
+    /// the sine and cosine of the phase.
     #[inline(always)]
     fn walk<T: Number>(
         &self,
         phase: [T; 2],
         omega_rad_s: f64,
-        mut visit: impl FnMut(&Member, &Heading<T>, &Moving<T>),
+        mut visit: impl FnMut(&Member, &Heading<T>, &Moving<T>, &Moving<T>),
     ) {
-        let mut first = (Heading::straight(), Moving::zero());
+        let mut first = (Heading::straight(), Moving::zero(), Moving::zero());
         let mut last = first;
         for member in &self.members {
-            let (heading, joint) = match &member.hinge {
-                None => first,
-                Some(hinge) => {
-                    let (from, origin) = if hinge.is_on_first { &first } else { &last };
-                    let [angle, rate, acceleration] = hinge.wave.at(phase, omega_rad_s);
-                    let sign = T::splat(hinge.sign);
-                    let (sin, cos) = (sign * angle).sin_cos();
-                    let heading = Heading {
-                        turn: rotated(from.turn, [cos, sin]),
-                        rate: from.rate + sign * rate,
-                        acceleration: from.acceleration + sign * acceleration,
-                    };
-                    (heading, from.ahead(origin, hinge.from_m))
-                }
-            };
-            last = (heading, heading.ahead(&joint, -member.joint_m));
-            visit(member, &last.0, &last.1);
+            let (mut heading, mut joint) = (first.0, first.2);
+            if let Some(hinge) = &member.hinge {
+                let (from, unit, origin) = if hinge.is_on_first { &first } else { &last };
+                let [angle, rate, acceleration] = hinge.wave.at(phase, omega_rad_s);
+                let sign = T::splat(hinge.sign);
+                let (sin, cos) = (sign * angle).sin_cos();
+                heading = Heading {
+                    turn: rotated(from.turn, [cos, sin]),
+                    rate: from.rate + sign * rate,
+                    acceleration: from.acceleration + sign * acceleration,
+                };
+                joint = origin.ahead(hinge.from_m, unit);
+            }
+            let unit = heading.unit();
+            last = (heading, unit, joint.ahead(-member.joint_m, &unit));
+            visit(member, &last.0, &last.1, &last.2);
             if member.hinge.is_none() {
                 first = last;
             }
         }
     }
-}
-
-/// Returns a prescribed torque at a phase, N m.
-#[inline(always)]
-pub(super) fn prescribed<T: Number>(torque: &TorqueCommand, phase_rad: T) -> T {
-    let mean = T::splat(torque.mean_nm);
-    if torque.amplitude_nm == 0.0 {
-        return mean;
-    }
-    let (_, cos) = (phase_rad + T::splat(torque.phase_rad)).sin_cos();
-    mean + T::splat(torque.amplitude_nm) * cos
 }
 
 /// Chain divided into clusters.
@@ -310,8 +258,8 @@ impl Clusters {
             let cluster = &self.all[c];
             let (known, hung) = nodes.split_at_mut(c + 1);
             let own = &mut known[c];
-            cluster.walk([sin, cos], self.omega_rad_s, |member, heading, origin| {
-                let centre = heading.ahead(origin, member.com_m);
+            cluster.walk([sin, cos], self.omega_rad_s, |member, heading, unit, origin| {
+                let centre = origin.ahead(member.com_m, unit);
                 let inertia = T::splat(member.inertia_kg_m2);
                 own.add_mass(member.mass_kg, &centre);
                 own.inertia += inertia;
@@ -322,7 +270,7 @@ impl Clusters {
                 }
                 own.add_drag(&member.drag, heading, &centre);
                 if let Some((index, wheel)) = &member.wheel {
-                    let node = WheelNode::new(wheel, heading, origin);
+                    let node = WheelNode::new(wheel, origin, unit);
                     wheels[*index] = node;
                     if self.is_linear {
                         let WheelFriction { roll_kg_s, skid_kg_s, .. } = wheel.friction;
@@ -331,7 +279,7 @@ impl Clusters {
                     }
                 }
                 for (child, from_m) in &member.hanging {
-                    let place = heading.ahead(origin, *from_m);
+                    let place = origin.ahead(*from_m, unit);
                     own.add_mass(self.all[*child].mass_beyond_kg, &place);
                     let hung = &mut hung[child - c - 1];
                     hung.place = place;

@@ -7,7 +7,7 @@
 //! them, and with the constraints they determine the velocities.
 
 use nalgebra::DMatrix;
-use trilink_robot::{MAX_LINKS, Number};
+use trilink_robot::Number;
 
 use super::balance::{Balance, Node, Posture, System, WheelState};
 use super::cluster::Clusters;
@@ -146,18 +146,18 @@ impl<const D: usize> Constraints<D> {
         Ok(Self { count, speeds, order })
     }
 
-    /// Returns the wheels along the axes of the reference link, and the rows of `A`.
+    /// Returns the wheels, of which there are at most `D`, along the axes of the reference link, and the rows of `A`.
     #[inline(always)]
     fn matrix<T: Number, const C: usize>(
         &self,
         system: &System,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
-    ) -> ([WheelState<T>; MAX_LINKS], [[T; D]; D]) {
+    ) -> ([WheelState<T>; D], [[T; D]; D]) {
         let zero = T::splat(0.0);
         let none =
             WheelState { direction: [zero; 2], place: [zero; 2], roll_m_s: zero, skid_m_s: zero };
-        let mut wheels = [none; MAX_LINKS];
+        let mut wheels = [none; D];
         let mut rows = [[zero; D]; D];
         for (i, (cluster, ..)) in system.wheels.iter().enumerate() {
             wheels[i] = system.wheel(posture, &node.wheels[i], *cluster);

@@ -3,7 +3,9 @@
 //! A change in a number changes the steady motion by the solution of the linearised periodic problem, whose matrix is
 //! that of Newton's method. Its right-hand side is the derivative of the residuals with respect to the number at
 //! constant states; the derivative of the metrics follows along the change in the motion. Both are central differences
-//! of explicit expressions at fixed states, good to about ten digits; nothing is solved again.
+//! of explicit expressions at fixed states, good to about ten digits, or seven where dry friction changes its sign;
+//! nothing is solved again. Where a change in the number leaves the half-period symmetry of the motion as it is, half a
+//! period suffices.
 
 use trilink_robot::{ChainError, ChainNumber};
 

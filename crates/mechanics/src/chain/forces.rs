@@ -5,7 +5,8 @@ use trilink_robot::{Chain, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINK
 
 use super::ChainProblem;
 use super::balance::{System, WheelState};
-use super::cluster::{Cluster, Clusters, Wave, prescribed};
+use super::cluster::{Cluster, Clusters};
+use super::wave::{Wave, prescribed};
 
 /// State of a chain and the forces on it at one time.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,10 +87,10 @@ struct WheelForces<T> {
 
 impl Loose {
     pub(super) fn new(problem: &ChainProblem) -> Self {
-        let ChainProblem { chain, omega_rad_s, .. } = problem;
+        let ChainProblem { chain, laws, omega_rad_s } = problem;
         let joints = vec![Joint::Free(FreeJoint::default()); chain.joints.len()];
         let loose = Chain { joints, ..chain.clone() };
-        let system = System::new(Clusters::new(&loose, *omega_rad_s, false));
+        let system = System::new(Clusters::new(&loose, *omega_rad_s, laws.are_linear()));
         let commands = chain.joints.iter().map(|joint| Wave::new(joint.command())).collect();
         let rotors = system.clusters.all.iter().map(Cluster::rotor).collect();
         Self { system, commands, rotors }
@@ -108,19 +109,25 @@ impl Loose {
         problem: &ChainProblem,
         motion: &Motion<T>,
     ) -> [T; 2] {
-        let Forces { power_w, loss_w, .. } = self.forces(problem, motion);
+        let Forces { power_w, loss_w, .. } = self.forces(problem, motion, false);
         [power_w, loss_w]
     }
 
-    fn forces<T: Number>(&self, problem: &ChainProblem, motion: &Motion<T>) -> Forces<T> {
+    /// Returns the forces; those on the wheels only if `with_wheels`.
+    fn forces<T: Number>(
+        &self,
+        problem: &ChainProblem,
+        motion: &Motion<T>,
+        with_wheels: bool,
+    ) -> Forces<T> {
         match problem.chain.links.len() {
-            2 => self.forces_of::<T, 2, 4>(problem, motion),
-            3 => self.forces_of::<T, 3, 5>(problem, motion),
-            4 => self.forces_of::<T, 4, 6>(problem, motion),
-            5 => self.forces_of::<T, 5, 7>(problem, motion),
-            6 => self.forces_of::<T, 6, 8>(problem, motion),
-            7 => self.forces_of::<T, 7, 9>(problem, motion),
-            _ => self.forces_of::<T, 8, 10>(problem, motion),
+            2 => self.forces_of::<T, 2, 4>(problem, motion, with_wheels),
+            3 => self.forces_of::<T, 3, 5>(problem, motion, with_wheels),
+            4 => self.forces_of::<T, 4, 6>(problem, motion, with_wheels),
+            5 => self.forces_of::<T, 5, 7>(problem, motion, with_wheels),
+            6 => self.forces_of::<T, 6, 8>(problem, motion, with_wheels),
+            7 => self.forces_of::<T, 7, 9>(problem, motion, with_wheels),
+            _ => self.forces_of::<T, 8, 10>(problem, motion, with_wheels),
         }
     }
 
@@ -129,6 +136,7 @@ impl Loose {
         &self,
         problem: &ChainProblem,
         motion: &Motion<T>,
+        with_wheels: bool,
     ) -> Forces<T> {
         let ChainProblem { chain, laws, omega_rad_s } = problem;
         let Motion { phase_rad, body, dbody, joints } = motion;
@@ -181,7 +189,8 @@ impl Loose {
             forces.own_torques[2 + c] = own_nm;
             forces.power_w += (supplied[2 + c] - own_nm) * rate;
         }
-        for (i, (cluster, _, friction)) in system.wheels.iter().enumerate() {
+        let wheels = if with_wheels { &system.wheels[..] } else { &[] };
+        for (i, (cluster, _, friction)) in wheels.iter().enumerate() {
             let state = system.wheel(&posture, &node.wheels[i], *cluster);
             let own = &mut forces.wheels[i];
             let WheelState { roll_m_s, skid_m_s, .. } = state;
@@ -210,7 +219,7 @@ impl Loose {
     pub(super) fn sample(&self, problem: &ChainProblem, motion: &Motion<f64>) -> ChainSample {
         let ChainProblem { chain, laws, .. } = problem;
         let Forces { supplied, own_torques, is_driven, wheels, power_w, loss_w } =
-            self.forces(problem, motion);
+            self.forces(problem, motion, true);
         let wheels = &wheels[..self.system.wheels.len()];
         let rows = chain.joints.len() + 3;
         let mut lateral: Vec<f64> = wheels.iter().map(|wheel| -wheel.skid_n).collect();

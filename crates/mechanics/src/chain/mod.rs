@@ -1,8 +1,8 @@
 //! Motions of chains of two to eight links.
 //!
-//! In reading order: `plane`, vectors and moving points; `cluster`, the links between which all joints are driven;
-//! `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states; `response`, their
-//! initial guess; `forces`; `derivative`.
+//! In reading order: `plane`, vectors and moving points; `wave`, commands; `cluster`, the links between which all joints
+//! are driven; `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states;
+//! `response`, their initial guess; `forces`; `derivative`.
 
 mod balance;
 mod cluster;
@@ -12,6 +12,7 @@ mod forces;
 mod model;
 mod plane;
 mod response;
+mod wave;
 
 use std::f64::consts::TAU;
 

@@ -40,7 +40,7 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
 
     fn with_constraints(problem: ChainProblem, constraints: Option<Constraints<D>>) -> Self {
         const { assert!(N == 2 * C + 1 && D == C + 2) };
-        let is_linear = problem.laws.are_linear() && constraints.is_none();
+        let is_linear = problem.laws.are_linear();
         let clusters = Clusters::new(&problem.chain, problem.omega_rad_s, is_linear);
         Self { problem, system: System::new(clusters), constraints }
     }

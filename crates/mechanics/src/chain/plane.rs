@@ -62,6 +62,13 @@ impl<T: Number> Moving<T> {
         self.acceleration = sum(self.acceleration, scaled(factor, other.acceleration));
     }
 
+    /// Returns the point at a distance, in metres, along a link, given [`Heading::unit`].
+    #[inline(always)]
+    pub(super) fn ahead(mut self, length_m: f64, unit: &Self) -> Self {
+        self.add(length_m, unit);
+        self
+    }
+
     /// Returns the vectors rotated by the angle whose cosine and sine are given.
     #[inline(always)]
     pub(super) fn rotated(&self, turn: Vector<T>) -> Self {
@@ -107,16 +114,15 @@ impl<T: Number> Heading<T> {
         Self { turn: [one, zero], rate: zero, acceleration: zero }
     }
 
-    /// Returns the motion of the point at a distance along the heading from a point.
+    /// Returns the motion of the point one metre along the heading from a point, relative to that point.
     #[inline(always)]
-    pub(super) fn ahead(&self, from: &Moving<T>, length_m: f64) -> Moving<T> {
-        let arm = scaled(T::splat(length_m), self.turn);
-        let zero = [T::splat(0.0); 2];
-        let arm = Moving { at: arm, rate: zero, acceleration: zero };
+    pub(super) fn unit(&self) -> Moving<T> {
+        let across = normal(self.turn);
+        let inward = scaled(-(self.rate * self.rate), self.turn);
         Moving {
-            at: sum(from.at, arm.at),
-            rate: sum(from.rate, scaled(self.rate, normal(arm.at))),
-            acceleration: sum(from.acceleration, arm.carried(self.rate, self.acceleration)),
+            at: self.turn,
+            rate: scaled(self.rate, across),
+            acceleration: sum(scaled(self.acceleration, across), inward),
         }
     }
 }

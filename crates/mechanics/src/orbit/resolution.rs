@@ -4,7 +4,7 @@ use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
 use super::newton::{largest_lane, largest_ratio};
-use crate::element::{Stages, weighted};
+use crate::element::weighted;
 use crate::mesh::{MAX_ELEMENTS, accumulate_lanes};
 use crate::radau::{RADAU, STAGES};
 use crate::reduced::{MAX_TRACKED, Reduced};
@@ -25,21 +25,23 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let state = model.kinematics(&model.node(0.0), &self.mesh.states.start);
         let [u, v, _] = R::body(&state);
         let mut start = model.tracked(&state, [u, v]);
+        let mut values = [[Lanes::default(); STAGES]; MAX_TRACKED];
         self.tails.clear();
         for (pack, leg) in self.path.legs.iter().enumerate() {
             let [x_rates, y_rates] = leg.rates;
-            let values: Stages<MAX_TRACKED, Lanes> =
-                std::array::from_fn(|j| model.tracked(&leg.states[j], [x_rates[j], y_rates[j]]));
+            for j in 0..STAGES {
+                let tracked = model.tracked(&leg.states[j], [x_rates[j], y_rates[j]]);
+                (0..R::TRACKED).for_each(|i| values[i][j] = tracked[i]);
+            }
             let count = self.mesh.elements_of(pack).len();
             let [fraction, _] = self.mesh.weights(pack);
             let [tails, lower, sizes] = &mut largest;
             let mut pack_tails = [Lanes::default(); MAX_TRACKED];
             for i in 0..R::TRACKED {
-                let values = values.each_ref().map(|values| values[i]);
-                let end = values[STAGES - 1];
+                let end = values[i][STAGES - 1];
                 let from = accumulate_lanes(&mut start[i], count, |_, lane| end.lane(lane));
-                let tail = coefficient(highest, from, &values);
-                let low = coefficient(lowest, from, &values);
+                let tail = coefficient(highest, from, &values[i]);
+                let low = coefficient(lowest, from, &values[i]);
                 if model.is_linear() {
                     tails[i] = tails[i].fast_max(tail.abs());
                     lower[i] = lower[i].fast_max(low.abs());
@@ -49,7 +51,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
                     lower[i] += low.abs() * fraction;
                     pack_tails[i] = tail;
                 }
-                values.iter().for_each(|value| sizes[i] = sizes[i].fast_max(value.abs()));
+                values[i].iter().for_each(|value| sizes[i] = sizes[i].fast_max(value.abs()));
             }
             if !model.is_linear() {
                 self.tails.push(pack_tails);

@@ -5,10 +5,13 @@ use std::collections::BTreeMap;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
-use trilink_mechanics::{ChainProblem, FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY};
+use trilink_mechanics::{
+    ChainProblem, FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Solver,
+};
 use trilink_robot::{
-    Chain, ChainNumber, Drag, FreeJoint, Gait, Joint, JointCommand, Laws, Link, Robot, RollLaw,
-    Rotor, SkidLaw, TorqueCommand, Wheel, WheelFriction,
+    Chain, ChainNumber, CommandNumber, Drag, FreeJoint, Gait, Joint, JointCommand, JointNumber,
+    Laws, Link, LinkNumber, Quantity, Robot, RollLaw, Rotor, SkidLaw, TorqueCommand, Wheel,
+    WheelFriction,
 };
 
 fn number(value: &Value, key: &str) -> f64 {
@@ -156,6 +159,79 @@ fn the_three_link_robot_is_a_chain() {
             for (found, known) in pairs {
                 let error = (found - known).abs();
                 assert!(error < 1e-9 * (1.0 + known.abs()), "{laws:?} {gait:?}: {pairs:?}");
+            }
+        }
+    }
+}
+
+/// The derivatives of the three-link robot are computed by the adjoint method, those of a chain from the change in its
+/// motion and differences at fixed states, which are less accurate where forces change within the transition speed.
+#[test]
+fn the_three_link_robot_and_its_chain_have_the_same_derivatives() {
+    const ACCURACY: f64 = 1e-12;
+    let cases = [
+        (Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL, 1e-8),
+        (Robot::kinematic(), Gait::skewed(), Laws::SKID_ROLL, 1e-8),
+        (Robot::kinematic(), Gait::symmetric(), Laws::COULOMB, 1e-6),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL, 1e-8),
+        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL, 1e-8),
+    ];
+    for (robot, gait, laws, bound) in cases {
+        let mut solver = Solver::default();
+        let problem = Problem { robot, gait, laws, omega_rad_s: 3.9 };
+        solver.solve(&problem, ACCURACY).unwrap();
+        let metrics = solver.derivatives().unwrap();
+        let work = solver.work_derivatives().unwrap();
+        // Each number of the chain with the derivatives of the three-link robot.
+        let mut known = Vec::new();
+        for (number, quantity) in [
+            (LinkNumber::Skid, Quantity::Skid),
+            (LinkNumber::Roll, Quantity::Roll),
+            (LinkNumber::SkidDry, Quantity::SkidDry),
+        ] {
+            for (link, parameter) in [1, 0, 2].into_iter().zip(quantity.of_each()) {
+                let known_slopes = (metrics.parameters[parameter], work.parameters[parameter]);
+                known.push((ChainNumber::Link(link, number), known_slopes));
+            }
+        }
+        for joint in 0..2 {
+            if gait.joints[joint].is_some() {
+                let numbers =
+                    [CommandNumber::Offset, CommandNumber::Amplitude, CommandNumber::Phase];
+                for (i, number) in numbers.into_iter().enumerate() {
+                    let known_slopes = (metrics.gait[joint][i], work.gait[joint][i]);
+                    known.push((ChainNumber::Command(joint, number), known_slopes));
+                }
+                continue;
+            }
+            for (number, quantity) in [
+                (JointNumber::Stiffness, Quantity::Stiffness),
+                (JointNumber::Damping, Quantity::Damping),
+            ] {
+                let parameter = quantity.one();
+                let known_slopes = (metrics.parameters[parameter], work.parameters[parameter]);
+                known.push((ChainNumber::Joint(joint, number), known_slopes));
+            }
+        }
+        let mut chain = problem.robot.chain(&gait);
+        let numbers: Vec<ChainNumber> = known.iter().map(|(number, _)| *number).collect();
+        let problem = ChainProblem { chain: chain.clone(), laws, omega_rad_s: 3.9 };
+        let (_, slopes) = problem.derivatives(ACCURACY, &numbers).unwrap();
+        for ((number, (metrics, work_j)), slopes) in known.iter().zip(&slopes) {
+            let [middle, front, rear, ..] = metrics.sigma;
+            let pairs = [
+                (slopes.metrics.d_m, metrics.d_m),
+                (slopes.metrics.dtheta_rad, metrics.dtheta_rad),
+                (slopes.metrics.sigma[0], front),
+                (slopes.metrics.sigma[1], middle),
+                (slopes.metrics.sigma[2], rear),
+                (slopes.metrics.alpha_rad[0], metrics.alpha_rad[0]),
+                (slopes.work_j, *work_j),
+            ];
+            let size = chain.number_mut(*number).unwrap().abs().max(0.1);
+            for (found, known) in pairs {
+                let error = size * (found - known).abs();
+                assert!(error < bound, "{laws:?} {number:?}: {error:e} {pairs:?}");
             }
         }
     }

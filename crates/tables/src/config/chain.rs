@@ -611,6 +611,12 @@ mod tests {
                 "key `campaign.swim.models`: found `skit`",
             ),
             (
+                "gait = \"swim\"",
+                "gait = \"swim\"\nmodels = [\"skid\"]\nfree.skid = [\"skid3\", \"skid1\"]",
+                "key `campaign.swim.free.skid`: found `skid1`, needed a parameter of model `skid` (skid = \"viscous\", roll = \
+              \"none\") of this chain: skid0, skid3, stiffness2",
+            ),
+            (
                 "[campaign.swim]",
                 "[robot.a]\nh_m = 0.1\nl_m = 0.1\nb_m = 0.05\nmass_kg = [1, 0.2, 0.2]\n\
               inertia_kg_m2 = [0.01, 0.001, 0.001]\nroll_kg_s = [1, 1, 1]\nskid_kg_s = [1, 1, 1]\n[campaign.other]\nrobot = \"a\"\ngait = \

@@ -11,8 +11,8 @@ use trilink_base::pattern::{matches, matches_label};
 use trilink_robot::{AnyGait, AnyRobot, Gait, Laws, Model, Parameter, Quantity, Robot};
 
 use super::{
-    Campaign, Config, ConfigError, GaitConfig, JointConfig, Markers, ModelConfig, RobotConfig,
-    Robots, SharedFits, did_you_mean, nearest, toml_key,
+    Campaign, Chains, Config, ConfigError, GaitConfig, JointConfig, Markers, ModelConfig,
+    RobotConfig, Robots, SharedFits, did_you_mean, nearest, toml_key,
 };
 
 /// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
@@ -103,7 +103,9 @@ impl Config {
     /// Checks every value in the configuration; `path` is the file named in errors.
     pub fn check(&self, path: &Path) -> Result<(), ConfigError> {
         let check = Checker { path };
-        let values = Value::try_from(self).expect("a configuration can be serialised");
+        // Chains are checked by themselves, so that messages name their links.
+        let others = Self { chains: Chains::default(), ..self.clone() };
+        let values = Value::try_from(others).expect("a configuration can be serialised");
         check.numbers("", &values)?;
         let raw = &self.paths.raw;
         check.that(!raw.is_empty(), "paths.raw", raw, "at least one folder")?;
