@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use serde::Serialize;
 use trilink_base::files::relative;
 use trilink_plot::Print;
+use trilink_robot::metrics::Metric;
 use trilink_robot::{AnyGait, AnyRobot, Gait, Model, Robot};
 use trilink_tables::config::{
     Campaign, ChainCampaign, ChainGait, Compare, Config, MarkerLayout, Models, Paths, Report,
@@ -105,10 +106,9 @@ impl ReportInput {
     /// Returns whether a link of a campaign's robot, given its number, has a wheel; true for every link of a campaign
     /// that is not configured.
     pub(crate) fn has_wheel(&self, campaign: &str, number: usize) -> bool {
-        self.shown.chain_setup(campaign).is_none_or(|chain| {
-            let link = chain.numbering().get(number).map(|link| &chain.links[*link]);
-            link.is_some_and(|link| link.wheel.is_some())
-        })
+        let metric = Metric::SIGMA.get(number).copied();
+        let setup = self.setup(campaign);
+        setup.is_none_or(|(robot, _)| metric.is_some_and(|metric| robot.has_metric(metric)))
     }
 
     /// Returns the indices of the joints of a campaign's robot whose angle is not commanded; none if the campaign is not

@@ -95,22 +95,23 @@ pub(super) fn links(robot: &Robot, pose: Pose, phi_rad: [f64; 2]) -> Vec<(f64, f
 /// Returns the positions (m) of the front end, the joints and the rear end of a robot, from front to rear; `None` if
 /// the number of joint angles is not that of the robot's joints. The ends are at the outer wheels.
 pub(super) fn links_of(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<Vec<(f64, f64)>> {
-    match robot {
-        AnyRobot::ThreeLinks(robot) => Some(links(robot, pose, phi_rad.try_into().ok()?)),
-        AnyRobot::Chain(chain) => {
-            let Chain { links, joints, .. } = chain;
-            if phi_rad.len() != joints.len() {
-                return None;
-            }
-            let poses = chain.link_poses(pose, phi_rad);
-            let (first, last) = (links.first()?, links.last()?);
-            let front = poses.first()?.ahead(Chain::outer_place_m(first));
-            let rear = poses.last()?.ahead(Chain::outer_place_m(last));
-            let joints = poses.iter().zip(links).map(|(pose, link)| pose.ahead(-link.rear_joint_m));
-            let points = [front].into_iter().chain(joints.take(links.len() - 1)).chain([rear]);
-            Some(points.map(|pose| (pose.x_m, pose.y_m)).collect())
-        }
+    if phi_rad.len() != robot.joints() {
+        return None;
     }
+    let [links, joints] = robot.poses(pose, phi_rad);
+    let [front, rear] = match robot {
+        AnyRobot::ThreeLinks(_) => [links[1], links[2]],
+        AnyRobot::Chain(chain) => {
+            let order = chain.numbering();
+            let end = |link: usize| {
+                let number = order.iter().position(|of| *of == link)?;
+                Some(links[number].ahead(Chain::outer_place_m(&chain.links[link])))
+            };
+            [end(0)?, end(chain.links.len() - 1)?]
+        }
+    };
+    let points = [front].into_iter().chain(joints).chain([rear]);
+    Some(points.map(|pose| (pose.x_m, pose.y_m)).collect())
 }
 
 /// Returns an arrow that is drawn beside a path and points in the direction of travel.

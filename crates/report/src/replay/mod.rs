@@ -104,12 +104,7 @@ impl Replay {
     /// Returns the poses of the links by number in a frame; `None` if they are unknown.
     fn links(&self, motion: &Motion, frame: usize) -> Option<Vec<Pose>> {
         let (pose, phi_rad) = motion.poses[frame]?;
-        Some(match &self.robot {
-            AnyRobot::ThreeLinks(robot) => robot.link_poses(pose, [phi_rad[0], phi_rad[1]]).into(),
-            AnyRobot::Chain(chain) => {
-                let poses = chain.link_poses(pose, &phi_rad[..chain.joints.len()]);
-                chain.numbering().into_iter().map(|link| poses[link]).collect()
-            }
-        })
+        let [links, _] = self.robot.poses(pose, &phi_rad[..self.robot.joints()]);
+        Some(links)
     }
 }
