@@ -613,7 +613,7 @@ mod tests {
             (
                 "gait = \"swim\"",
                 "gait = \"swim\"\nmodels = [\"skid\"]\nfree.skid = [\"skid3\", \"skid1\"]",
-                "key `campaign.swim.free.skid`: found `skid1`, needed a parameter of model `skid` (skid = \"viscous\", roll = \
+                "key `campaign.swim.free.skid`: found \"skid1\", needed a parameter of model `skid` (skid = \"viscous\", roll = \
               \"none\") of this chain: skid0, skid3, stiffness2",
             ),
             (
