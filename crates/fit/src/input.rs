@@ -49,6 +49,7 @@ pub enum FitRobot {
 }
 
 /// Configuration of the gait of a robot of the same kind.
+#[expect(clippy::large_enum_variant, reason = "there is one for each fit")]
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum FitGait {

@@ -22,6 +22,7 @@ pub struct AnyProblem {
 }
 
 /// Problem of a robot of one kind.
+#[expect(clippy::large_enum_variant, reason = "it lives for one call")]
 enum Kind {
     ThreeLinks(Problem),
     Chain(ChainProblem),

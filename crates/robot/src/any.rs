@@ -7,6 +7,10 @@ use super::{
 };
 
 /// Robot of three links, or a chain of two to eight.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a robot of three links is copied without allocation"
+)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum AnyRobot {
     ThreeLinks(Robot),

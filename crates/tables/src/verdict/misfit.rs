@@ -101,7 +101,7 @@ impl Columns for Option<Misfit> {
             all_runs
                 .push(std::array::from_fn::<_, { Misfit::MAX_RUNS }, _>(|i| runs.get(i).cloned()));
             all_rms.push(match value {
-                Some(Misfit::Rms(rms)) => rms.clone(),
+                Some(Misfit::Rms(rms)) => *rms,
                 _ => ByFitted::<f64>::blank(),
             });
         }
