@@ -85,6 +85,8 @@ impl AnySolver {
         match problem.kind() {
             Kind::ThreeLinks(problem) => self.three_links.solve(&problem, accuracy),
             Kind::Chain(problem) => {
+                // Without a solution for the chain, there must not be an older one that could be queried.
+                self.three_links.forget();
                 let metrics = problem.metrics(accuracy)?;
                 let metrics = gait_metrics(&problem, &metrics);
                 self.last_chain = Some(problem);

@@ -77,7 +77,7 @@ fn table(
 ) -> String {
     let mut notes = Notes::default();
     let mut rows = Vec::new();
-    for parameter in Parameter::ALL {
+    for parameter in Parameter::OF_ANY_ROBOT {
         let is_known = fits.iter().any(|fit| fit.parameters[parameter].is_finite());
         let is_free = fits.iter().any(|fit| fit.free.contains(&parameter));
         if !is_known || (parameter.is_sum() && !is_free) {

@@ -1,8 +1,9 @@
 //! Figure of sensitivities: heat map of the elasticities of each metric with respect to the parameters.
 
+use trilink_base::Named as _;
 use trilink_base::numbers::fixed;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
-use trilink_robot::Quantity;
+use trilink_robot::Parameter;
 use trilink_robot::metrics::Metric;
 use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
@@ -76,8 +77,7 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
 
 /// Returns the symbol of a parameter of the robot or of the gait, or its name if it has no symbol.
 fn symbol(name: &str) -> String {
-    let mut of_robot = Quantity::ALL.into_iter().flat_map(Quantity::parameters);
-    if let Some(parameter) = of_robot.find(|parameter| parameter.name() == name) {
+    if let Some(parameter) = Parameter::of_name(name) {
         return plain(&parameter.latex());
     }
     const OF_GAIT: [(&str, &str); 4] =

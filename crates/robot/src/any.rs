@@ -2,8 +2,8 @@
 
 use super::metrics::Metric;
 use super::{
-    Chain, ChainNumber, Gait, Joint, JointNumber, Laws, Link, LinkNumber, MAX_JOINTS, Parameter,
-    Per, Pose, Quantity, Robot,
+    Chain, ChainNumber, FreeJoint, Gait, Joint, JointCommand, JointNumber, Laws, Link, LinkNumber,
+    MAX_JOINTS, Parameter, Per, Pose, Quantity, Robot, SecondHarmonic,
 };
 
 /// Robot of three links, or a chain of two to eight.
@@ -14,8 +14,8 @@ use super::{
 #[derive(Debug, Clone, PartialEq)]
 pub enum AnyRobot {
     ThreeLinks(Robot),
-    /// Chain, with the commands of its elastic joints, torques and rotors. Those of its driven joints are replaced by
-    /// the gait with which it moves.
+    /// Chain, with the commands of its elastic joints, torques and rotors. The gait of a problem replaces the commands of
+    /// its driven joints.
     Chain(Chain),
 }
 
@@ -89,12 +89,13 @@ impl AnyRobot {
                 Gait::from(*gait).passive_joint().is_none() || robot.rest_angle_rad == 0.0
             }
             Self::Chain(chain) => {
+                let is_odd = |command: &JointCommand| command.second() == SecondHarmonic::default();
                 let is_straight =
                     |link: &Link| link.wheel.is_none_or(|wheel| wheel.steer_rad == 0.0);
                 let is_centred = |joint: &Joint| match joint {
                     Joint::Driven(_) => true,
-                    Joint::Free(free) => {
-                        free.target.offset_rad == 0.0 && free.torque.mean_nm == 0.0
+                    Joint::Free(FreeJoint { target, torque, .. }) => {
+                        target.offset_rad == 0.0 && is_odd(target) && torque.mean_nm == 0.0
                     }
                 };
                 chain.links.iter().all(is_straight) && chain.joints.iter().all(is_centred)
@@ -150,7 +151,8 @@ impl AnyRobot {
         }
     }
 
-    /// Returns whether, under the given laws, the motion of the robot with the given gait depends on a parameter.
+    /// Returns whether, under the given laws, the motion of the robot with the given gait depends on a parameter; for a
+    /// chain, whether it does with some gait.
     pub fn depends_on(&self, parameter: Parameter, laws: Laws, gait: &AnyGait) -> bool {
         match self {
             Self::ThreeLinks(_) => laws.is_relevant(parameter, &Gait::from(*gait)),
@@ -246,7 +248,6 @@ impl Chain {
 
 #[cfg(test)]
 mod tests {
-    use super::super::JointCommand;
     use super::*;
 
     /// The paper's semi-passive robot as a chain: its links 1, 0 and 2 from front to rear.

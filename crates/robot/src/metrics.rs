@@ -16,7 +16,7 @@ pub struct GaitMetrics {
     /// Mean speed `d / period` (eq. 17 of the paper), m/s.
     pub v_m_s: f64,
     /// Skid ratio of the wheels by the number of the link (eq. 20 of the paper): RMS skid velocity over `l omega`, where
-    /// l is the side link length.
+    /// l is the side link length, or [`Chain::skid_length_m`](super::Chain::skid_length_m).
     pub sigma: [f64; MAX_LINKS],
     /// Half the peak-to-peak range of the joint angles from front to rear, rad.
     pub alpha_rad: [f64; MAX_JOINTS],
@@ -75,7 +75,7 @@ impl PartialEq for GaitMetrics {
     }
 }
 
-/// Serializes the skid ratios as a list, and the metrics of more links than three only if they are not missing.
+/// Serializes the skid ratios as a list, and the metrics that only chains have only if they are not missing.
 impl Serialize for GaitMetrics {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
