@@ -1,5 +1,6 @@
 //! Setups (robot, gait and model) that commands solve, and warnings about the fits that the setups use.
 
+use trilink_fit::MeasuredRange;
 use trilink_fit::simulate::{KnownFits, Setup, campaign_of, starting_values};
 use trilink_mechanics::Problem;
 use trilink_robot::Model;
@@ -78,22 +79,9 @@ pub(super) fn note_extrapolation(
     setup: &Setup,
     problems: impl ExactSizeIterator<Item = Problem>,
 ) {
-    let model = setup.model;
-    let all = problems.len();
-    match setup.measured_range() {
-        Some(Ok(range)) => {
-            if let Some((count, beyond)) = range.summary(problems.map(Into::into)) {
-                warn(&format!(
-                    "{campaign} {model}: {count} of {all} motions are extrapolated beyond the trials of the fit: \
-                     {beyond}"
-                ));
-            }
-        }
-        Some(Err(why)) => {
-            let unknown = "the range of the trials of the fit is not known";
-            warn(&format!("{campaign} {model}: {unknown}: {why}"));
-        }
-        None => {}
+    let Some(range) = setup.measured_range() else { return };
+    if let Some(caution) = MeasuredRange::caution(range, problems.map(Into::into)) {
+        warn(&format!("{campaign} {}: {caution}", setup.model));
     }
 }
 

@@ -4,8 +4,8 @@ use trilink_robot::Robot;
 
 use super::intervals::Widths;
 
-/// Copies of a robot of three links with coefficients from refits; the scatter among them gives the uncertainty of any quantity
-/// computed from the fit.
+/// Copies of a robot of three links with coefficients from refits; the scatter among them gives the uncertainty of any
+/// quantity computed from the fit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Alternatives {
     /// Robots with the coefficients of the bootstrap replicates.

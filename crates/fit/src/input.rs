@@ -89,36 +89,28 @@ impl FitInput {
 
     /// Returns the input for one model of one campaign; `None` if the configuration has no such campaign or model.
     pub fn new(config: &Config, campaign: &str, model: Model) -> Option<Self> {
-        let name = campaign.to_owned();
-        let mut input = match config.campaign.get(campaign) {
-            Some(Campaign { robot, gait, weights, free, .. }) => Self {
-                campaign: NamedEntry {
-                    name,
-                    value: FitCampaign { weights: *weights, free: free.get(&model).cloned() },
-                },
-                model: NamedEntry::find(&config.model, &model)?,
-                robot: NamedEntry::find(&config.robot, robot)?.map(FitRobot::ThreeLinks),
-                gait: NamedEntry::find(&config.gait, gait)?.map(FitGait::ThreeLinks),
-                fit: Fit { shared: None, ..config.fit.clone() },
-            },
+        let (robot, gait, weights, free) = match config.campaign.get(campaign) {
+            Some(Campaign { robot, gait, weights, free, .. }) => {
+                let robot = NamedEntry::find(&config.robot, robot)?.map(FitRobot::ThreeLinks);
+                let gait = NamedEntry::find(&config.gait, gait)?.map(FitGait::ThreeLinks);
+                (robot, gait, *weights, free)
+            }
             None => {
                 let ChainCampaign { robot, gait, weights, free, .. } =
                     config.chains.campaign.get(campaign)?;
-                let weights = weights.unwrap_or(ChainCampaign::WEIGHTS);
-                Self {
-                    campaign: NamedEntry {
-                        name,
-                        value: FitCampaign { weights, free: free.get(&model).cloned() },
-                    },
-                    model: NamedEntry::find(&config.model, &model)?,
-                    robot: NamedEntry::find(&config.chains.robot, robot)?.map(FitRobot::Chain),
-                    gait: NamedEntry {
-                        name: gait.clone(),
-                        value: FitGait::Chain(config.chain_gait(gait)?),
-                    },
-                    fit: Fit { shared: None, ..config.fit.clone() },
-                }
+                let robot = NamedEntry::find(&config.chains.robot, robot)?.map(FitRobot::Chain);
+                let value = FitGait::Chain(config.chain_gait(gait)?);
+                let gait = NamedEntry { name: gait.clone(), value };
+                (robot, gait, weights.unwrap_or(ChainCampaign::WEIGHTS), free)
             }
+        };
+        let value = FitCampaign { weights, free: free.get(&model).cloned() };
+        let mut input = Self {
+            campaign: NamedEntry { name: campaign.to_owned(), value },
+            model: NamedEntry::find(&config.model, &model)?,
+            robot,
+            gait,
+            fit: Fit { shared: None, ..config.fit.clone() },
         };
         if input.campaign.value.free.is_some() {
             input.model.value.free = None;

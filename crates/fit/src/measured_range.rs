@@ -175,6 +175,23 @@ impl MeasuredRange {
         Extrapolation { extrapolated: Some(!excess.is_empty()), beyond_trials: excess.join(", ") }
     }
 
+    /// Returns a warning that some of the problems are extrapolations, or that the range is not known (for the given
+    /// reason); `None` if there is nothing to warn of.
+    pub fn caution(
+        range: Result<&Self, &str>,
+        problems: impl ExactSizeIterator<Item = AnyProblem>,
+    ) -> Option<String> {
+        let all = problems.len();
+        match range {
+            Ok(range) => range.summary(problems).map(|(count, beyond)| {
+                format!(
+                    "{count} of {all} motions are extrapolated beyond the trials of the fit: {beyond}"
+                )
+            }),
+            Err(why) => Some(format!("the range of the trials of the fit is not known: {why}")),
+        }
+    }
+
     /// Returns how many of the problems are extrapolations, and in which quantities; `None` if none is.
     pub fn summary(
         &self,

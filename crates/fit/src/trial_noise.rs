@@ -8,6 +8,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use trilink_robot::Robot;
 use trilink_robot::metrics::{ByFitted, Metric};
 use trilink_statistics::{c4, mean, wrap};
 use trilink_tables::CycleRow;
@@ -89,8 +90,8 @@ impl TrialNoise {
             }
         }
         normal[Metric::V] = normal[Metric::D];
-        // A robot of three links has two joints.
-        let is_drawn = |i: usize| i < 6 || self.gait_deviations_rad()[i] > 0.0;
+        // Those of the joints of three links are always drawn, so that the others do not change their random numbers.
+        let is_drawn = |i: usize| i < 3 * Robot::JOINTS || self.gait_deviations_rad()[i] > 0.0;
         let normal_of_gait: [f64; GAIT_NUMBERS] =
             std::array::from_fn(
                 |i| {

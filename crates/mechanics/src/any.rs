@@ -1,11 +1,11 @@
 //! Steady-state motions of robots of any number of links behind one interface.
 
-use trilink_robot::metrics::{ByMetric, GaitMetrics, padded};
+use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_robot::{
     AnyGait, AnyRobot, ChainNumber, CommandNumber, Gait, Laws, MAX_JOINTS, Parameter,
 };
 
-use super::chain::{ChainMetrics, ChainProblem, ChainSlopes};
+use super::chain::{ChainProblem, ChainSlopes};
 use super::reduced::COMMAND_SIZE;
 use super::{
     Attractor, FORCES_ACCURACY, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver,
@@ -88,7 +88,7 @@ impl AnySolver {
                 // Without a solution for the chain, there must not be an older one that could be queried.
                 self.three_links.forget();
                 let metrics = problem.metrics(accuracy)?;
-                let metrics = gait_metrics(&problem, &metrics);
+                let metrics = metrics.by_number(&problem.chain);
                 self.last_chain = Some(problem);
                 Ok(metrics)
             }
@@ -146,17 +146,8 @@ impl AnySolver {
             .iter()
             .enumerate()
             .flat_map(|(i, parameter)| {
-                let numbers = problem.chain.numbers_of(*parameter);
-                let sum: f64 =
-                    numbers.iter().filter_map(|number| problem.chain.number(*number)).sum();
-                let share = |number: &ChainNumber| match parameter.is_sum() {
-                    true if sum > 0.0 => problem.chain.number(*number).unwrap_or(0.0) / sum,
-                    true => 1.0 / numbers.len() as f64,
-                    false => 1.0,
-                };
-                let all: Vec<_> =
-                    numbers.iter().map(|number| (i, *number, share(number))).collect();
-                all
+                let shares = problem.chain.shares_of(*parameter).into_iter();
+                shares.map(move |(number, share)| (i, number, share))
             })
             .collect();
         let wanted: Vec<ChainNumber> = numbers.iter().map(|(_, number, _)| *number).collect();
@@ -247,22 +238,9 @@ impl From<Solver> for AnySolver {
     }
 }
 
-/// Returns the metrics of a chain by the numbers of its links and joints.
-fn gait_metrics(problem: &ChainProblem, metrics: &ChainMetrics) -> GaitMetrics {
-    let sigma: Vec<f64> =
-        problem.chain.numbering().into_iter().map(|link| metrics.sigma[link]).collect();
-    GaitMetrics {
-        d_m: metrics.d_m,
-        v_m_s: metrics.v_m_s,
-        sigma: padded(&sigma),
-        alpha_rad: padded(&metrics.alpha_rad),
-        dtheta_rad: metrics.dtheta_rad,
-    }
-}
-
 /// Adds derivatives of a chain's metrics, multiplied by a factor.
 fn add(sum: &mut ByMetric<f64>, factor: f64, problem: &ChainProblem, slopes: &ChainSlopes) {
-    let slopes = gait_metrics(problem, &slopes.metrics);
+    let slopes = slopes.metrics.by_number(&problem.chain);
     sum.iter_mut().for_each(|(metric, sum)| *sum += factor * slopes[metric]);
 }
 

@@ -51,7 +51,7 @@ pub(crate) struct FittedParameter {
 }
 
 impl FittedParameter {
-    /// Returns the parameter with the names of a robot's links, by number, in its label.
+    /// Returns the parameter with the name of its wheel's link in the label; `links` are the names by number.
     pub(crate) fn of_links(self, links: &[String]) -> Self {
         Self { label: label(self.parameter, links), ..self }
     }

@@ -198,6 +198,19 @@ impl Chain {
         }
     }
 
+    /// Returns the numbers that a parameter comprises, each with its factor per unit of the parameter: its fraction of a
+    /// sum (equal fractions if the sum is zero), otherwise 1.
+    pub fn shares_of(&self, parameter: Parameter) -> Vec<(ChainNumber, f64)> {
+        let numbers = self.numbers_of(parameter);
+        let (sum, count) = (self.value(parameter), numbers.len() as f64);
+        let share = |number: ChainNumber| match (parameter.is_sum(), self.number(number)) {
+            (true, Some(own)) if sum > 0.0 => own / sum,
+            (true, _) => 1.0 / count,
+            (false, _) => 1.0,
+        };
+        numbers.into_iter().map(|number| (number, share(number))).collect()
+    }
+
     fn value(&self, parameter: Parameter) -> f64 {
         let numbers = self.numbers_of(parameter);
         let mut values = numbers.iter().filter_map(|number| self.number(*number));
@@ -209,15 +222,9 @@ impl Chain {
 
     /// Sets the value of a parameter, in SI units, as [`Parameter::set`] does; ignored if the chain does not have it.
     pub fn set(&mut self, parameter: Parameter, value: f64) {
-        let numbers = self.numbers_of(parameter);
-        let sum = self.value(parameter);
-        for number in &numbers {
-            if let Some(own) = self.number_mut(*number) {
-                *own = match parameter.is_sum() {
-                    true if sum > 0.0 => *own / sum * value,
-                    true => value / numbers.len() as f64,
-                    false => value,
-                };
+        for (number, share) in self.shares_of(parameter) {
+            if let Some(own) = self.number_mut(number) {
+                *own = share * value;
             }
         }
     }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use rand_chacha::ChaCha8Rng;
 use trilink_mechanics::{ChainProblem, ChainSample, MotionError, REFERENCE_ACCURACY};
-use trilink_robot::metrics::{GaitMetrics, padded};
+use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Chain, Joint, Pose, WheelFriction, rotated};
 
 use super::planted::{add_servo_errors, random_factor, recorded_cycles};
@@ -77,16 +77,7 @@ pub(super) fn from_rest(
     let samples_per_frame = SAMPLES as f64 * problem.omega_rad_s / (TAU * rate_hz);
     let frames = (SAMPLES as f64 * cycles / samples_per_frame) as usize + 1;
     let frames = (0..frames).map(|frame| interpolated(&samples, samples_per_frame * frame as f64));
-    let of_number = |place: usize| steady.metrics.sigma[place];
-    let sigma: Vec<f64> = problem.chain.numbering().into_iter().map(of_number).collect();
-    let metrics = GaitMetrics {
-        d_m: steady.metrics.d_m,
-        v_m_s: steady.metrics.v_m_s,
-        sigma: padded(&sigma),
-        alpha_rad: padded(&steady.metrics.alpha_rad),
-        dtheta_rad: steady.metrics.dtheta_rad,
-    };
-    Ok((frames.collect(), metrics))
+    Ok((frames.collect(), steady.metrics.by_number(&problem.chain)))
 }
 
 /// Interpolates the motion at a fractional index by cubic Hermite splines.

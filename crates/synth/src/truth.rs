@@ -105,8 +105,8 @@ pub struct CampaignTruth {
     pub planted: BTreeMap<Quantity, Numbers>,
 }
 
-/// Single number, or one number for each wheel by the number of its link, or for each joint. A wheel or joint that does
-/// not have it has NaN, which is written as null.
+/// A number of the robot, or a list with a number for each link, or for each joint. NaN, which is written as null, stands
+/// for a link or joint that lacks the number.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Numbers {

@@ -1,8 +1,6 @@
 //! Conversion between values and table columns: a value occupies one column, or one column for each of its
 //! parts.
 
-use std::ops::{Index, IndexMut};
-
 use polars::prelude::{
     ChunkSet, Column, DataType, Float64Chunked, IntoColumn, NewChunkedArray, PolarsResult, Series,
     StringChunked,
@@ -213,101 +211,45 @@ pub(super) fn numbered<const N: usize>(pattern: &str) -> impl Iterator<Item = St
     (0..N).map(move |i| fill(pattern, &(i + usize::from(N == 2)).to_string()))
 }
 
-impl Columns for GaitMetrics {
-    const PATTERN: &'static str = "{}";
+/// Implements [`Columns`] for numbers that are indexed by metrics or parameters, given all of them, their names, and the
+/// blank value.
+macro_rules! impl_columns_of_robots {
+    ($type:ty, $all:expr, $name:path, $blank:expr) => {
+        impl Columns for $type {
+            const PATTERN: &'static str = "{}";
 
-    fn blank() -> Self {
-        Self::MISSING
-    }
+            fn blank() -> Self {
+                $blank
+            }
 
-    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        let names = Metric::ALL.map(|metric| (metric, fill(pattern, metric.column())));
-        write_metrics(values, &names, columns);
-    }
+            /// Appends a column for each number of a robot of three links, and for each other that a value has.
+            fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
+                for of in $all {
+                    let parts: Vec<&f64> = values.iter().map(|value| &value[of]).collect();
+                    if of.is_of_three_links() || parts.iter().any(|part| !part.is_nan()) {
+                        f64::write(&parts, &fill(pattern, $name(of)), columns);
+                    }
+                }
+            }
 
-    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let names = Metric::ALL.map(|metric| (metric, fill(pattern, metric.column())));
-        read_metrics(table, &names)
-    }
-}
-
-impl Columns for ByFitted<f64> {
-    const PATTERN: &'static str = "{}";
-
-    fn blank() -> Self {
-        Self::splat(f64::NAN)
-    }
-
-    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        let names = Metric::FITTED.map(|metric| (metric, fill(pattern, metric.name())));
-        write_metrics(values, &names, columns);
-    }
-
-    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let names = Metric::FITTED.map(|metric| (metric, fill(pattern, metric.name())));
-        read_metrics(table, &names)
-    }
-}
-
-/// Appends a column for each metric of a robot of three links, and for each other metric that a value has.
-fn write_metrics<T: Index<Metric, Output = f64>>(
-    values: &[&T],
-    names: &[(Metric, String)],
-    columns: &mut Vec<Column>,
-) {
-    for (metric, name) in names {
-        let parts: Vec<&f64> = values.iter().map(|value| &value[*metric]).collect();
-        let is_known = || parts.iter().any(|part| !part.is_nan());
-        if metric.is_of_three_links() || is_known() {
-            f64::write(&parts, name, columns);
-        }
-    }
-}
-
-/// Reads the columns that [`write_metrics`] wrote.
-fn read_metrics<T: Columns + Clone + IndexMut<Metric, Output = f64>>(
-    table: &Table,
-    names: &[(Metric, String)],
-) -> Result<Vec<T>, StoreError> {
-    let mut values = vec![T::blank(); table.len()];
-    for (metric, name) in names {
-        if metric.is_of_three_links() || table.frame.column(name).is_ok() {
-            let column = f64::read(table, name)?;
-            values.iter_mut().zip(column).for_each(|(value, of)| value[*metric] = of);
-        }
-    }
-    Ok(values)
-}
-
-impl Columns for ByParameter<f64> {
-    const PATTERN: &'static str = "{}";
-
-    fn blank() -> Self {
-        Self::MISSING
-    }
-
-    /// Appends a column for each parameter of a robot of three links, and for each other parameter that a value has.
-    fn write(values: &[&Self], pattern: &str, columns: &mut Vec<Column>) {
-        for parameter in Parameter::OF_ANY_ROBOT {
-            let parts: Vec<&f64> = values.iter().map(|value| &value[parameter]).collect();
-            if parameter.is_of_three_links() || parts.iter().any(|part| !part.is_nan()) {
-                f64::write(&parts, &fill(pattern, parameter.name()), columns);
+            fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
+                let mut values = vec![$blank; table.len()];
+                for of in $all {
+                    let name = fill(pattern, $name(of));
+                    if of.is_of_three_links() || table.frame.column(&name).is_ok() {
+                        let column = f64::read(table, &name)?.into_iter();
+                        values.iter_mut().zip(column).for_each(|(value, part)| value[of] = part);
+                    }
+                }
+                Ok(values)
             }
         }
-    }
-
-    fn read(table: &Table, pattern: &str) -> Result<Vec<Self>, StoreError> {
-        let mut values = vec![Self::MISSING; table.len()];
-        for parameter in Parameter::OF_ANY_ROBOT {
-            let name = fill(pattern, parameter.name());
-            if parameter.is_of_three_links() || table.frame.column(&name).is_ok() {
-                let column = f64::read(table, &name)?;
-                values.iter_mut().zip(column).for_each(|(value, of)| value[parameter] = of);
-            }
-        }
-        Ok(values)
-    }
+    };
 }
+
+impl_columns_of_robots!(GaitMetrics, Metric::ALL, Metric::column, Self::MISSING);
+impl_columns_of_robots!(ByFitted<f64>, Metric::FITTED, Metric::name, Self::splat(f64::NAN));
+impl_columns_of_robots!(ByParameter<f64>, Parameter::OF_ANY_ROBOT, Parameter::name, Self::MISSING);
 
 fn write_parts<T: Columns, const N: usize>(
     values: &[&[T; N]],

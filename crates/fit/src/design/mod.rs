@@ -133,7 +133,7 @@ rows! {
         pub omega_rad_s: f64,
         /// Amplitudes of joints 1 and 2; NaN for a joint that is not driven.
         pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
-        /// Amplitudes of the joints behind them up to the last driven one.
+        /// Amplitudes of joint 3 and the joints behind it, up to the last driven joint.
         pub more_amplitude_rad: Numbered<f64, 3> as "phi{}_amplitude_rad",
         /// Number of times that the trial should be run.
         pub repeats: i64,

@@ -94,10 +94,10 @@ impl ChainSetup {
     ) -> Result<(), SetupError> {
         let KnownFit { row, .. } = fits.get(campaign, self.model)?;
         let input = FitInput::find(config, campaign, self.model.name())?;
-        let known = row.parameters.iter().filter(|(_, value)| value.is_finite());
-        let coefficients = known.map(|(parameter, value)| (parameter.name(), *value)).collect();
+        let mut coefficients = BTreeMap::new();
         for (parameter, value) in row.parameters.iter().filter(|(_, value)| value.is_finite()) {
             self.chain.set(parameter, *value);
+            coefficients.insert(parameter.name(), *value);
         }
         let range = fits.measured_range(&row, &input);
         self.fitted = Some(FittedChain { summary: FitSummary::new(&row), coefficients, range });
@@ -115,15 +115,8 @@ impl ChainSetup {
             laws: self.laws,
             omega_rad_s,
         });
-        match range {
-            Ok(range) => warnings.extend(range.summary(problems).map(|(count, beyond)| {
-                let all = omegas_rad_s.len();
-                format!(
-                    "{count} of {all} motions are extrapolated beyond the trials of the fit: {beyond}"
-                )
-            })),
-            Err(why) => warnings.push(format!("the range of the fit's trials is not known: {why}")),
-        }
+        let range = range.as_ref().map_err(String::as_str);
+        warnings.extend(MeasuredRange::caution(range, problems));
         warnings.retain(|warning| !warning.is_empty());
         warnings
     }

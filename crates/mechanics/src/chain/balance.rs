@@ -54,7 +54,7 @@ pub(crate) struct Balance<T, const C: usize, const D: usize> {
     pub dforce_dphi: [[T; D]; C],
 }
 
-/// Chain of clusters, of which there must be `C` in its functions: its equations of motion.
+/// Equations of motion of a chain of clusters. Its functions are called with `C`, the number of clusters.
 #[derive(Debug, Clone)]
 pub(crate) struct System {
     pub clusters: Clusters,

@@ -16,7 +16,7 @@ mod wave;
 
 use std::f64::consts::TAU;
 
-use trilink_robot::metrics::MotionStatus;
+use trilink_robot::metrics::{GaitMetrics, MotionStatus, padded};
 use trilink_robot::{Chain, ChainError, ChainNumber, Joint, Laws, WheelFriction};
 
 pub use derivative::ChainSlopes;
@@ -64,6 +64,20 @@ pub struct ChainMotion {
     pub loss_j: f64,
     /// Whether the motion lacks the half-period symmetry of the commands and is therefore one of a mirror-image pair.
     pub is_symmetry_broken: bool,
+}
+
+impl ChainMetrics {
+    /// Returns the metrics with the skid ratios by the numbers of the links ([`Chain::numbering`]).
+    pub fn by_number(&self, chain: &Chain) -> GaitMetrics {
+        let sigma: Vec<f64> = chain.numbering().into_iter().map(|link| self.sigma[link]).collect();
+        GaitMetrics {
+            d_m: self.d_m,
+            v_m_s: self.v_m_s,
+            sigma: padded(&sigma),
+            alpha_rad: padded(&self.alpha_rad),
+            dtheta_rad: self.dtheta_rad,
+        }
+    }
 }
 
 impl ChainMotion {

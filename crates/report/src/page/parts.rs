@@ -12,7 +12,7 @@ use crate::figures::subscripted;
 use crate::parameters::WHEELS;
 use crate::recording::Recording;
 
-/// Wheels, by the number of their link, and joints, by their index, that a table has columns for.
+/// Wheels and joints for which a table has columns: the numbers of the links of the wheels, and the indices of the joints.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     pub wheels: BTreeSet<usize>,

@@ -21,7 +21,7 @@ const TWISTCAR: &str = "twistcar";
 const PASSIVE: &str = "passive";
 const OMEGA_RAD_S: [f64; 2] = [2.0, 3.9];
 const CYCLES: usize = 4;
-/// Samples of a cycle, one for each frame of the recordings.
+/// Number of samples of the simulated cycle, which are the frames of the recordings.
 const SAMPLES: usize = 120;
 
 /// Returns the configuration of a robot with three links and of the robots of the gallery.
@@ -77,7 +77,7 @@ pub(super) fn few() -> MadeUp {
     }
 }
 
-/// Writes changed tables of chains, with the unchanged recordings of the trials.
+/// Writes the tables of chains after they were changed, with the recordings of the trials as they were.
 pub(super) fn write(tables: &MadeUp, derived: &Path) {
     tables.write(derived);
     for (trial, chain, samples) in &of_chains().recordings {
