@@ -300,6 +300,18 @@ impl<'r> Search<'r> {
                 difference.table == "fits" && rows.contains(&difference.row.as_str())
             });
         }
+        let lost: BTreeSet<&str> = self
+            .in_column("fits", ADEQUATE)
+            .filter(|difference| difference.candidate.is_null())
+            .map(|difference| difference.row.as_str())
+            .collect();
+        for row in lost {
+            let reason = text(&fits[row], "undecided");
+            let sentence = format!("whether {row} fits is no longer known: {reason}");
+            self.add(CauseKind::Adequacy, sentence, |difference| {
+                difference.table == "fits" && difference.column == ADEQUATE && difference.row == row
+            });
+        }
         let mut models: BTreeMap<(bool, &str), Vec<&Record>> = BTreeMap::new();
         let became: BTreeSet<&str> =
             self.in_column("fits", ADEQUATE).map(|of| of.row.as_str()).collect();

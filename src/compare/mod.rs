@@ -285,15 +285,16 @@ fn judge_values(
     records: [&Record; 2],
     values: [&Json; 2],
 ) -> Option<Judgement> {
-    if let [Json::String(then), Json::String(now)] = values {
-        let (_, fails) = TEXT_COLUMNS.iter().find(|(name, _)| *name == column)?;
-        let has_recovered = then == TrialStatus::Failed.name();
-        let verdict = if then == now {
-            Verdict::Same
-        } else if *fails && !has_recovered && !is_still_used(then, now) {
-            Verdict::Out
-        } else {
-            Verdict::NotJudged
+    if let Some((_, fails)) = TEXT_COLUMNS.iter().find(|(name, _)| *name == column) {
+        let verdict = match values.map(Json::as_str) {
+            [then, now] if then == now => Verdict::Same,
+            [Some(then), Some(now)] => {
+                let has_recovered = then == TrialStatus::Failed.name();
+                let is_out = *fails && !has_recovered && !is_still_used(then, now);
+                if is_out { Verdict::Out } else { Verdict::NotJudged }
+            }
+            [None, _] => Verdict::NotJudged,
+            [Some(_), None] => Verdict::Out,
         };
         return Some(verdict.into());
     }

@@ -98,6 +98,18 @@ fn the_objective_is_judged_by_what_noise_explains() {
 }
 
 #[test]
+fn a_verdict_on_a_model_that_is_lost_is_out_of_tolerance() {
+    let run =
+        |adequate: Json| run_with(&[("adequate", adequate), ("undecided", "no-repeats".into())]);
+    let lost = compared(&run("true".into()), &run(Json::Null));
+    assert_eq!(out(&lost), ["fits symmetric skid-roll adequate"]);
+    let sentence = "whether symmetric skid-roll fits is no longer known: no-repeats";
+    assert_eq!(lost.causes[0].sentence, sentence);
+    let found = compared(&run(Json::Null), &run("true".into()));
+    assert!(found.passes() && found.count(Verdict::NotJudged) == 1);
+}
+
+#[test]
 fn a_model_that_is_inadequate_in_either_run_is_listed_and_not_judged() {
     let run_with = |skid0_kg_s: f64, d_m: f64, adequate: &str| {
         let mut run = run_with(&[("adequate", adequate.into()), ("skid0_kg_s", skid0_kg_s.into())]);

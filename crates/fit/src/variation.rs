@@ -219,14 +219,17 @@ impl<'r> Variation<'r> {
         } else {
             (polynomials(&frequencies, measurements), VariationFrom::Residuals)
         };
-        let blocks = self.blocks(measurements, &design);
+        let mut blocks = self.blocks(measurements, &design);
         let rows: usize = blocks.iter().map(|block| block.observations.len()).sum();
+        // A robot has few of the metrics for which the design has columns.
         let is_used = |column: &usize| {
             blocks.iter().any(|block| block.design.column(*column).iter().any(|x| *x != 0.0))
         };
-        if rows <= (0..design.columns).filter(is_used).count() {
+        let used: Vec<usize> = (0..design.columns).filter(is_used).collect();
+        if rows <= used.len() {
             return;
         }
+        blocks.iter_mut().for_each(|block| block.design = block.design.select_columns(&used));
         if let Some(components) = VarianceComponents::estimate(&blocks) {
             self.components = components;
             self.from = from;

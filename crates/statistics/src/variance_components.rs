@@ -13,7 +13,7 @@
 //! Biometrika 58 (1971) 545; S. R. Searle, G. Casella and C. E. McCulloch, *Variance Components*, Wiley 1992, chapter
 //! 6; F. G. Giesbrecht and J. C. Burns, *Two-stage analysis based on a mixed model*, Biometrics 41 (1985) 477.
 
-use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// Maximum number of Fisher scoring steps.
 const MAX_STEPS: usize = 40;
@@ -23,8 +23,8 @@ const MAX_HALVINGS: usize = 8;
 const LIKELIHOOD_TOLERANCE: f64 = 1e-6;
 /// Ratio to the largest eigenvalue below which an eigenvalue of a symmetric matrix counts as zero.
 const RANK_TOLERANCE: f64 = 1e-10;
-/// Maximum number of iterations for the eigenvalues of a matrix.
-const MAX_EIGENVALUE_ITERATIONS: usize = 1000;
+/// Maximum number of iterations for each eigenvalue of a matrix, as in LAPACK's `dsteqr`.
+const MAX_EIGENVALUE_ITERATIONS: usize = 30;
 
 /// Fraction of the information on a variance that must remain after the fixed effects for it to count as determined.
 const IDENTIFIED: f64 = 1e-6;
@@ -280,11 +280,7 @@ fn inverse_and_log_determinant(symmetric: &DMatrix<f64>) -> Option<(DMatrix<f64>
         symmetric.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 });
     let scale = DMatrix::from_diagonal(&scales);
     let scaled = &scale * symmetric * &scale;
-    // The decomposition would not end.
-    if scaled.iter().any(|value| !value.is_finite()) {
-        return None;
-    }
-    let eigen = SymmetricEigen::try_new(scaled, f64::EPSILON, MAX_EIGENVALUE_ITERATIONS)?;
+    let eigen = symmetric_eigen(scaled)?;
     let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
     let is_nonzero = |value: f64| value > RANK_TOLERANCE * largest;
     let inverses = eigen.eigenvalues.map(|value| if is_nonzero(value) { 1.0 / value } else { 0.0 });
@@ -297,14 +293,20 @@ fn inverse_and_log_determinant(symmetric: &DMatrix<f64>) -> Option<(DMatrix<f64>
     Some((&scale * inverse * &scale, of_scaled - of_scales))
 }
 
+/// Returns the eigenvalues and eigenvectors of a symmetric matrix; `None` if it is not finite.
+fn symmetric_eigen(symmetric: DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>> {
+    // The iteration would not end.
+    if symmetric.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
+    let iterations = MAX_EIGENVALUE_ITERATIONS * symmetric.nrows();
+    SymmetricEigen::try_new(symmetric, f64::EPSILON, iterations)
+}
+
 /// Returns a matrix whose product with its transpose is the covariance, to draw correlated errors; `None` if the
 /// covariance is not finite.
 pub fn covariance_root(covariance: DMatrix<f64>) -> Option<DMatrix<f64>> {
-    // The decomposition would not end.
-    if covariance.iter().any(|value| !value.is_finite()) {
-        return None;
-    }
-    let eigen = SymmetricEigen::try_new(covariance, f64::EPSILON, MAX_EIGENVALUE_ITERATIONS)?;
+    let eigen = symmetric_eigen(covariance)?;
     let deviations = eigen.eigenvalues.map(|variance| variance.max(0.0).sqrt());
     Some(eigen.eigenvectors * DMatrix::from_diagonal(&deviations))
 }
@@ -419,5 +421,14 @@ mod tests {
             assert_eq!(VarianceComponents::estimate(&known), None);
             assert_eq!(pseudo_inverse(&DMatrix::from_element(2, 2, value)), None);
         }
+    }
+
+    #[test]
+    fn the_inverse_of_a_matrix_with_many_rows_is_found() {
+        let size = 600;
+        let covariance =
+            DMatrix::from_fn(size, size, |row, column| 0.9f64.powi(row.abs_diff(column) as i32));
+        let product = pseudo_inverse(&covariance).unwrap() * covariance;
+        assert!((product - DMatrix::identity(size, size)).amax() < 1e-9);
     }
 }
