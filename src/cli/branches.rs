@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use trilink_fit::simulate::{Setup, number_names, with_number};
-use trilink_mechanics::{Branch, Problem, branches};
+use trilink_fit::MeasuredRange;
+use trilink_fit::simulate::{ChainSetup, Setup, number_names, with_number};
+use trilink_mechanics::{AnyProblem, Branch, Problem, branches};
 use trilink_report::branches_drawing;
-use trilink_robot::Laws;
+use trilink_robot::Model;
 use trilink_tables::BranchRow;
-use trilink_tables::config::{Config, GaitConfig, RobotConfig, did_you_mean};
+use trilink_tables::config::{Config, did_you_mean};
 
 use super::output::say;
 use super::parse::low_high;
@@ -31,7 +32,8 @@ pub(super) struct Branches {
     /// Parameter to vary and its range, in which branches are followed from the lower limit upwards: the frequency
     /// (`omega_rad_s=0.5..12`), or a parameter of the robot or the gait such as `damping_nm_s_rad=0.0002..0.01`. The
     /// name of a parameter of one wheel, link or joint includes the number of that wheel, link or joint, as in the
-    /// columns of tables: `skid1_kg_s=20..400`, `amplitude2_deg=5..60`.
+    /// columns of tables: `skid1_kg_s=20..400`, `amplitude2_deg=5..60`. The parameters of a chain have the names that
+    /// `simulate --sensitivities` prints: `front.mass_kg=0.2..0.5`.
     #[arg(long, value_name = "KEY=LOW..HIGH", value_parser = parse_over)]
     over: Over,
     /// Name of a `[model.*]` table: no-skid, no-skid-damped, no-skid-roll, skid, skid-roll or your own
@@ -63,22 +65,35 @@ impl Branches {
         let key = &self.over.key;
         let [low, high] = self.over.range;
         let fits = self.numbers.fits(&context, false)?;
-        let setup =
-            self.numbers.setup(config.clone(), campaign, self.model.as_deref(), fits.as_ref())?;
+        let model = self.model.as_deref();
+        let setup = match self.numbers.chain_setup(config, campaign, model, fits.as_ref())? {
+            Some(setup) => AnySetup::Chain(setup),
+            None => AnySetup::ThreeLinks(self.numbers.setup(
+                config.clone(),
+                campaign,
+                model,
+                fits.as_ref(),
+            )?),
+        };
         let vary = Vary::new(config, &self, &setup)?;
-        note_caution(campaign, &setup);
+        setup.note_caution(campaign);
         self.files.check()?;
         let cancel = context.cancel();
         let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
         cancel.check()?;
         let found = found.map_err(|error| format!("--over: at {key}={low}: {error}"))?;
-        let rows =
-            rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
-        note_extrapolation(campaign, &setup, rows.iter().map(|row| vary.problem(row.value)));
-        note_starting_values(config, campaign, std::slice::from_ref(&setup));
+        let rows = rows(&found, key, |value| {
+            let range = setup.measured_range();
+            MeasuredRange::extrapolation_beyond(range, &vary.problem(value)).extrapolated
+        });
+        let problems = rows.iter().map(|row| vary.problem(row.value));
+        note_extrapolation(campaign, setup.model(), setup.measured_range(), problems);
+        if let AnySetup::ThreeLinks(setup) = &setup {
+            note_starting_values(config, campaign, std::slice::from_ref(setup));
+        }
         let input = format!("{:?} {key} {low} {high}", vary.problem(low));
         self.files.write(&context, &rows, &input, "points")?;
-        let names = [campaign.as_str(), setup.model.name(), key];
+        let names = [campaign.as_str(), setup.model().name(), key];
         self.files
             .draw(&context, self.numbers.fitted, |file| branches_drawing(names, &rows, file))?;
         if !self.format.rows(&rows) {
@@ -89,21 +104,17 @@ impl Branches {
 }
 
 /// Steady-state problems along the range of a parameter.
-struct Vary {
-    robot: RobotConfig,
-    gait: GaitConfig,
-    laws: Laws,
+struct Vary<'s> {
+    setup: &'s AnySetup,
     key: String,
     /// Frequency, rad/s, at which another parameter is varied; unused if the frequency itself is varied.
     omega_rad_s: f64,
 }
 
-impl Vary {
+impl<'s> Vary<'s> {
     /// Checks the parameter and its range, and combines them with the robot, gait and friction laws of `setup`.
-    fn new(config: &Config, arguments: &Branches, setup: &Setup) -> Result<Self, Failure> {
+    fn new(config: &Config, arguments: &Branches, setup: &'s AnySetup) -> Result<Self, Failure> {
         let Over { key, range } = arguments.over.clone();
-        let robot = setup.robot_config.clone();
-        let gait = setup.gait_config.clone();
         let omega_rad_s = match (key == OMEGA, arguments.omega) {
             (true, None) => range[0],
             (true, Some(_)) => {
@@ -129,19 +140,9 @@ impl Vary {
             return Err(format!("--over: found {}, needed a frequency above 0", range[0]).into());
         }
         for value in range.into_iter().filter(|_| key != OMEGA) {
-            let varied = with_number(&robot, &gait, &key, value).ok_or_else(|| {
-                let known = number_names(&robot, &gait);
-                let hint = did_you_mean(&key, known.iter().map(String::as_str));
-                let known = known.join("`, `");
-                format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}")
-            })?;
-            let mut config = config.clone();
-            let campaign = config.campaign[&arguments.campaign].clone();
-            config.robot.insert(campaign.robot, varied.0);
-            config.gait.insert(campaign.gait, varied.1);
-            config.check(Path::new("--over"))?;
+            setup.check(config, &arguments.campaign, &key, value)?;
         }
-        let vary = Self { robot, gait, laws: setup.laws, key, omega_rad_s };
+        let vary = Self { setup, key, omega_rad_s };
         let [low, high] = range.map(|value| vary.problem(value).is_mirrored());
         if low && !high {
             return Err(format!(
@@ -155,20 +156,88 @@ impl Vary {
     }
 
     /// Returns the steady-state problem at a value of the parameter.
-    fn problem(&self, value: f64) -> Problem {
-        let mut problem = Problem {
-            robot: self.robot.to_robot(),
-            gait: self.gait.to_gait(),
-            laws: self.laws,
-            omega_rad_s: self.omega_rad_s,
-        };
+    fn problem(&self, value: f64) -> AnyProblem {
         if self.key == OMEGA {
-            problem.omega_rad_s = value;
-        } else if let Some((robot, gait)) = with_number(&self.robot, &self.gait, &self.key, value) {
-            problem.robot = robot.to_robot();
-            problem.gait = gait.to_gait();
+            return self.setup.problem(value);
         }
-        problem
+        let varied = self.setup.with(&self.key, value, self.omega_rad_s);
+        varied.unwrap_or_else(|| self.setup.problem(self.omega_rad_s))
+    }
+}
+
+/// Robot of either kind with its gait and friction laws.
+enum AnySetup {
+    ThreeLinks(Setup),
+    Chain(ChainSetup),
+}
+
+impl AnySetup {
+    fn model(&self) -> Model {
+        match self {
+            Self::ThreeLinks(setup) => setup.model,
+            Self::Chain(setup) => setup.model,
+        }
+    }
+
+    fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
+        match self {
+            Self::ThreeLinks(setup) => setup.measured_range(),
+            Self::Chain(setup) => setup.measured_range(),
+        }
+    }
+
+    fn note_caution(&self, campaign: &str) {
+        match self {
+            Self::ThreeLinks(setup) => note_caution(campaign, setup.model, setup.fit()),
+            Self::Chain(setup) => note_caution(campaign, setup.model, setup.fit()),
+        }
+    }
+
+    fn problem(&self, omega_rad_s: f64) -> AnyProblem {
+        match self {
+            Self::ThreeLinks(setup) => setup.problem(omega_rad_s).into(),
+            Self::Chain(setup) => setup.problem(omega_rad_s).into(),
+        }
+    }
+
+    /// Returns the problem with a parameter, which is not the frequency, set to a value; `None` if the name is unknown.
+    fn with(&self, key: &str, value: f64, omega_rad_s: f64) -> Option<AnyProblem> {
+        match self {
+            Self::ThreeLinks(setup) => {
+                let (robot, gait) =
+                    with_number(&setup.robot_config, &setup.gait_config, key, value)?;
+                let (robot, gait) = (robot.to_robot(), gait.to_gait());
+                Some(Problem { robot, gait, laws: setup.laws, omega_rad_s }.into())
+            }
+            Self::Chain(setup) => Some(setup.with_number(key, value)?.problem(omega_rad_s).into()),
+        }
+    }
+
+    /// Checks that a parameter exists and can have a value.
+    fn check(&self, config: &Config, campaign: &str, key: &str, value: f64) -> Result<(), Failure> {
+        let known = match self {
+            Self::ThreeLinks(setup) => {
+                let (robot, gait) = (&setup.robot_config, &setup.gait_config);
+                if let Some((robot, gait)) = with_number(robot, gait, key, value) {
+                    let mut config = config.clone();
+                    let campaign = config.campaign[campaign].clone();
+                    config.robot.insert(campaign.robot, robot);
+                    config.gait.insert(campaign.gait, gait);
+                    return Ok(config.check(Path::new("--over"))?);
+                }
+                number_names(robot, gait)
+            }
+            Self::Chain(setup) => {
+                if let Some(setup) = setup.with_number(key, value) {
+                    let checked = setup.chain.check();
+                    return Ok(checked.map_err(|error| format!("--over: {key}={value}: {error}"))?);
+                }
+                setup.number_names()
+            }
+        };
+        let hint = did_you_mean(key, known.iter().map(String::as_str));
+        let known = known.join("`, `");
+        Err(format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}").into())
     }
 }
 

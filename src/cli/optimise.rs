@@ -122,7 +122,7 @@ impl Optimise {
         let (objective, other) = self.objectives()?;
         let fits = self.numbers.fits(&context, self.replicates != Some(0))?;
         let setup = self.numbers.setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
-        note_caution(campaign, &setup);
+        note_caution(campaign, setup.model, setup.fit());
         note_starting_values(&context.config, campaign, std::slice::from_ref(&setup));
         self.stay_near_trials(&setup, &mut bounds);
         let free = if self.free.is_empty() {
@@ -160,8 +160,8 @@ impl Optimise {
                 optimum.row(number, campaign, &setup, &search, present.as_ref())
             })
             .collect();
-        let problems = found.optima.iter().map(|optimum| optimum.problem.clone());
-        note_extrapolation(campaign, &setup, problems);
+        let problems = found.optima.iter().map(|optimum| optimum.problem.clone().into());
+        note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
         certainty::fill_in(&mut optima, &certainty);
         let best = found.best().filter(|_| self.files.figure.is_some() || self.keep);
         let maps = best.map(|best| {

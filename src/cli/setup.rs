@@ -1,8 +1,10 @@
 //! Setups (robot, gait and model) that commands solve, and warnings about the fits that the setups use.
 
 use trilink_fit::MeasuredRange;
-use trilink_fit::simulate::{KnownFits, Setup, campaign_of, starting_values};
-use trilink_mechanics::Problem;
+use trilink_fit::simulate::{
+    ChainSetup, FitSummary, KnownFits, Setup, campaign_of, starting_values,
+};
+use trilink_mechanics::AnyProblem;
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 
@@ -52,36 +54,68 @@ impl Numbers {
         model: Option<&str>,
         fits: Option<&KnownFits>,
     ) -> Result<Setup, Failure> {
-        let model = match (model, fits) {
-            (Some(model), _) => Model::new(model),
-            (None, Some(fits)) => preferred(&config, fits, campaign)?,
-            (None, None) => Model::new(MODEL),
-        };
+        let model = model_of(&config, campaign, model, fits)?;
         Ok(match fits {
             Some(fits) => Setup::fitted(config, campaign, model.name(), &self.set, fits)?,
             None => Setup::new(config, campaign, model.name(), &self.set)?,
         })
     }
+
+    /// Returns the setup as [`Numbers::setup`] does if the campaign's robot is a chain.
+    pub(super) fn chain_setup(
+        &self,
+        config: &Config,
+        campaign: &str,
+        model: Option<&str>,
+        fits: Option<&KnownFits>,
+    ) -> Result<Option<ChainSetup>, Failure> {
+        if !config.chains.campaign.contains_key(campaign) {
+            return Ok(None);
+        }
+        let model = model_of(config, campaign, model, fits)?;
+        let Some(mut setup) = ChainSetup::new(config, campaign, model.name())? else {
+            return Ok(None);
+        };
+        if let Some(fits) = fits {
+            setup.use_fit(config, campaign, fits)?;
+        }
+        self.set.iter().try_for_each(|setting| setup.set(setting))?;
+        Ok(Some(setup))
+    }
+}
+
+/// Returns the model to use: by default the preferred model of the comparison or, without fits, [`MODEL`].
+fn model_of(
+    config: &Config,
+    campaign: &str,
+    model: Option<&str>,
+    fits: Option<&KnownFits>,
+) -> Result<Model, Failure> {
+    match (model, fits) {
+        (Some(model), _) => Ok(Model::new(model)),
+        (None, Some(fits)) => preferred(config, fits, campaign),
+        (None, None) => Ok(Model::new(MODEL)),
+    }
 }
 
 /// Prints the warnings about the fit that provided a setup's coefficients.
-pub(super) fn note_caution(campaign: &str, setup: &Setup) {
-    let Some(fit) = setup.fit() else { return };
-    let caution = fit.caution();
+pub(super) fn note_caution(campaign: &str, model: Model, fit: Option<&FitSummary>) {
+    let caution = fit.map(FitSummary::caution).unwrap_or_default();
     if !caution.is_empty() {
-        warn(&format!("{campaign} {}: {caution}", setup.model));
+        warn(&format!("{campaign} {model}: {caution}"));
     }
 }
 
 /// Warns if `problems` lie outside the range of the trials to which a setup's coefficients were fitted.
 pub(super) fn note_extrapolation(
     campaign: &str,
-    setup: &Setup,
-    problems: impl ExactSizeIterator<Item = Problem>,
+    model: Model,
+    range: Option<Result<&MeasuredRange, &str>>,
+    problems: impl ExactSizeIterator<Item = AnyProblem>,
 ) {
-    let Some(range) = setup.measured_range() else { return };
-    if let Some(caution) = MeasuredRange::caution(range, problems.map(Into::into)) {
-        warn(&format!("{campaign} {}: {caution}", setup.model));
+    let Some(range) = range else { return };
+    if let Some(caution) = MeasuredRange::caution(range, problems) {
+        warn(&format!("{campaign} {model}: {caution}"));
     }
 }
 

@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 
 use serde_json::Value;
 use trilink_mechanics::{
-    Branch, BranchPoint, Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver, branches,
+    Branch, BranchPoint, ChainProblem, Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver,
+    branches,
 };
 use trilink_robot::metrics::{Bifurcation, BranchKind, MotionStatus};
 use trilink_robot::{Gait, JointCommand, Robot};
@@ -62,7 +63,7 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 
 #[test]
 fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stability() {
-    let found = branches(&semi_passive, [11.0, 12.0], &|| false).unwrap();
+    let found = branches(&|omega| semi_passive(omega).into(), [11.0, 12.0], &|| false).unwrap();
     let [symmetric, broken] = &found[..] else { panic!("{} branches", found.len()) };
     assert_eq!((symmetric.kind, symmetric.parent), (BranchKind::Symmetric, None));
     assert_eq!((broken.kind, broken.parent), (BranchKind::SymmetryBroken, Some(0)));
@@ -93,7 +94,8 @@ fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stabili
 
 #[test]
 fn a_branch_is_followed_through_folds() {
-    let found = branches(&without_roll_resistance, [0.345, 0.365], &|| false).unwrap();
+    let found = branches(&|omega| without_roll_resistance(omega).into(), [0.345, 0.365], &|| false)
+        .unwrap();
     let [branch] = &found[..] else { panic!("{} branches", found.len()) };
     assert_eq!((branch.kind, branch.end.as_str()), (BranchKind::Symmetric, "the end of the range"));
     let folds = met(branch, Bifurcation::Fold);
@@ -124,7 +126,7 @@ fn a_branch_is_followed_through_folds() {
 
 #[test]
 fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_followed() {
-    let found = branches(&doubling, [2.0, 4.5], &|| false).unwrap();
+    let found = branches(&|omega| doubling(omega).into(), [2.0, 4.5], &|| false).unwrap();
     let doublings = met(&found[0], Bifurcation::PeriodDoubling);
     assert!(!doublings.is_empty(), "{:?}", found[0].points);
     for point in doublings {
@@ -152,13 +154,82 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
 }
 
 #[test]
+fn a_chain_of_three_links_has_the_branches_of_a_robot_of_three_links() {
+    let cases: [(fn(f64) -> Problem, [f64; 2]); 3] = [
+        (semi_passive, [11.3, 11.6]),
+        (without_roll_resistance, [0.345, 0.365]),
+        (doubling, [3.4, 3.7]),
+    ];
+    for (problem, range) in cases {
+        let known = branches(&|omega| problem(omega).into(), range, &|| false).unwrap();
+        let chain = |omega_rad_s: f64| {
+            let Problem { robot, gait, laws, .. } = problem(omega_rad_s);
+            ChainProblem { chain: robot.chain(&gait), laws, omega_rad_s }.into()
+        };
+        let found = branches(&chain, range, &|| false).unwrap();
+        assert_eq!(found.len(), known.len());
+        for (found, known) in found.iter().zip(&known) {
+            assert_eq!((found.kind, found.parent), (known.kind, known.parent));
+            let met = |branch: &Branch| -> Vec<BranchPoint> {
+                let last = branch.points.len() - 1;
+                let points = branch.points.iter().enumerate();
+                let met = points.filter(|(i, of)| of.bifurcation.is_some() || *i == last);
+                met.map(|(_, of)| *of).collect()
+            };
+            let [found, known] = [met(found), met(known)];
+            assert_eq!(found.len(), known.len());
+            for (found, known) in found.iter().zip(&known) {
+                assert_eq!((found.status, found.bifurcation), (known.status, known.bifurcation));
+                assert!(near(found.value, known.value, 1e-7), "{found:?} {known:?}");
+                assert!(near(found.metrics.d_m, known.metrics.d_m, 1e-5), "{found:?} {known:?}");
+                assert!((found.floquet - known.floquet).abs() < 1e-4, "{found:?} {known:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn branches_of_chains_begin_and_end_at_motions_that_simulate_finds() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = include_str!("../../docs/robots/passive-snake.toml");
+    std::fs::write(folder.path().join("pipeline.toml"), settings).unwrap();
+    for (key, [low, high]) in [
+        ("omega_rad_s", ["3", "3.5"]),
+        ("joint2.stiffness_nm_rad", ["0.3", "0.4"]),
+        ("joint1.amplitude_deg", ["20", "30"]),
+    ] {
+        let over = format!("{key}={low}..{high}");
+        let mut line = vec!["branches", "passive", "--json", "--over", &over];
+        let is_omega = key == "omega_rad_s";
+        line.extend(["--omega", "3"].into_iter().filter(|_| !is_omega));
+        let points: Vec<Value> = serde_json::from_str(&succeed(folder.path(), &line)).unwrap();
+        for (point, value) in [(points.first(), low), (points.last(), high)] {
+            let set = format!("{key}={value}");
+            let mut line = vec!["simulate", "passive", "--model", "skid-roll", "--json"];
+            line.extend(if is_omega { ["--omega", value] } else { ["--set", &set] });
+            line.extend(["--omega", "3"].into_iter().filter(|_| !is_omega));
+            let answer: Vec<Value> = serde_json::from_str(&succeed(folder.path(), &line)).unwrap();
+            let [one, other] = [point.unwrap(), &answer[0]].map(|of| of["d_m"].as_f64().unwrap());
+            assert!(near(one, other, 1e-6), "{set}: {one} {other}");
+        }
+    }
+    let line = ["branches", "passive", "--over", "joint2.stiffness=1..2", "--omega", "3"];
+    let output = trilink(folder.path(), &line);
+    let stderr = text(&output.stderr);
+    assert!(stderr.contains("did you mean `joint2.stiffness_nm_rad`?"), "{stderr}");
+}
+
+#[test]
 fn a_branch_ends_where_its_work_is_cancelled() {
     let asked = Cell::new(0);
     let is_third = || {
         asked.set(asked.get() + 1);
         asked.get() == 3
     };
-    assert_eq!(branches(&semi_passive, [11.0, 12.0], &is_third), Err(MotionError::Cancelled));
+    assert_eq!(
+        branches(&|omega| semi_passive(omega).into(), [11.0, 12.0], &is_third),
+        Err(MotionError::Cancelled)
+    );
     assert_eq!(asked.get(), 3);
 }
 
@@ -170,7 +241,10 @@ fn what_eq_3_gives_has_no_branches() {
         laws: Laws::NO_SKID,
         omega_rad_s,
     };
-    assert_eq!(branches(&problem, [1.0, 2.0], &|| false), Err(MotionError::Determined));
+    assert_eq!(
+        branches(&|omega| problem(omega).into(), [1.0, 2.0], &|| false),
+        Err(MotionError::Determined)
+    );
 }
 
 #[test]

@@ -5,11 +5,10 @@ use trilink_robot::{
     AnyGait, AnyRobot, ChainNumber, CommandNumber, Gait, Laws, MAX_JOINTS, Parameter,
 };
 
-use super::chain::{ChainProblem, ChainSlopes};
+use super::chain::{ChainAttractor, ChainProblem, ChainSlopes, ChainSolver};
 use super::reduced::COMMAND_SIZE;
-use super::{
-    Attractor, FORCES_ACCURACY, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver,
-};
+use super::transient::{Frames, Posture};
+use super::{Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver};
 
 /// Robot of any number of links with given friction laws and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +22,7 @@ pub struct AnyProblem {
 
 /// Problem of a robot of one kind.
 #[expect(clippy::large_enum_variant, reason = "it lives for one call")]
-enum Kind {
+pub(super) enum Kind {
     ThreeLinks(Problem),
     Chain(ChainProblem),
 }
@@ -34,8 +33,61 @@ impl From<Problem> for AnyProblem {
     }
 }
 
+impl From<ChainProblem> for AnyProblem {
+    fn from(ChainProblem { chain, laws, omega_rad_s }: ChainProblem) -> Self {
+        Self { gait: chain.gait(), robot: chain.into(), laws, omega_rad_s }
+    }
+}
+
 impl AnyProblem {
-    fn kind(&self) -> Kind {
+    /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half a period,
+    /// is also a motion.
+    pub fn is_mirrored(&self) -> bool {
+        match self.kind() {
+            Kind::ThreeLinks(problem) => problem.is_mirrored(),
+            Kind::Chain(problem) => problem.chain.is_mirrored(),
+        }
+    }
+
+    /// Returns the motion sampled at `rate_hz` over `duration_s` from rest at phase 0, with a relative error per time step
+    /// near `tolerance`. All friction of the wheels in cycle i is scaled by `friction[i]`; cycles beyond the slice are
+    /// unscaled.
+    ///
+    /// # Errors
+    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
+    pub fn varied_transient(
+        &self,
+        friction: &[f64],
+        duration_s: f64,
+        rate_hz: f64,
+        tolerance: f64,
+    ) -> Result<Vec<Posture>> {
+        let frames = Frames { friction, duration_s, rate_hz };
+        match self.kind() {
+            Kind::ThreeLinks(problem) => {
+                Solver::default().with(&problem, |method| method.transient(&frames, tolerance))
+            }
+            Kind::Chain(problem) => problem.transient(&frames, tolerance),
+        }
+    }
+
+    /// Integrates the transient from rest and solves for the steady-state motion that it reaches.
+    ///
+    /// # Errors
+    /// Returns an error if the problem has no steady-state motion, or if the transient does not settle.
+    pub fn settle(&self, accuracy: f64) -> Result<Attractor> {
+        match self.kind() {
+            Kind::ThreeLinks(problem) => Solver::default().settle(&problem, accuracy),
+            Kind::Chain(problem) => {
+                let ChainAttractor { motion, cycles, is_found_by_solve } =
+                    problem.settle(accuracy)?;
+                let motion = motion.by_number(&problem.chain);
+                Ok(Attractor { motion, cycles, is_found_by_solve })
+            }
+        }
+    }
+
+    pub(super) fn kind(&self) -> Kind {
         let Self { robot, gait, laws, omega_rad_s } = self;
         let (laws, omega_rad_s) = (*laws, *omega_rad_s);
         match robot {
@@ -66,13 +118,11 @@ pub struct InputDerivatives {
     pub gait: [[GaitMetrics; COMMAND_SIZE]; MAX_JOINTS],
 }
 
-/// Solver of steady-state motions of robots of any number of links. For a robot of three links, a solution starts from
-/// the last one, as that of a [`Solver`]; for a chain, every solution starts from its initial guess.
+/// Warm-started solver of steady-state motions of robots of any number of links, as [`Solver`] is for three links.
 #[derive(Debug, Clone, Default)]
 pub struct AnySolver {
     three_links: Solver,
-    /// Problem of the last solution if its robot is a chain.
-    last_chain: Option<ChainProblem>,
+    chain: ChainSolver,
 }
 
 impl AnySolver {
@@ -81,16 +131,15 @@ impl AnySolver {
     /// # Errors
     /// Returns an error if the problem has no steady-state motion, or if the motion could not be found or resolved.
     pub fn solve(&mut self, problem: &AnyProblem, accuracy: f64) -> Result<GaitMetrics> {
-        self.last_chain = None;
         match problem.kind() {
-            Kind::ThreeLinks(problem) => self.three_links.solve(&problem, accuracy),
+            Kind::ThreeLinks(problem) => {
+                self.chain.forget();
+                self.three_links.solve(&problem, accuracy)
+            }
             Kind::Chain(problem) => {
-                // Without a solution for the chain, there must not be an older one that could be queried.
                 self.three_links.forget();
-                let metrics = problem.metrics(accuracy)?;
-                let metrics = metrics.by_number(&problem.chain);
-                self.last_chain = Some(problem);
-                Ok(metrics)
+                let metrics = self.chain.solve(&problem, accuracy)?;
+                Ok(metrics.by_number(&problem.chain))
             }
         }
     }
@@ -98,13 +147,13 @@ impl AnySolver {
     /// Creates a solver whose next solution starts from the same motion as the next solution of this solver. The new
     /// solver has no last solution that could be queried.
     pub fn successor(&self) -> Self {
-        Self { three_links: self.three_links.successor(), last_chain: None }
+        Self { three_links: self.three_links.successor(), chain: self.chain.successor() }
     }
 
     /// Makes the next solution start from the model's initial guess; the workspace is retained.
     pub fn forget(&mut self) {
         self.three_links.forget();
-        self.last_chain = None;
+        self.chain.forget();
     }
 
     /// Returns whether the last solution is stable, and whether it is one of a mirror-image pair.
@@ -112,24 +161,28 @@ impl AnySolver {
     /// # Errors
     /// Returns an error if there is no last solution, or if its linearisation is singular.
     pub fn status(&mut self) -> Result<MotionStatus> {
-        match &self.last_chain {
+        match self.chain.last() {
             None => self.three_links.status(),
-            Some(problem) => Ok(problem.solve(REFERENCE_ACCURACY)?.status()),
+            Some(_) => Ok(self.chain.motion()?.status()),
         }
     }
 
-    /// Returns whether the motion that the solver finds, whose metrics are given, is reached from rest.
+    /// Returns whether the last solution, that of `problem` with the given metrics, is reached from rest. The motion that
+    /// is reached becomes the last solution.
     pub fn from_rest(&mut self, problem: &AnyProblem, metrics: GaitMetrics) -> FromRest {
         match problem.kind() {
             Kind::ThreeLinks(problem) => {
                 let solver = &mut self.three_links;
                 Attractor::from_rest(&solver.attractor(&problem, Ok(metrics), REFERENCE_ACCURACY))
             }
-            Kind::Chain(problem) => match problem.settle(REFERENCE_ACCURACY) {
-                Ok(attractor) if attractor.is_found_by_solve => FromRest::Reached,
-                Ok(_) => FromRest::Another,
-                Err(_) => FromRest::Unsettled,
-            },
+            Kind::Chain(problem) => {
+                let is_solved = self.chain.last() == Some(&problem);
+                match self.chain.attractor(&problem, is_solved, REFERENCE_ACCURACY) {
+                    Ok(attractor) if attractor.is_found_by_solve => FromRest::Reached,
+                    Ok(_) => FromRest::Another,
+                    Err(_) => FromRest::Unsettled,
+                }
+            }
         }
     }
 
@@ -138,7 +191,7 @@ impl AnySolver {
     /// # Errors
     /// Returns an error as [`AnySolver::status`] does.
     pub fn derivatives_of(&mut self, parameters: &[Parameter]) -> Result<Vec<GaitMetrics>> {
-        let Some(problem) = &self.last_chain else {
+        let Some(problem) = self.chain.last().cloned() else {
             let derivatives = self.three_links.derivatives_of(parameters)?.parameters;
             return Ok(parameters.iter().map(|parameter| derivatives[*parameter]).collect());
         };
@@ -151,10 +204,10 @@ impl AnySolver {
             })
             .collect();
         let wanted: Vec<ChainNumber> = numbers.iter().map(|(_, number, _)| *number).collect();
-        let (_, slopes) = problem.derivatives(REFERENCE_ACCURACY, &wanted)?;
+        let slopes = self.chain.slopes(&wanted)?;
         let mut derivatives = vec![ByMetric::<f64>::splat(0.0); parameters.len()];
         for ((i, _, share), slope) in numbers.iter().zip(&slopes) {
-            add(&mut derivatives[*i], *share, problem, slope);
+            add(&mut derivatives[*i], *share, &problem, slope);
         }
         Ok(derivatives.into_iter().map(GaitMetrics::from).collect())
     }
@@ -165,7 +218,7 @@ impl AnySolver {
     /// Returns an error as [`AnySolver::status`] does.
     pub fn input_derivatives(&mut self) -> Result<InputDerivatives> {
         let none = [GaitMetrics::NONE; COMMAND_SIZE];
-        let Some(problem) = &self.last_chain else {
+        let Some(problem) = self.chain.last().cloned() else {
             let derivatives = self.three_links.derivatives()?;
             let of_joint = |joint: usize| derivatives.gait.get(joint).copied().unwrap_or(none);
             let gait = std::array::from_fn(of_joint);
@@ -184,7 +237,7 @@ impl AnySolver {
         numbers.extend(problem.chain.numbers().into_iter().filter(|number| {
             number.power_of_omega() != 0 && effective.chain.number(*number) != Some(0.0)
         }));
-        let (motion, slopes) = problem.derivatives(REFERENCE_ACCURACY, &numbers)?;
+        let slopes = self.chain.slopes(&numbers)?;
         let mut derivatives =
             InputDerivatives { omega: GaitMetrics::NONE, gait: [none; MAX_JOINTS] };
         let mut omega = ByMetric::<f64>::splat(0.0);
@@ -192,22 +245,39 @@ impl AnySolver {
             let mut own = ByMetric::<f64>::splat(0.0);
             match number {
                 ChainNumber::Command(joint, command) if i < of_gait => {
-                    add(&mut own, 1.0, problem, slope);
+                    add(&mut own, 1.0, &problem, slope);
                     let index = COMMAND.iter().position(|one| one == command).unwrap_or(0);
                     derivatives.gait[*joint][index] = own.into();
                 }
                 number => {
                     let value = problem.chain.number(*number).unwrap_or(0.0);
                     let factor = -f64::from(number.power_of_omega()) * value / problem.omega_rad_s;
-                    add(&mut omega, factor, problem, slope);
+                    add(&mut omega, factor, &problem, slope);
                 }
             }
         }
         derivatives.omega = omega.into();
         // At constant displacement per cycle, the speed is proportional to the frequency.
-        derivatives.omega.v_m_s = motion.metrics.v_m_s / problem.omega_rad_s
-            + derivatives.omega.d_m * problem.omega_rad_s / std::f64::consts::TAU;
+        derivatives.omega.v_m_s = (self.chain.motion()?.metrics.d_m
+            + derivatives.omega.d_m * problem.omega_rad_s)
+            / std::f64::consts::TAU;
         Ok(derivatives)
+    }
+
+    /// Returns the torques of the joints, followed by zeros, at `samples + 1` times of a cycle of the last solution, N m.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::status`] does.
+    pub fn torques_nm(&mut self, samples: usize) -> Result<Vec<[f64; MAX_JOINTS]>> {
+        let padded = |torques: &[f64]| {
+            std::array::from_fn(|joint| torques.get(joint).copied().unwrap_or(0.0))
+        };
+        if self.chain.last().is_none() {
+            let cycle = self.three_links.cycle(samples)?;
+            return Ok(cycle.iter().map(|sample| padded(&sample.forces.torque_nm)).collect());
+        }
+        let cycle = self.chain.cycle(samples)?;
+        Ok(cycle.iter().map(|sample| padded(&sample.torque_nm)).collect())
     }
 
     /// Returns the skid velocities of all wheels at `samples + 1` times of a cycle of the last solution, m/s.
@@ -215,26 +285,19 @@ impl AnySolver {
     /// # Errors
     /// Returns an error as [`AnySolver::status`] does.
     pub fn skid_m_s(&mut self, samples: usize) -> Result<Vec<f64>> {
-        Ok(match &self.last_chain {
-            None => {
-                let cycle = self.three_links.cycle(samples)?;
-                cycle.iter().flat_map(|sample| sample.skid_m_s).collect()
-            }
-            Some(problem) => {
-                let cycle = problem.cycle(FORCES_ACCURACY, samples)?;
-                cycle
-                    .iter()
-                    .flat_map(|sample| sample.skid_m_s.clone())
-                    .filter(|of| !of.is_nan())
-                    .collect()
-            }
-        })
+        if self.chain.last().is_none() {
+            let cycle = self.three_links.cycle(samples)?;
+            return Ok(cycle.iter().flat_map(|sample| sample.skid_m_s).collect());
+        }
+        let cycle = self.chain.cycle(samples)?;
+        let skid_m_s = cycle.into_iter().flat_map(|sample| sample.skid_m_s);
+        Ok(skid_m_s.filter(|of| !of.is_nan()).collect())
     }
 }
 
 impl From<Solver> for AnySolver {
     fn from(three_links: Solver) -> Self {
-        Self { three_links, last_chain: None }
+        Self { three_links, chain: ChainSolver::default() }
     }
 }
 

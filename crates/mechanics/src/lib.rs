@@ -72,6 +72,7 @@ pub use reduced::Derivatives;
 pub use sharp::SharpLimit;
 pub use solver::{Attractor, Solver};
 pub use trajectory::Sample;
+pub use transient::Posture;
 pub use trilink_robot::ContactForces;
 pub use trilink_robot::metrics::{FromRest, MotionStatus};
 pub use trilink_robot::{Laws, Model, Pose};
@@ -213,8 +214,12 @@ impl Problem {
         rate_hz: f64,
         tolerance: f64,
     ) -> Result<Vec<[f64; 5]>> {
-        let time = transient::Frames { friction, duration_s, rate_hz };
-        Solver::default().with(self, |method| method.transient(&time, tolerance))
+        let postures = AnyProblem::from(self.clone())
+            .varied_transient(friction, duration_s, rate_hz, tolerance)?;
+        let coordinates = postures
+            .into_iter()
+            .map(|(pose, [phi1, phi2, ..])| [pose.x_m, pose.y_m, pose.theta_rad, phi1, phi2]);
+        Ok(coordinates.collect())
     }
 
     /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the

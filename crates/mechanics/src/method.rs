@@ -16,7 +16,7 @@ use super::radau::{RADAU, STAGES};
 use super::reduced::{Derivatives, Reduced, ThreeLink};
 use super::sensitivity::{Workspaces, differentiate, differentiate_distance};
 use super::trajectory::{self, Sample};
-use super::transient::{self, Frames, Integrator};
+use super::transient::{self, Frames, Integrator, Posture};
 
 /// Number of cycles that are integrated from rest to come near the steady-state motion.
 const TRANSIENT_CYCLES: f64 = 40.0;
@@ -83,19 +83,19 @@ pub(super) trait Method {
 
     fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>>;
 
-    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<[f64; 5]>>;
+    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<Posture>>;
 }
 
 /// Solution method for motions that are governed by differential equations.
 pub(super) struct Collocation<'o, const N: usize, R: Reduced<N>> {
-    pub model: R,
+    pub model: &'o R,
     pub orbit: &'o mut PeriodicOrbit<N, R>,
 }
 
 impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     /// Solves for the steady-state motion, starting from the last solution.
     fn continue_last(&mut self, accuracy: f64) -> Result<()> {
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         let was_broken = orbit.is_symmetry_broken;
         orbit.solve(model, Start::Last, accuracy)?;
         // The solution may have regained its half-period symmetry.
@@ -109,11 +109,11 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     /// unstable to symmetry breaking is first replaced by the attractor reached from rest, which lacks the symmetry, if
     /// that attractor can be found.
     fn measure(&mut self, accuracy: f64) -> (Cycle<N>, Effort) {
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         if orbit.breaks_symmetry() {
             let symmetric = orbit.clone();
             if find_attractor(model, orbit, true, accuracy, SEARCHED_CYCLES).is_err() {
-                **orbit = symmetric;
+                *orbit = symmetric;
             }
         }
         (orbit.measure(model), orbit.effort)
@@ -123,7 +123,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     pub(super) fn find(&mut self, is_warm: bool, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
         self.orbit.effort = Effort::default();
         let is_solved = is_warm && self.continue_last(accuracy).is_ok();
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         if !is_solved && let Err(error) = orbit.solve(model, Start::Guess, accuracy) {
             let mut transient = Integrator::new(model, TRANSIENT_TOLERANCE);
             let duration_s = TRANSIENT_CYCLES * TAU / model.omega_rad_s();
@@ -143,7 +143,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         self.orbit.effort = Effort::default();
         let last = self.orbit.snapshot();
         if self.continue_last(accuracy).is_err()
-            && let Err(error) = self.orbit.solve(&self.model, Start::Guess, accuracy)
+            && let Err(error) = self.orbit.solve(self.model, Start::Guess, accuracy)
         {
             self.orbit.restore(last);
             return Err(error);
@@ -157,7 +157,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         is_solved: bool,
         accuracy: f64,
     ) -> Result<(Cycle<N>, usize, bool)> {
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         let (cycles, is_first) = find_attractor(model, orbit, is_solved, accuracy, MAX_CYCLES)?;
         Ok((orbit.measure(model), cycles, is_first))
     }
@@ -166,16 +166,16 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
 impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         let (cycle, effort) = self.find(is_warm, accuracy)?;
-        Ok((cycle.gait_metrics(self.model.problem()), effort))
+        Ok((self.model.gait_metrics(&cycle), effort))
     }
 
     fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
         let (cycle, effort) = self.find_near(accuracy)?;
-        Ok((cycle.gait_metrics(self.model.problem()), effort))
+        Ok((self.model.gait_metrics(&cycle), effort))
     }
 
     fn floquet(&mut self) -> Result<Option<f64>> {
-        self.orbit.floquet(&self.model).map(Some)
+        self.orbit.floquet(self.model).map(Some)
     }
 
     fn is_symmetry_broken(&self) -> bool {
@@ -183,28 +183,28 @@ impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
     }
 
     fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
+        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = orbit;
         let workspaces = Workspaces { linearisation, workspace, adjoints };
         let found = differentiate(model, mesh, (path, &cycle), workspaces, wanted);
         found.ok_or(orbit.not_converged())
     }
 
     fn work_and_loss_j(&self) -> Result<[f64; 2]> {
-        Ok(work_and_loss_j(&self.model, &self.orbit.mesh))
+        Ok(work_and_loss_j(self.model, &self.orbit.mesh))
     }
 
     fn loss_j(&mut self) -> Result<f64> {
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         orbit.measure(model);
         Ok(loss_j(model, &orbit.mesh, &orbit.path))
     }
 
     fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
-        let Self { model, orbit } = self;
+        let (model, orbit) = (self.model, &mut *self.orbit);
         let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = &mut **orbit;
+        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = orbit;
         let loss_j = loss_j(model, mesh, path);
         let workspaces = Workspaces { linearisation, workspace, adjoints };
         let found = differentiate_distance(model, mesh, (path, &cycle), workspaces, loss_j);
@@ -212,7 +212,7 @@ impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
     }
 
     fn polish(&mut self) -> Result<f64> {
-        self.orbit.polish(&self.model)
+        self.orbit.polish(self.model)
     }
 
     fn attractor(
@@ -221,19 +221,19 @@ impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
         accuracy: f64,
     ) -> Result<(GaitMetrics, usize, bool)> {
         let (cycle, cycles, is_first) = self.reach(first.is_ok(), accuracy)?;
-        Ok((cycle.gait_metrics(self.model.problem()), cycles, is_first))
+        Ok((self.model.gait_metrics(&cycle), cycles, is_first))
     }
 
     fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {
-        trajectory::cycle(&self.model, &self.orbit.mesh, samples)
+        trajectory::cycle(self.model, &self.orbit.mesh, samples)
     }
 
     fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
-        trajectory::from_rest(&self.model, cycles, samples)
+        trajectory::from_rest(self.model, cycles, samples)
     }
 
-    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<[f64; 5]>> {
-        transient::from_rest(&self.model, frames, tolerance)
+    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<Posture>> {
+        transient::from_rest(self.model, frames, tolerance)
     }
 }
 

@@ -20,10 +20,10 @@ use super::orbit::Effort;
 use super::radau::{RADAU, STAGES};
 use super::reduced::{
     COMMAND_SIZE, CommandNode, Derivatives, HARMONIC_SIZE, KinematicState, Variable,
-    friction_power_gradient,
+    friction_power_gradient, joints_rad,
 };
 use super::trajectory::Sample;
-use super::transient::Frames;
+use super::transient::{Frames, Posture};
 use super::{MotionError, Problem, Result};
 
 /// Initial number of quadrature elements. Odd numbers keep the ends of the elements away from the simple
@@ -198,13 +198,11 @@ impl<F: Friction> Method for Quadrature<'_, F> {
 
     /// Returns the coordinates `(x, y, theta, phi1, phi2)`, m and rad, in every frame. Friction and the tolerance are
     /// ignored, because the no-skid constraints alone determine the motion (eq. 3 of the paper).
-    fn transient(&self, frames: &Frames, _: f64) -> Result<Vec<[f64; 5]>> {
+    fn transient(&self, frames: &Frames, _: f64) -> Result<Vec<Posture>> {
         let samples = self.samples(self.problem.omega_rad_s / frames.rate_hz, frames.count())?;
         Ok(samples
             .iter()
-            .map(|Sample { pose, phi_rad: [phi1, phi2], .. }| {
-                [pose.x_m, pose.y_m, pose.theta_rad, *phi1, *phi2]
-            })
+            .map(|Sample { pose, phi_rad, .. }| (*pose, joints_rad(*phi_rad)))
             .collect())
     }
 }

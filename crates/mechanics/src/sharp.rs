@@ -2,7 +2,8 @@
 
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 
-use super::{Problem, Result, Solver};
+use super::any::Kind;
+use super::{AnyProblem, AnySolver, Result};
 
 /// Metrics in the limit of zero transition speed, where dry friction reverses its sign discontinuously.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -12,7 +13,7 @@ pub struct SharpLimit {
     pub uncertainty: GaitMetrics,
 }
 
-impl Problem {
+impl AnyProblem {
     /// Extrapolates the metrics to zero transition speed from solutions at the robot's transition speed, half
     /// of it and a quarter of it, each computed to the relative `accuracy`. Returns `None` if no friction is
     /// dry, or if the no-skid constraints alone determine the motion.
@@ -23,7 +24,7 @@ impl Problem {
         if !self.laws.are_dry() || self.is_determined() {
             return Ok(None);
         }
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let whole = solver.solve(&self.with_transition_scaled(1.0), accuracy)?;
         let half = solver.solve(&self.with_transition_scaled(0.5), accuracy)?;
         let quarter = solver.solve(&self.with_transition_scaled(0.25), accuracy)?;
@@ -38,5 +39,21 @@ impl Problem {
         let mut metrics = GaitMetrics::from(limits);
         metrics.sigma = metrics.sigma.map(|sigma| if sigma < 0.0 { 0.0 } else { sigma });
         Ok(Some(SharpLimit { metrics, uncertainty }))
+    }
+
+    /// Returns whether the no-skid constraints and the commands alone determine the motion.
+    pub(super) fn is_determined(&self) -> bool {
+        match self.kind() {
+            Kind::ThreeLinks(problem) => problem.is_determined(),
+            Kind::Chain(problem) => problem.is_determined(),
+        }
+    }
+
+    /// Returns the problem with the transition speed of dry friction multiplied by `factor`.
+    fn with_transition_scaled(&self, factor: f64) -> Self {
+        match self.kind() {
+            Kind::ThreeLinks(problem) => problem.with_transition_scaled(factor).into(),
+            Kind::Chain(problem) => problem.with_transition_scaled(factor).into(),
+        }
     }
 }

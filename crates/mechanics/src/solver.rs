@@ -123,15 +123,15 @@ impl<F: Friction> Orbits<F> {
         match (passive, problem.laws.skids()) {
             (None, _) => {
                 let model = Skid::new(problem, 0);
-                task(&mut Collocation { model, orbit: kinematic_skid })
+                task(&mut Collocation { model: &model, orbit: kinematic_skid })
             }
             (Some(passive), true) => {
                 let model = Skid::new(problem, passive);
-                task(&mut Collocation { model, orbit: passive_skid })
+                task(&mut Collocation { model: &model, orbit: passive_skid })
             }
             (Some(passive), false) => {
                 let model = PassiveNoSkid::new(problem, passive);
-                task(&mut Collocation { model, orbit: passive_no_skid })
+                task(&mut Collocation { model: &model, orbit: passive_no_skid })
             }
         }
     }

@@ -6,13 +6,13 @@
 use std::f64::consts::TAU;
 use std::iter;
 
-use trilink_robot::Pose;
+use trilink_robot::{MAX_JOINTS, Pose};
 
 use super::element::{
     Element, Linearisation, Stages, integrate_poses, interpolate, solve_element, weighted,
 };
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Reduced, ThreeLink};
+use super::reduced::Reduced;
 use super::{MotionError, Result};
 
 /// Integrator of a motion that starts from rest at phase 0.
@@ -198,12 +198,16 @@ impl Frames<'_> {
     }
 }
 
-/// Returns the coordinates `(x, y, theta, phi1, phi2)`, m and rad, of the transient at the sampling times.
-pub(super) fn from_rest<const N: usize, R: ThreeLink<N>>(
+/// Pose of the reference link, and the angles of the joints, rad, followed by zeros.
+pub type Posture = (Pose, [f64; MAX_JOINTS]);
+
+/// Returns the motion at the sampling times of the transient.
+pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     frames: &Frames,
     tolerance: f64,
-) -> Result<Vec<[f64; 5]>> {
+) -> Result<Vec<Posture>> {
+    const COORDINATES: usize = 3 + MAX_JOINTS;
     let Frames { friction, duration_s, rate_hz } = *frames;
     let count = frames.count();
     let mut path = Vec::with_capacity(count);
@@ -211,17 +215,21 @@ pub(super) fn from_rest<const N: usize, R: ThreeLink<N>>(
     let omega_rad_s = integrator.omega_rad_s;
     let mut visit = |step: &Step<N, R>| {
         let start = model.kinematics(&model.node(omega_rad_s * step.time_s), step.start);
-        let mut coordinates = [[0.0; STAGES + 1]; 5];
+        let mut coordinates = [[0.0; STAGES + 1]; COORDINATES];
         let points = iter::once((&step.pose, &start)).chain(step.poses.iter().zip(step.states));
-        for (l, (pose, state)) in points.enumerate() {
-            let [phi1, phi2] = R::of(state).phi_rad;
-            let values = [pose.x_m, pose.y_m, pose.theta_rad, phi1, phi2];
-            (0..5).for_each(|i| coordinates[i][l] = values[i]);
+        let parts = iter::once(0.0).chain(RADAU.nodes);
+        for (l, ((pose, state), part)) in points.zip(parts).enumerate() {
+            let phase_rad = omega_rad_s * (step.time_s + part * step.duration_s);
+            let values = [pose.x_m, pose.y_m, pose.theta_rad].into_iter();
+            let values = values.chain(model.joints_rad(phase_rad, state));
+            coordinates.iter_mut().zip(values).for_each(|(of, value)| of[l] = value);
         }
         let times = (path.len()..count).map(|frame| frame as f64 / rate_hz);
         path.extend(times.take_while(|time_s| *time_s < step.end_s).map(|time_s| {
             let part = ((time_s - step.time_s) / step.duration_s).min(1.0);
-            coordinates.each_ref().map(|values| RADAU.interpolate(values, part))
+            let [x_m, y_m, theta_rad, phi_rad @ ..] =
+                coordinates.each_ref().map(|values| RADAU.interpolate(values, part));
+            (Pose { x_m, y_m, theta_rad }, phi_rad)
         }));
     };
     let mut workspace = Linearisation::default();

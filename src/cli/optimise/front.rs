@@ -60,8 +60,8 @@ impl Optimise {
             ..optimum.row(number, &self.campaign, setup, search, None)
         });
         let rows: Vec<OptimumRow> = rows.collect();
-        let problems = front.iter().map(|optimum| optimum.problem.clone());
-        note_extrapolation(&self.campaign, setup, problems);
+        let problems = front.iter().map(|optimum| optimum.problem.clone().into());
+        note_extrapolation(&self.campaign, setup.model, setup.measured_range(), problems);
         if let Some(path) = &self.files.table {
             write_rows(path, &rows, &format!("{search:?} {other:?}"))?;
         }

@@ -4,9 +4,9 @@ use rayon::prelude::*;
 use trilink_base::text::known;
 use trilink_fit::simulate::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
 
-use super::super::output::{note, say, warn, write_json};
+use super::super::output::{note, say, write_json};
 use super::super::results::{check_ending, write_table};
-use super::super::setup::{MODEL, preferred};
+use super::super::setup::{note_caution, note_extrapolation};
 use super::super::table::{Table, short};
 use super::super::terminal::Text;
 use super::super::{Context, Failure, Interrupted, Outcome};
@@ -30,27 +30,20 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
         check_ending(path, "--trajectory")?;
     }
     let fits = command.numbers.fits(context, false)?;
-    let mut models = models(&command.model, &context.config);
+    let given = models(&command.model, &context.config);
+    let mut models: Vec<Option<&str>> = given.iter().map(|model| Some(model.as_str())).collect();
     if models.is_empty() {
-        models.push(match &fits {
-            Some(fits) => preferred(&context.config, fits, campaign)?.name().to_owned(),
-            None => MODEL.to_owned(),
-        });
+        models.push(None);
     }
-    let setups = models
-        .iter()
-        .filter_map(|model| ChainSetup::new(&context.config, campaign, model).transpose());
-    let mut setups: Vec<ChainSetup> = setups.collect::<Result<_, _>>()?;
+    let setup = |model| {
+        command.numbers.chain_setup(&context.config, campaign, model, fits.as_ref()).transpose()
+    };
+    let setups: Vec<ChainSetup> = models.into_iter().filter_map(setup).collect::<Result<_, _>>()?;
     let omegas = command.omega.concat();
-    for setup in &mut setups {
-        if let Some(fits) = &fits {
-            setup.use_fit(&context.config, campaign, fits)?;
-        }
-        command.numbers.set.iter().try_for_each(|setting| setup.set(setting))?;
-    }
     for setup in &setups {
-        let cautions = setup.caution(&omegas).into_iter();
-        cautions.for_each(|caution| warn(&format!("{campaign} {}: {caution}", setup.model)));
+        note_caution(campaign, setup.model, setup.fit());
+        let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s).into());
+        note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
     }
     let all: Vec<(&ChainSetup, f64)> = setups
         .iter()

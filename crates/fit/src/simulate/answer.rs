@@ -3,8 +3,8 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 use trilink_mechanics::{
-    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, SharpLimit,
-    Solver, SteadyMotion,
+    AnyProblem, Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY,
+    SharpLimit, Solver, SteadyMotion,
 };
 use trilink_robot::Model;
 use trilink_robot::metrics::GaitMetrics;
@@ -136,8 +136,9 @@ impl<'a> Answer<'a> {
             Err(error) => (error.status(), Some(error.to_string())),
         };
         let motion = motion.ok();
-        let sharp_limit =
-            motion.and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
+        let sharp_limit = motion.and_then(|_| {
+            AnyProblem::from(problem.clone()).sharp_limit(REFERENCE_ACCURACY).ok().flatten()
+        });
         let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
         let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
         let work_j_m = if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN };

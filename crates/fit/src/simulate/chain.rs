@@ -6,8 +6,8 @@ use std::path::Path;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 use trilink_mechanics::{
-    AnyProblem, ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest, MotionError,
-    MotionStatus, REFERENCE_ACCURACY,
+    ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest, MotionError, MotionStatus,
+    REFERENCE_ACCURACY,
 };
 use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
 use trilink_tables::config::{Config, did_you_mean};
@@ -104,21 +104,16 @@ impl ChainSetup {
         Ok(())
     }
 
-    /// Returns warnings about the fit from which the coefficients come, and about motions at the given frequencies that
-    /// lie outside the range of its trials; empty if there are none.
-    pub fn caution(&self, omegas_rad_s: &[f64]) -> Vec<String> {
-        let Some(FittedChain { summary, range, .. }) = &self.fitted else { return Vec::new() };
-        let mut warnings = vec![summary.caution()];
-        let problems = omegas_rad_s.iter().map(|&omega_rad_s| AnyProblem {
-            gait: self.chain.gait(),
-            robot: self.chain.clone().into(),
-            laws: self.laws,
-            omega_rad_s,
-        });
-        let range = range.as_ref().map_err(String::as_str);
-        warnings.extend(MeasuredRange::caution(range, problems));
-        warnings.retain(|warning| !warning.is_empty());
-        warnings
+    /// Returns the summary of the fit that provides the coefficients; `None` for configured coefficients.
+    pub fn fit(&self) -> Option<&FitSummary> {
+        self.fitted.as_ref().map(|fitted| &fitted.summary)
+    }
+
+    /// Returns the range covered by the fitted trials, or the reason why it is unknown; `None` for configured
+    /// coefficients.
+    pub fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
+        let range = &self.fitted.as_ref()?.range;
+        Some(range.as_ref().map_err(String::as_str))
     }
 
     /// Applies a setting `NAME=VALUE` of a number of the chain, in the unit of its name.
@@ -129,21 +124,38 @@ impl ChainSetup {
         let (name, value) = setting
             .split_once('=')
             .ok_or_else(|| format!("--set: found `{setting}`, needed NAME=VALUE"))?;
-        let names = self.chain.numbers().into_iter();
-        let names: Vec<(String, ChainNumber)> =
-            names.map(|number| (self.chain.number_name(number), number)).collect();
-        let Some((_, number)) = names.iter().find(|(known, _)| known == name) else {
-            let hint = did_you_mean(name, names.iter().map(|(known, _)| known.as_str()));
+        let Some(number) = self.number(name) else {
+            let names = self.number_names();
+            let hint = did_you_mean(name, names.iter().map(String::as_str));
             return Err(format!("--set {setting}: the robot has no number `{name}`{hint}").into());
         };
         let parsed: f64 = value
             .parse()
             .map_err(|_| format!("--set {setting}: found `{value}`, needed a number"))?;
-        if let Some(value) = self.chain.number_mut(*number) {
+        if let Some(value) = self.chain.number_mut(number) {
             *value = parsed * number.in_si();
         }
         self.chain.check().map_err(|error| format!("--set {setting}: {error}"))?;
         Ok(())
+    }
+
+    /// Returns the names of the chain's numbers.
+    pub fn number_names(&self) -> Vec<String> {
+        let numbers = self.chain.numbers().into_iter();
+        numbers.map(|number| self.chain.number_name(number)).collect()
+    }
+
+    fn number(&self, name: &str) -> Option<ChainNumber> {
+        let mut numbers = self.chain.numbers().into_iter();
+        numbers.find(|number| self.chain.number_name(*number) == name)
+    }
+
+    /// Returns the setup with a number of the chain set to a value in the unit of its name; `None` if the name is unknown.
+    pub fn with_number(&self, name: &str, value: f64) -> Option<Self> {
+        let number = self.number(name)?;
+        let mut setup = self.clone();
+        *setup.chain.number_mut(number)? = value * number.in_si();
+        Some(setup)
     }
 
     /// Returns the sensitivities of the motion at a frequency to all numbers of the chain: one row for each number on

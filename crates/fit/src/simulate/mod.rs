@@ -15,9 +15,7 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{MotionError, Problem};
 use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
-use trilink_tables::{
-    Columns as _, Extrapolation, NoInterval, NoIntervalReason, SensitivityRow, TrajectoryRow,
-};
+use trilink_tables::{Extrapolation, NoInterval, NoIntervalReason, SensitivityRow, TrajectoryRow};
 
 use crate::bands::without_resample;
 use crate::{Alternatives, MeasuredRange, PredictionBands};
@@ -160,13 +158,7 @@ impl Setup {
 
     /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
     pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
-        match self.measured_range() {
-            None => Extrapolation::blank(),
-            Some(Ok(range)) => range.extrapolation(&problem.clone().into()),
-            Some(Err(why)) => {
-                Extrapolation { extrapolated: None, beyond_trials: format!("not known: {why}") }
-            }
-        }
+        MeasuredRange::extrapolation_beyond(self.measured_range(), &problem.clone().into())
     }
 
     /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed

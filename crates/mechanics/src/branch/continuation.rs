@@ -6,7 +6,7 @@ use trilink_robot::metrics::{Bifurcation, BranchKind, MotionStatus};
 use super::{ACCURACY, Branch, BranchPoint};
 use crate::mesh::Mesh;
 use crate::orbit::{Direction, PeriodicOrbit, Plane, Slopes, largest_lane};
-use crate::reduced::ThreeLink;
+use crate::reduced::Reduced;
 use crate::{MotionError, Result};
 
 /// Initial step length, with the parameter range scaled to length 1.
@@ -31,7 +31,7 @@ const MAX_NEWTON_STEPS: usize = 10;
 const DIFFERENCE_STEP: f64 = 1e-6;
 
 /// Solution from which the continuation of a branch starts.
-pub(super) struct BranchStart<const N: usize, R: ThreeLink<N>> {
+pub(super) struct BranchStart<const N: usize, R: Reduced<N>> {
     pub value: f64,
     pub parent: Option<usize>,
     mesh: Mesh<N, R>,
@@ -40,7 +40,7 @@ pub(super) struct BranchStart<const N: usize, R: ThreeLink<N>> {
     change: Option<[f64; N]>,
 }
 
-impl<const N: usize, R: ThreeLink<N>> BranchStart<N, R> {
+impl<const N: usize, R: Reduced<N>> BranchStart<N, R> {
     /// Creates the start of a branch at a solution, in the direction of increasing parameter.
     pub(super) fn from_solution(orbit: PeriodicOrbit<N, R>, value: f64) -> Self {
         Self { value, parent: None, mesh: orbit.mesh, change: None }
@@ -49,7 +49,7 @@ impl<const N: usize, R: ThreeLink<N>> BranchStart<N, R> {
 
 /// Checkpoint to which the continuation can return.
 #[derive(Clone)]
-struct Checkpoint<const N: usize, R: ThreeLink<N>> {
+struct Checkpoint<const N: usize, R: Reduced<N>> {
     mesh: Mesh<N, R>,
     value: f64,
     tangent: Direction<N>,
@@ -71,7 +71,7 @@ enum Test {
 const TESTS: [Test; 4] = [Test::Fold, Test::Flip, Test::Torus, Test::Joins];
 
 /// State of the continuation of one branch.
-pub(super) struct Continuation<'a, const N: usize, R: ThreeLink<N>> {
+pub(super) struct Continuation<'a, const N: usize, R: Reduced<N>> {
     model_at: &'a dyn Fn(f64) -> R,
     range: [f64; 2],
     kind: BranchKind,
@@ -93,7 +93,7 @@ pub(super) struct Continuation<'a, const N: usize, R: ThreeLink<N>> {
     pub joins_at: Option<f64>,
 }
 
-impl<'a, const N: usize, R: ThreeLink<N>> Continuation<'a, N, R> {
+impl<'a, const N: usize, R: Reduced<N>> Continuation<'a, N, R> {
     /// Prepares the continuation of a branch from its start.
     ///
     /// # Errors
@@ -314,11 +314,11 @@ impl<'a, const N: usize, R: ThreeLink<N>> Continuation<'a, N, R> {
     }
 
     /// Returns the Floquet multipliers over the time span of the mesh (one or more periods, or half of one),
-    /// padded with zeros to a length of 5; empty if they cannot be computed.
+    /// padded with zeros to a length of at least 5; empty if they cannot be computed.
     fn multipliers(&self) -> Vec<Complex<f64>> {
         self.orbit
             .multipliers()
-            .map_or_else(|_| Vec::new(), |values| values.into_iter().take(5).collect())
+            .map_or_else(|_| Vec::new(), |values| values.into_iter().take(N.max(5)).collect())
     }
 
     /// Updates, from the latest linearisation, the values of the test functions that detect bifurcations.
@@ -378,7 +378,7 @@ impl<'a, const N: usize, R: ThreeLink<N>> Continuation<'a, N, R> {
     /// Returns the current solution as a point of the branch.
     fn point(&mut self, bifurcation: Option<Bifurcation>) -> BranchPoint {
         let model = (self.model_at)(self.value);
-        let metrics = self.orbit.measure(&model).gait_metrics(model.problem());
+        let metrics = model.gait_metrics(&self.orbit.measure(&model));
         let floquet = self.largest_multiplier();
         let is_broken = self.kind == BranchKind::SymmetryBroken;
         let status = MotionStatus::new(Some(floquet), is_broken);

@@ -13,12 +13,13 @@ mod continuation;
 use std::f64::consts::TAU;
 
 use trilink_robot::metrics::{Bifurcation, BranchKind, GaitMetrics, MotionStatus};
-use trilink_robot::{Dry, Friction, Parameter, Viscous};
+use trilink_robot::{AnyRobot, Dry, Friction, Parameter, Viscous};
 
-use super::method::{Collocation, Method};
+use super::any::Kind;
+use super::method::Collocation;
 use super::orbit::{PeriodicOrbit, Start};
-use super::reduced::{PassiveNoSkid, Skid, ThreeLink};
-use super::{MotionError, Problem, Result};
+use super::reduced::{PassiveNoSkid, Reduced, Skid};
+use super::{AnyProblem, MotionError, Problem, Result};
 use continuation::{BranchStart, Continuation};
 
 /// Point of a branch: a steady-state motion.
@@ -58,28 +59,53 @@ pub(super) const ACCURACY: f64 = 1e-9;
 /// Returns an error if there is no steady-state motion at the lower end, if the no-skid constraints alone
 /// determine that motion, so that it has no dynamic states, or if the computation was cancelled.
 pub fn branches(
-    problem_at: &dyn Fn(f64) -> Problem,
+    problem_at: &dyn Fn(f64) -> AnyProblem,
     range: [f64; 2],
     is_cancelled: &dyn Fn() -> bool,
 ) -> Result<Vec<Branch>> {
-    let first = problem_at(range[0]).effective();
-    // All problems are converted to one frequency with the same motion per radian of phase, so that no time
-    // scale depends on the parameter.
-    let omega_rad_s = first.omega_rad_s;
-    let at = |value: f64| problem_at(value).effective().per_radian_as(omega_rad_s);
+    let first = problem_at(range[0]);
+    if first.is_determined() {
+        return Err(MotionError::Determined);
+    }
     let speed = |value: f64| problem_at(value).omega_rad_s;
     let sweep = Sweep { range, omega_rad_s: &speed, is_cancelled };
+    // All problems are converted to one frequency with the same motion per radian of phase, so that no time
+    // scale depends on the parameter.
+    let at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s);
+    match first.kind() {
+        Kind::ThreeLinks(first) => {
+            let at = |value: f64| match at(value).kind() {
+                Kind::ThreeLinks(problem) => problem.effective(),
+                Kind::Chain(_) => first.clone(),
+            };
+            of_three_links(&at, &sweep, &first.effective())
+        }
+        Kind::Chain(first) => {
+            let at = |value: f64| match at(value).kind() {
+                Kind::Chain(problem) => problem.effective(),
+                Kind::ThreeLinks(_) => first.clone(),
+            };
+            first.branches(&at, &sweep)
+        }
+    }
+}
+
+/// Traces all branches of a robot of three links; `first` is the problem at the lower end of the parameter range.
+fn of_three_links(
+    at: &dyn Fn(f64) -> Problem,
+    sweep: &Sweep,
+    first: &Problem,
+) -> Result<Vec<Branch>> {
     match first.gait.joints {
         [None, None] => Err(MotionError::NotDriven),
-        [Some(_), Some(_)] if !first.laws.skids() => Err(MotionError::Determined),
-        _ if !first.laws.are_linear() => with_friction::<Dry>(&at, &sweep, &first),
-        _ => with_friction::<Viscous>(&at, &sweep, &first),
+        _ if !first.laws.are_linear() => with_friction::<Dry>(at, sweep, first),
+        _ => with_friction::<Viscous>(at, sweep, first),
     }
 }
 
 /// Parameter range of the sweep, and the gait's frequency as a function of the parameter; shared by all
 /// branches.
-struct Sweep<'a> {
+pub(super) struct Sweep<'a> {
     range: [f64; 2],
     omega_rad_s: &'a dyn Fn(f64) -> f64,
     is_cancelled: &'a dyn Fn() -> bool,
@@ -102,14 +128,14 @@ fn with_friction<F: Friction>(
 }
 
 /// Traces all branches of the motions of one reduced model, in the order in which their starts are found.
-fn trace_all<const N: usize, R: ThreeLink<N>>(
+pub(super) fn trace_all<const N: usize, R: Reduced<N>>(
     model_at: &dyn Fn(f64) -> R,
     &Sweep { range, omega_rad_s, is_cancelled }: &Sweep,
 ) -> Result<Vec<Branch>> {
     let model = model_at(range[0]);
     let mut orbit = PeriodicOrbit::default();
     if orbit.solve(&model, Start::Guess, ACCURACY).is_err() {
-        Collocation { model: model.clone(), orbit: &mut orbit }.solve(false, ACCURACY)?;
+        Collocation { model: &model, orbit: &mut orbit }.find(false, ACCURACY)?;
     }
     let mut waiting = vec![BranchStart::from_solution(orbit, range[0])];
     let mut found: Vec<Branch> = Vec::new();
@@ -134,15 +160,27 @@ fn trace_all<const N: usize, R: ThreeLink<N>>(
     Ok(found)
 }
 
-impl Problem {
+impl AnyProblem {
     /// Returns the equivalent problem at the frequency `omega_rad_s`: its motion is the same function of the
     /// command's phase.
     fn per_radian_as(&self, omega_rad_s: f64) -> Self {
         let ratio = omega_rad_s / self.omega_rad_s;
         let mut problem = Self { omega_rad_s, ..self.clone() };
-        for parameter in Parameter::ALL.into_iter().filter(|parameter| !parameter.is_sum()) {
-            let value = parameter.value_in(&self.robot) * ratio.powf(parameter.power_of_omega());
-            parameter.set(&mut problem.robot, value);
+        match &mut problem.robot {
+            AnyRobot::ThreeLinks(robot) => {
+                for parameter in Parameter::ALL.into_iter().filter(|parameter| !parameter.is_sum())
+                {
+                    let factor = ratio.powf(parameter.power_of_omega());
+                    parameter.set(robot, parameter.value_in(robot) * factor);
+                }
+            }
+            AnyRobot::Chain(chain) => {
+                for number in chain.numbers() {
+                    if let Some(value) = chain.number_mut(number) {
+                        *value *= ratio.powi(number.power_of_omega());
+                    }
+                }
+            }
         }
         problem
     }

@@ -10,7 +10,7 @@
 use trilink_robot::{ChainError, ChainNumber};
 
 use super::model::Model;
-use super::{ChainMetrics, ChainMotion, ChainProblem, Task, metrics_of, motion_of, solved};
+use super::{ChainMetrics, ChainProblem, metrics_of};
 use crate::Result;
 use crate::cycle::measure;
 use crate::mesh::Mesh;
@@ -48,78 +48,76 @@ impl ChainSlopes {
     }
 }
 
-pub(super) struct Differentiate<'a> {
-    pub problem: &'a ChainProblem,
-    pub accuracy: f64,
-    pub numbers: &'a [ChainNumber],
-}
-
-impl Task for Differentiate<'_> {
-    type Output = (ChainMotion, Vec<ChainSlopes>);
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<Self::Output> {
-        let (model, mut orbit, cycle) = solved(model, self.accuracy)?;
-        let motion = motion_of(&model, &mut orbit, &cycle)?;
-        orbit.linearise(&model)?;
-        let mut slopes = vec![None; self.numbers.len()];
-        // First the numbers that leave the motion's half-period symmetry, if it has one, as it is.
-        loop {
-            let mut varied = [(); 2].map(|()| (orbit.mesh.clone(), Path::default()));
-            for (slope, number) in slopes.iter_mut().zip(self.numbers) {
-                if slope.is_none() {
-                    *slope = self.slope(&model, &mut orbit, &mut varied, *number)?;
-                }
-            }
-            if !orbit.mesh.is_half || slopes.iter().all(Option::is_some) {
-                return Ok((motion, slopes.into_iter().flatten().collect()));
-            }
-            orbit.cover_whole_periods(&model)?;
+/// Returns the derivatives of the solution `orbit` with respect to numbers of the chain of `problem`.
+pub(super) fn slopes<const N: usize, const C: usize, const D: usize>(
+    problem: &ChainProblem,
+    model: &Model<N, C, D>,
+    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+    numbers: &[ChainNumber],
+) -> Result<Vec<ChainSlopes>> {
+    orbit.linearise(model)?;
+    // First of the numbers that leave the motion's half-period symmetry, if it has one, as it is.
+    let mut slopes = slopes_on(problem, model, orbit, numbers)?;
+    if slopes.iter().any(Option::is_none) {
+        let mut whole = orbit.clone();
+        whole.cover_whole_periods(model)?;
+        let (at, others): (Vec<usize>, Vec<ChainNumber>) =
+            std::iter::zip(0.., numbers).filter(|(i, _): &(usize, _)| slopes[*i].is_none()).unzip();
+        for (i, slope) in at.into_iter().zip(slopes_on(problem, model, &mut whole, &others)?) {
+            slopes[i] = slope;
         }
     }
+    Ok(slopes.into_iter().flatten().collect())
 }
 
-impl Differentiate<'_> {
-    /// Returns the derivatives with respect to a number, given two meshes and paths as buffers; `None` if the mesh of the
-    /// orbit covers half a period, and a change in the number breaks the half-period symmetry.
-    fn slope<const N: usize, const C: usize, const D: usize>(
-        &self,
-        model: &Model<N, C, D>,
-        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
-        varied: &mut [(Mesh<N, Model<N, C, D>>, Path<N, Model<N, C, D>>); 2],
-        number: ChainNumber,
-    ) -> Result<Option<ChainSlopes>> {
-        let mut problem = self.problem.clone();
-        let Some(value) = problem.chain.number_mut(number).copied() else {
-            return Err(ChainError::NoNumber(number.key()).into());
-        };
-        let step = step_of(value, &problem, number);
-        let mut at = |value: f64| {
-            if let Some(number) = problem.chain.number_mut(number) {
-                *number = value;
-            }
-            model.with_problem(problem.effective())
-        };
-        let models = [at(value - step), at(value + step)];
-        if orbit.mesh.is_half && models.iter().any(|model| model.half_period_signs().is_none()) {
-            return Ok(None);
+/// Returns the derivatives with respect to each number; `None` as [`slope`] does.
+fn slopes_on<const N: usize, const C: usize, const D: usize>(
+    problem: &ChainProblem,
+    model: &Model<N, C, D>,
+    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+    numbers: &[ChainNumber],
+) -> Result<Vec<Option<ChainSlopes>>> {
+    let mut varied = [(); 2].map(|()| (orbit.mesh.clone(), Path::default()));
+    numbers.iter().map(|number| slope(problem, model, orbit, &mut varied, *number)).collect()
+}
+
+/// Returns the derivatives with respect to a number, given two meshes and paths as buffers; `None` if the mesh of the
+/// orbit covers half a period, and a change in the number breaks the half-period symmetry.
+fn slope<const N: usize, const C: usize, const D: usize>(
+    problem: &ChainProblem,
+    model: &Model<N, C, D>,
+    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+    varied: &mut [(Mesh<N, Model<N, C, D>>, Path<N, Model<N, C, D>>); 2],
+    number: ChainNumber,
+) -> Result<Option<ChainSlopes>> {
+    let mut problem = problem.clone();
+    let Some(value) = problem.chain.number_mut(number).copied() else {
+        return Err(ChainError::NoNumber(number.key()).into());
+    };
+    let step = step_of(value, &problem, number);
+    let mut at = |value: f64| {
+        if let Some(number) = problem.chain.number_mut(number) {
+            *number = value;
         }
-        for (model, (mesh, _)) in models.iter().zip(&mut *varied) {
-            mesh.lay_out(model);
-        }
-        orbit.change([0, 1].map(|i| (&models[i], &varied[i].0)), 2.0 * step)?;
-        let motions = [0, 1].map(|i| {
-            let model = &models[i];
-            let (mesh, path) = &mut varied[i];
-            mesh.states.set_moved(&orbit.mesh.states, [-step, step][i], orbit.last_change());
-            path.follow(model, mesh);
-            let cycle = measure(model, mesh, path, &mut orbit.workspace);
-            (metrics_of(model, &cycle), loss_j(model, mesh, path))
-        });
-        Ok(Some(ChainSlopes::between(&motions, step)))
+        model.with_problem(problem.effective())
+    };
+    let models = [at(value - step), at(value + step)];
+    if orbit.mesh.is_half && models.iter().any(|model| model.half_period_signs().is_none()) {
+        return Ok(None);
     }
+    for (model, (mesh, _)) in models.iter().zip(&mut *varied) {
+        mesh.lay_out(model);
+    }
+    orbit.change([0, 1].map(|i| (&models[i], &varied[i].0)), 2.0 * step)?;
+    let motions = [0, 1].map(|i| {
+        let model = &models[i];
+        let (mesh, path) = &mut varied[i];
+        mesh.states.set_moved(&orbit.mesh.states, [-step, step][i], orbit.last_change());
+        path.follow(model, mesh);
+        let cycle = measure(model, mesh, path, &mut orbit.workspace);
+        (metrics_of(model, &cycle), loss_j(model, mesh, path))
+    });
+    Ok(Some(ChainSlopes::between(&motions, step)))
 }
 
 /// Returns the step of the central differences for a number with the given value: relative to the robot's size for

@@ -2,7 +2,7 @@
 //!
 //! In reading order: `plane`, vectors and moving points; `wave`, commands; `cluster`, the links between which all joints
 //! are driven; `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states;
-//! `response`, their initial guess; `forces`; `derivative`.
+//! `response`, their initial guess; `forces`; `derivative`; `solver`.
 
 mod balance;
 mod cluster;
@@ -12,6 +12,7 @@ mod forces;
 mod model;
 mod plane;
 mod response;
+mod solver;
 mod wave;
 
 use std::f64::consts::TAU;
@@ -22,12 +23,16 @@ use trilink_robot::{Chain, ChainError, ChainNumber, Joint, Laws, WheelFriction};
 pub use derivative::ChainSlopes;
 pub use forces::ChainSample;
 
-use self::derivative::Differentiate;
+pub(crate) use self::solver::ChainSolver;
+
 use self::model::Model;
+use self::solver::{Kept, Steady};
+use crate::branch::{Branch, Sweep};
 use crate::cycle::Cycle;
-use crate::method::{Collocation, work_and_loss_j};
+use crate::method::work_and_loss_j;
 use crate::orbit::PeriodicOrbit;
-use crate::{MotionError, Result, trajectory};
+use crate::transient::{Frames, Posture};
+use crate::{MotionError, Result, SteadyMotion};
 
 /// Chain with given friction laws at one frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,6 +86,13 @@ impl ChainMetrics {
 }
 
 impl ChainMotion {
+    /// Returns the motion with the skid ratios by the numbers of the links ([`Chain::numbering`]).
+    pub fn by_number(&self, chain: &Chain) -> SteadyMotion {
+        let Self { floquet, work_j, is_symmetry_broken, .. } = *self;
+        let metrics = self.metrics.by_number(chain);
+        SteadyMotion { metrics, floquet, work_j, is_symmetry_broken }
+    }
+
     /// Returns whether the motion is stable, and whether it is one of a mirror-image pair.
     pub fn status(&self) -> MotionStatus {
         MotionStatus::new(self.floquet, self.is_symmetry_broken)
@@ -95,121 +107,6 @@ pub struct ChainAttractor {
     pub cycles: usize,
     /// Whether the attractor is the solution that [`ChainProblem::solve`] finds.
     pub is_found_by_solve: bool,
-}
-
-/// What is computed with the equations of motion of a chain.
-trait Task {
-    type Output;
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<Self::Output>;
-}
-
-struct Solve {
-    accuracy: f64,
-}
-
-struct Metrics {
-    accuracy: f64,
-}
-
-struct Settle {
-    accuracy: f64,
-}
-
-struct Sampled {
-    accuracy: f64,
-    samples: usize,
-}
-
-struct FromRest {
-    cycles: usize,
-    samples: usize,
-}
-
-impl Task for Solve {
-    type Output = ChainMotion;
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<ChainMotion> {
-        let (model, mut orbit, cycle) = solved(model, self.accuracy)?;
-        motion_of(&model, &mut orbit, &cycle)
-    }
-}
-
-impl Task for Metrics {
-    type Output = ChainMetrics;
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<ChainMetrics> {
-        let (model, _, cycle) = solved(model, self.accuracy)?;
-        Ok(metrics_of(&model, &cycle))
-    }
-}
-
-impl Task for Settle {
-    type Output = (Result<ChainMotion>, Result<ChainAttractor>);
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<Self::Output> {
-        let mut orbit = PeriodicOrbit::default();
-        let mut method = Collocation { model, orbit: &mut orbit };
-        let first = method.find(false, self.accuracy);
-        let is_solved = first.is_ok();
-        let first = first.and_then(|(cycle, _)| motion_of(&method.model, method.orbit, &cycle));
-        let reached = method.reach(is_solved, self.accuracy);
-        let attractor = reached.and_then(|(cycle, cycles, is_found_by_solve)| {
-            let motion = motion_of(&method.model, method.orbit, &cycle)?;
-            Ok(ChainAttractor { motion, cycles, is_found_by_solve })
-        });
-        Ok((first, attractor))
-    }
-}
-
-impl Task for Sampled {
-    type Output = Vec<ChainSample>;
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<Vec<ChainSample>> {
-        let (model, orbit, _) = solved(model, self.accuracy)?;
-        trajectory::cycle(&model, &orbit.mesh, self.samples)
-    }
-}
-
-impl Task for FromRest {
-    type Output = Vec<ChainSample>;
-
-    fn run<const N: usize, const C: usize, const D: usize>(
-        self,
-        model: Model<N, C, D>,
-    ) -> Result<Vec<ChainSample>> {
-        trajectory::from_rest(&model, self.cycles, self.samples)
-    }
-}
-
-/// Steady motion of a chain: its equations, the periodic solution, and the measurements on it.
-type Solved<const N: usize, const C: usize, const D: usize> =
-    (Model<N, C, D>, PeriodicOrbit<N, Model<N, C, D>>, Cycle<N>);
-
-/// Solves for the steady motion to a relative `accuracy` of its metrics.
-fn solved<const N: usize, const C: usize, const D: usize>(
-    model: Model<N, C, D>,
-    accuracy: f64,
-) -> Result<Solved<N, C, D>> {
-    let mut orbit = PeriodicOrbit::default();
-    let mut method = Collocation { model, orbit: &mut orbit };
-    let (cycle, _) = method.find(false, accuracy)?;
-    Ok((method.model, orbit, cycle))
 }
 
 /// Returns the motion of the last solution, given its measurements.
@@ -260,15 +157,7 @@ impl ChainProblem {
     /// Returns an error if the description of the chain is wrong, if no such motion exists, or if it could not be found
     /// or resolved.
     pub fn solve(&self, accuracy: f64) -> Result<ChainMotion> {
-        self.with(Solve { accuracy })
-    }
-
-    /// Solves for the metrics of the motion that [`ChainProblem::solve`] finds, without its stability and energy.
-    ///
-    /// # Errors
-    /// Returns an error as [`ChainProblem::solve`] does.
-    pub fn metrics(&self, accuracy: f64) -> Result<ChainMetrics> {
-        self.with(Metrics { accuracy })
+        self.solved(accuracy)?.motion()
     }
 
     /// Integrates the transient from rest and solves for the steady-state motion that it reaches.
@@ -281,10 +170,10 @@ impl ChainProblem {
 
     /// Returns the results of [`ChainProblem::solve`] and [`ChainProblem::settle`], solving only once.
     pub fn solve_and_settle(&self, accuracy: f64) -> (Result<ChainMotion>, Result<ChainAttractor>) {
-        match self.with(Settle { accuracy }) {
-            Ok(both) => both,
-            Err(error) => (Err(error.clone()), Err(error)),
-        }
+        let mut solver = ChainSolver::default();
+        let first = solver.solve(self, accuracy).and_then(|_| solver.motion());
+        let attractor = solver.attractor(self, first.is_ok(), accuracy);
+        (first, attractor)
     }
 
     /// Samples one cycle of the steady-state motion at `samples + 1` equally spaced times, the first at phase 0.
@@ -292,7 +181,7 @@ impl ChainProblem {
     /// # Errors
     /// Returns an error as [`ChainProblem::solve`] does.
     pub fn cycle(&self, accuracy: f64, samples: usize) -> Result<Vec<ChainSample>> {
-        self.with(Sampled { accuracy, samples })
+        self.solved(accuracy)?.cycle(samples)
     }
 
     /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the end.
@@ -300,7 +189,12 @@ impl ChainProblem {
     /// # Errors
     /// Returns an error if the description of the chain is wrong, or if the motion cannot be integrated.
     pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<ChainSample>> {
-        self.with(FromRest { cycles, samples })
+        self.checked()?.steady()?.cycles_from_rest(cycles, samples)
+    }
+
+    /// Returns the motion from rest as [`AnyProblem::varied_transient`](crate::AnyProblem::varied_transient) does.
+    pub(crate) fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<Posture>> {
+        self.checked()?.steady()?.transient(frames, tolerance)
     }
 
     /// Solves for the steady-state motion as [`ChainProblem::solve`] does, and for its derivatives with respect to
@@ -313,11 +207,28 @@ impl ChainProblem {
         accuracy: f64,
         numbers: &[ChainNumber],
     ) -> Result<(ChainMotion, Vec<ChainSlopes>)> {
-        self.with(Differentiate { problem: self, accuracy, numbers })
+        let mut solver = self.solved(accuracy)?;
+        Ok((solver.motion()?, solver.slopes(numbers)?))
+    }
+
+    /// Traces all branches of motions as [`branches`](crate::branches) does, from that of this problem, which is the one
+    /// at the lower end of the parameter range; the problems that `problem_at` returns have no unused coefficients.
+    pub(crate) fn branches(
+        &self,
+        problem_at: &dyn Fn(f64) -> Self,
+        sweep: &Sweep,
+    ) -> Result<Vec<Branch>> {
+        self.checked()?.steady()?.branches(problem_at, sweep)
+    }
+
+    fn solved(&self, accuracy: f64) -> Result<ChainSolver> {
+        let mut solver = ChainSolver::default();
+        solver.solve(self, accuracy)?;
+        Ok(solver)
     }
 
     /// Returns whether constraints and commands alone determine the motion: it has no state of its own.
-    fn is_determined(&self) -> bool {
+    pub(crate) fn is_determined(&self) -> bool {
         !self.laws.skids() && self.chain.free_joints() == 0 && self.chain.wheels() >= 3
     }
 
@@ -330,7 +241,7 @@ impl ChainProblem {
         problem
     }
 
-    fn with_transition_scaled(&self, factor: f64) -> Self {
+    pub(crate) fn with_transition_scaled(&self, factor: f64) -> Self {
         self.with_friction(|wheel| WheelFriction {
             transition_m_s: factor * wheel.transition_m_s,
             ..wheel
@@ -346,8 +257,9 @@ impl ChainProblem {
         self.with_friction(|wheel| wheel.effective(self.laws))
     }
 
-    /// Runs a task with the equations of motion for the numbers of free joints and wheels.
-    fn with<T: Task>(&self, task: T) -> Result<T::Output> {
+    /// Returns the problem with the coefficients that its friction laws do not use set to zero, if it can have a
+    /// steady-state motion.
+    fn checked(&self) -> Result<Self> {
         self.chain.check()?;
         if !(self.omega_rad_s > 0.0 && self.omega_rad_s.is_finite()) {
             return Err(ChainError::Frequency(self.omega_rad_s.to_string()).into());
@@ -364,18 +276,20 @@ impl ChainProblem {
         if !self.laws.skids() && wheels > 3 + free {
             return Err(MotionError::Overconstrained { wheels, velocities: 3 + free });
         }
-        match free {
-            0 => {
-                let model = Model::<3, 1, 3>::new(problem);
-                task.run(model.and_then(|model| model.check_bounded().map(|()| model))?)
-            }
-            1 => task.run::<5, 2, 4>(Model::new(problem)?),
-            2 => task.run::<7, 3, 5>(Model::new(problem)?),
-            3 => task.run::<9, 4, 6>(Model::new(problem)?),
-            4 => task.run::<11, 5, 7>(Model::new(problem)?),
-            5 => task.run::<13, 6, 8>(Model::new(problem)?),
-            6 => task.run::<15, 7, 9>(Model::new(problem)?),
-            _ => task.run::<17, 8, 10>(Model::new(problem)?),
+        Ok(problem)
+    }
+
+    /// Returns the equations of motion for the number of free joints.
+    fn steady(self) -> Result<Box<dyn Steady>> {
+        match self.chain.free_joints() {
+            0 => Kept::<3, 1, 3>::boxed(self),
+            1 => Kept::<5, 2, 4>::boxed(self),
+            2 => Kept::<7, 3, 5>::boxed(self),
+            3 => Kept::<9, 4, 6>::boxed(self),
+            4 => Kept::<11, 5, 7>::boxed(self),
+            5 => Kept::<13, 6, 8>::boxed(self),
+            6 => Kept::<15, 7, 9>::boxed(self),
+            _ => Kept::<17, 8, 10>::boxed(self),
         }
     }
 }

@@ -4,14 +4,16 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
+use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
-use super::ChainProblem;
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
 use super::constraint::Constraints;
 use super::forces::{ChainSample, Loose, Motion};
 use super::response::Response;
+use super::{ChainProblem, metrics_of};
+use crate::cycle::Cycle;
 use crate::radau::bisect;
 use crate::reduced::{MAX_TRACKED, Reduced, Residual};
 use crate::{MotionError, Result};
@@ -31,11 +33,14 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     /// Creates the equations for a problem whose unused coefficients are zero.
     ///
     /// # Errors
-    /// Returns an error if the constraints of the wheels depend on each other.
+    /// Returns an error if the constraints of the wheels depend on each other, or if velocities are unbounded at a
+    /// phase.
     pub(super) fn new(problem: ChainProblem) -> Result<Self> {
         let constraints =
             (!problem.laws.skids()).then(|| Constraints::new::<C>(&problem)).transpose()?;
-        Ok(Self::with_constraints(problem, constraints))
+        let model = Self::with_constraints(problem, constraints);
+        model.check_bounded()?;
+        Ok(model)
     }
 
     fn with_constraints(problem: ChainProblem, constraints: Option<Constraints<D>>) -> Self {
@@ -62,7 +67,7 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     /// Checks that velocities are bounded at all phases if no joint is free and there are as many constraints as
     /// velocities. Where the constraints depend on each other, the velocities are bounded if the commands meet a
     /// condition (eq. 5 of the paper); otherwise they grow with the reciprocal of the distance in phase.
-    pub(super) fn check_bounded(&self) -> Result<()> {
+    fn check_bounded(&self) -> Result<()> {
         const PHASES: u32 = 720;
         const BISECTIONS: usize = 30;
         const NEAR_RAD: [f64; 2] = [1e-2, 1e-4];
@@ -329,6 +334,23 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     fn half_period_signs(&self) -> Option<[f64; N]> {
         let signs = std::array::from_fn(|i| if i == 0 { 1.0 } else { -1.0 });
         self.problem.chain.is_mirrored().then_some(signs)
+    }
+
+    fn joints_rad(&self, phase_rad: f64, state: &Posture<f64, C>) -> [f64; MAX_JOINTS] {
+        let mut joints_rad = [0.0; MAX_JOINTS];
+        for (angle_rad, joint) in joints_rad.iter_mut().zip(&self.problem.chain.joints) {
+            if let Joint::Driven(command) = joint {
+                *angle_rad = command.derivative(0, phase_rad);
+            }
+        }
+        for c in 1..C {
+            joints_rad[self.system.clusters.all[c].joint] = state.phi_rad[c];
+        }
+        joints_rad
+    }
+
+    fn gait_metrics(&self, cycle: &Cycle<N>) -> GaitMetrics {
+        metrics_of(self, cycle).by_number(&self.problem.chain)
     }
 
     fn at_rest(&self) -> [f64; N] {

@@ -6,11 +6,11 @@
 //! periodicity equations alone are singular (pseudo-arclength continuation: H. B. Keller, in *Applications of
 //! Bifurcation Theory*, Academic Press 1977).
 
-use nalgebra::{Matrix5, Matrix6, SMatrix, Vector6};
+use nalgebra::{DMatrix, DVector};
 use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
-use super::newton::{padded, product, sum};
+use super::newton::{dynamic, product, sum};
 use crate::Result;
 use crate::mesh::States;
 use crate::reduced::{Reduced, lanes};
@@ -119,21 +119,20 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         let ends = mesh.states.start_of(mesh.count);
         let monodromy = self.monodromy();
         let mesh = &self.mesh;
-        // The matrix has the same size for every model; unused rows and columns are those of the identity.
-        let mut matrix = Matrix6::identity();
-        let mut right = Vector6::zeros();
+        let mut matrix = DMatrix::identity(N + 1, N + 1);
+        let mut right = DVector::zeros(N + 1);
         for i in 0..N {
             (0..N).for_each(|m| matrix[(i, m)] -= monodromy[(i, m)]);
-            matrix[(i, 5)] = -mesh.signs[i] * slope[i];
-            matrix[(5, i)] = plane.start[i];
+            matrix[(i, N)] = -mesh.signs[i] * slope[i];
+            matrix[(N, i)] = plane.start[i];
             right[i] = mesh.signs[i] * (end[i] + ends[i]) - mesh.states.start[i];
         }
-        matrix[(5, 5)] = plane.parameter;
-        right[5] = plane.distance;
+        matrix[(N, N)] = plane.parameter;
+        right[N] = plane.distance;
         let solved = matrix.lu().solve(&right).filter(|step| step.iter().all(|x| x.is_finite()));
         let solved = solved.ok_or(self.not_converged())?;
-        self.propagate(slopes, std::array::from_fn(|i| solved[i]), solved[5]);
-        Ok(solved[5])
+        self.propagate(slopes, std::array::from_fn(|i| solved[i]), solved[N]);
+        Ok(solved[N])
     }
 
     /// Propagates a change in the state at phase 0 (`start`) and in the continuation parameter along the elements, and
@@ -209,9 +208,8 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// Returns, from the last linearisation, the change in the state at phase 0 that comes closest to being reversed
     /// after the time span of the mesh (Floquet multiplier -1); `None` if the singular value decomposition fails.
     pub(crate) fn flip_direction(&self) -> Option<[f64; N]> {
-        let monodromy: SMatrix<f64, N, N> = self.monodromy();
-        let svd =
-            (Matrix5::identity() + padded(&monodromy)).try_svd(false, true, f64::EPSILON, 1000)?;
+        let matrix = DMatrix::identity(N, N) + dynamic(&self.monodromy());
+        let svd = matrix.try_svd(false, true, f64::EPSILON, 1000)?;
         let (smallest, _) = svd.singular_values.argmin();
         let rows = svd.v_t?;
         Some(std::array::from_fn(|i| rows[(smallest, i)]))

@@ -309,12 +309,12 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
 /// Returns the matrix padded with zeros to 5 x 5, the size for the three-link robot. The padding adds only zero
 /// eigenvalues.
-pub(super) fn padded<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
+fn padded<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
     Matrix5::from_fn(|i, j| if i < N && j < N { matrix[(i, j)] } else { 0.0 })
 }
 
 /// Returns the matrix with dimensions that are known only at run time.
-fn dynamic<const N: usize>(matrix: &SMatrix<f64, N, N>) -> DMatrix<f64> {
+pub(super) fn dynamic<const N: usize>(matrix: &SMatrix<f64, N, N>) -> DMatrix<f64> {
     DMatrix::from_fn(N, N, |i, j| matrix[(i, j)])
 }
 

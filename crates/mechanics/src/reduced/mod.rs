@@ -18,11 +18,12 @@ pub(super) use skid::Skid;
 use nalgebra::{SMatrix, SVector};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    ByParameter, Dry, Friction, Gait, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Robot,
-    Shape, Trig, Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
+    ByParameter, Dry, Friction, Gait, LANES, Lanes, MAX_JOINTS, MAX_LINKS, Number, Parameter, Pose,
+    Robot, Shape, Trig, Velocity, dot, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows,
 };
 
 use super::Problem;
+use super::cycle::Cycle;
 use super::trajectory::Sample;
 
 /// Residual of the equations of motion and its derivatives at one time.
@@ -252,6 +253,9 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns the angle (rad) and the rate (rad/s) of a free joint, given its index among the free joints.
     fn free_joint<T: Number>(state: &Self::State<T>, index: usize) -> [T; 2];
 
+    /// Returns the angles of all joints from front to rear, rad, followed by zeros.
+    fn joints_rad(&self, phase_rad: f64, state: &Self::State<f64>) -> [f64; MAX_JOINTS];
+
     /// Returns the power dissipated by friction and damping, W.
     fn loss_w<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> T;
 
@@ -294,6 +298,9 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns, for each state, the factor (1 or -1) by which it is multiplied after half a period of a motion with
     /// half-period symmetry; `None` if the motion cannot have this symmetry.
     fn half_period_signs(&self) -> Option<[f64; N]>;
+
+    /// Returns the metrics of a motion, given the measurements on it.
+    fn gait_metrics(&self, cycle: &Cycle<N>) -> GaitMetrics;
 
     /// Returns the state at phase 0 of a motion that starts from rest; only the commanded joints already
     /// move, at their commanded rates.
@@ -547,6 +554,11 @@ impl Problem {
         let rests_straight = self.robot.rest_angle_rad == 0.0;
         self.gait.is_symmetric() && (self.gait.passive_joint().is_none() || rests_straight)
     }
+}
+
+/// Returns the angles of the joints of three links, followed by zeros.
+pub(super) fn joints_rad(phi_rad: [f64; 2]) -> [f64; MAX_JOINTS] {
+    std::array::from_fn(|joint| phi_rad.get(joint).copied().unwrap_or(0.0))
 }
 
 /// Returns the power dissipated at the wheels and, if there is one, in the `passive` joint, W.

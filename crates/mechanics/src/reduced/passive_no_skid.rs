@@ -2,18 +2,20 @@
 
 use std::marker::PhantomData;
 
+use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    Balance, Friction, LANES, Lanes, MAX_LINKS, Number, Parameter, Pose, Quantity, Robot, Trig,
-    dforce_dphi, dot, force_balance, roll_rows, skid_rows,
+    Balance, Friction, LANES, Lanes, MAX_JOINTS, MAX_LINKS, Number, Parameter, Pose, Quantity,
+    Robot, Trig, dforce_dphi, dot, force_balance, roll_rows, skid_rows,
 };
 
 use super::harmonic::{HarmonicMotion, joint_sign};
 use super::{
     COMMAND_SIZE, CommandGradient, CommandNode, Gradient, KinematicState, MAX_PARAMETERS,
-    MAX_TRACKED, Reduced, Residual, ThreeLink, friction_power, friction_power_gradient, lanes,
-    of_three_links,
+    MAX_TRACKED, Reduced, Residual, ThreeLink, friction_power, friction_power_gradient, joints_rad,
+    lanes, of_three_links,
 };
 use crate::Problem;
+use crate::cycle::Cycle;
 use crate::forces::contact_forces;
 use crate::trajectory::Sample;
 
@@ -355,6 +357,14 @@ impl<F: Friction> Reduced<2> for PassiveNoSkid<F> {
 
     fn half_period_signs(&self) -> Option<[f64; 2]> {
         self.problem.is_mirrored().then_some([1.0, -1.0])
+    }
+
+    fn joints_rad(&self, _: f64, state: &Self::State<f64>) -> [f64; MAX_JOINTS] {
+        joints_rad(Self::of(state).phi_rad)
+    }
+
+    fn gait_metrics(&self, cycle: &Cycle<2>) -> GaitMetrics {
+        cycle.gait_metrics(&self.problem)
     }
 
     fn at_rest(&self) -> [f64; 2] {

@@ -1,7 +1,9 @@
 //! Tests of motions under dry friction: against an independent derivation, under scaling, and in limiting
 //! cases.
 
-use trilink_mechanics::{Attractor, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
+use trilink_mechanics::{
+    AnyProblem, Attractor, ChainProblem, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
+};
 use trilink_robot::metrics::FromRest;
 use trilink_robot::{Gait, Robot, RollLaw, SkidLaw};
 
@@ -214,7 +216,8 @@ fn derivatives_agree_with_central_differences() {
 #[test]
 fn the_sharp_limit_agrees_with_a_much_sharper_transition() {
     for problem in campaigns() {
-        let limit = problem.sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap();
+        let any = AnyProblem::from(problem.clone());
+        let limit = any.sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap();
         let at = |transition_m_s: f64| {
             let robot = Robot { transition_m_s, ..problem.robot.clone() };
             Problem { robot, ..problem.clone() }.solve(1e-8).unwrap().metrics.d_m
@@ -225,7 +228,12 @@ fn the_sharp_limit_agrees_with_a_much_sharper_transition() {
         let remaining = (limit_m - present).abs();
         assert!((sharper - limit_m).abs() < 0.35 * remaining, "{present} {sharper} {limit:?}");
         assert!(limit.uncertainty.d_m < 0.2 * remaining, "{present} {limit:?}");
-        assert_eq!(Problem { laws: Laws::SKID, ..problem }.sharp_limit(1e-8), Ok(None));
+        let chain = problem.robot.chain(&problem.gait);
+        let chain = ChainProblem { chain, laws: problem.laws, omega_rad_s: problem.omega_rad_s };
+        let of_chain =
+            AnyProblem::from(chain).sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap().metrics.d_m;
+        assert!((of_chain / limit_m - 1.0).abs() < 1e-6, "{of_chain} {limit_m}");
+        assert_eq!(AnyProblem { laws: Laws::SKID, ..any }.sharp_limit(1e-8), Ok(None));
     }
 }
 

@@ -42,11 +42,6 @@ fn robots() -> [String; 2] {
     [steered, include_str!("../../../../docs/robots/passive-snake.toml").to_owned()]
 }
 
-/// Returns values by the number of the link, given those from front to rear.
-fn numbered<T: Copy>(chain: &Chain, values: &[T]) -> Vec<T> {
-    chain.numbering().into_iter().map(|link| values[link]).collect()
-}
-
 /// Returns the configuration of the chains alone.
 pub(super) fn config_of_chains(folder: &Path) -> Config {
     let [twistcar, snake] = &robots();
@@ -98,14 +93,7 @@ impl OfChains {
         for omega_rad_s in OMEGA_RAD_S {
             let laws = Laws::SKID_ROLL;
             let problem = ChainProblem { chain: chain.clone(), laws, omega_rad_s };
-            let of_motion = problem.metrics(FIT_ACCURACY).expect("a motion");
-            let metrics = GaitMetrics {
-                d_m: of_motion.d_m,
-                v_m_s: of_motion.v_m_s,
-                sigma: padded(&numbered(&chain, &of_motion.sigma)),
-                alpha_rad: padded(&of_motion.alpha_rad),
-                dtheta_rad: of_motion.dtheta_rad,
-            };
+            let metrics = problem.solve(FIT_ACCURACY).expect("a motion").metrics.by_number(&chain);
             let hundredth =
                 |values: &[f64]| -> Vec<f64> { values.iter().map(|value| 0.01 * value).collect() };
             let metrics_se = GaitMetrics {
