@@ -55,7 +55,7 @@ pub use bodies::body_layout;
 use cameras::{Film, Scene};
 pub use cameras::{LabelError, Tilt};
 pub use decay::{DecayTruth, Slope};
-use plan::{Driven, Plan, Source};
+use plan::{Plan, Source};
 pub use servo::Servo;
 pub use truth::{CampaignTruth, Law, TrialTruth, Truth, planted_models};
 
@@ -109,8 +109,6 @@ pub enum SynthError {
     Body { robot: String, link: usize, markers: usize },
     #[error("campaign {campaign}: needed {needed}")]
     NoLayout { campaign: String, needed: String },
-    #[error("--friction-variation: is not available for robots that are chains, such as {robot}")]
-    Variation { robot: String },
     #[error(transparent)]
     Coefficients(#[from] ConfigError),
     #[error("trial `{trial}`: {source}")]
@@ -278,7 +276,7 @@ pub fn synthesise(
             return Err(SynthError::Name { trial: id.clone() });
         }
         if let Source::Gait(drive) = source
-            && planted::min_frames(drive.problem.omega_rad_s(), config.vicon.rate_hz) > MAX_FRAMES
+            && planted::min_frames(drive.problem.omega_rad_s, config.vicon.rate_hz) > MAX_FRAMES
         {
             return Err(SynthError::TooLong { trial: id.clone() });
         }
@@ -360,28 +358,20 @@ fn write_trial(
         }
     };
     let failed = |source| SynthError::Motion { trial: trial.id.clone(), source };
-    let (film, metrics, gait) = match &drive.problem {
-        Driven::ThreeLinks(problem) => {
-            let problem = drive.servo.reached(problem).map_err(failed)?;
-            let motion = planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz);
-            let (coordinates, metrics) = motion.map_err(failed)?;
-            let film = filmed(&scene, &problem.robot, &coordinates, seed.clone());
-            (film, metrics, problem.gait.joints.to_vec())
-        }
-        Driven::Chain(problem) => {
-            let problem = drive.servo.reached_by_chain(problem).map_err(failed)?;
-            let (frames, metrics) = chain::from_rest(&problem, rate_hz).map_err(failed)?;
-            let poses = |frame: usize| chain::link_poses(&problem.chain, &frames[frame]);
-            let film = cameras::film(&scene, frames.len(), poses, seed.clone());
-            let gait = problem.chain.gait().joints[..problem.chain.joints.len()].to_vec();
-            (film, metrics, gait)
-        }
+    let problem = drive.servo.reached(&drive.problem).map_err(failed)?;
+    let motion = planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz);
+    let (frames, metrics) = motion.map_err(failed)?;
+    let poses = |frame: usize| {
+        let (reference, phi_rad) = &frames[frame];
+        let [links, _] = problem.robot.poses(*reference, phi_rad);
+        links
     };
+    let film = cameras::film(&scene, frames.len(), poses, seed.clone());
     write(&film)?;
     Ok(Some(TrialTruth {
-        omega_rad_s: drive.problem.omega_rad_s(),
+        omega_rad_s: problem.omega_rad_s,
         metrics,
-        gait,
+        gait: problem.gait.joints[..problem.robot.joints()].to_vec(),
         day: drive.day,
         friction: drive.friction,
         misplaced: film.label_errors,

@@ -6,7 +6,7 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
-use trilink_mechanics::{ChainProblem, Laws, Problem};
+use trilink_mechanics::{AnyProblem, ChainProblem, Laws, Problem};
 use trilink_robot::Model;
 use trilink_tables::config::{ChainCampaign, Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
@@ -50,24 +50,9 @@ pub(super) enum Source {
     Decay(Box<Decay>),
 }
 
-/// Equations of motion of a commanded robot.
-pub(super) enum Driven {
-    ThreeLinks(Box<Problem>),
-    Chain(ChainProblem),
-}
-
-impl Driven {
-    pub(super) fn omega_rad_s(&self) -> f64 {
-        match self {
-            Self::ThreeLinks(problem) => problem.omega_rad_s,
-            Self::Chain(problem) => problem.omega_rad_s,
-        }
-    }
-}
-
 /// Commanded robot of a gait trial, with its true coefficients on the floor of the trial's day.
 pub(super) struct Drive {
-    pub problem: Driven,
+    pub problem: AnyProblem,
     /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
     pub day: Option<usize>,
     /// Friction of the trial relative to that of its day.
@@ -110,9 +95,6 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
         if config.marker_layout(robot).is_none() {
             let needed = config.needed_layout(robot);
             return Err(SynthError::NoLayout { campaign: campaign.clone(), needed });
-        }
-        if recipe.friction_variation > 0.0 && !recipe.tidy.contains(robot) {
-            return Err(SynthError::Variation { robot: robot.clone() });
         }
     }
     if recipe.format.has_bodies() {
@@ -183,7 +165,7 @@ struct Schedule<'r> {
 impl Schedule<'_> {
     /// Returns the plans of the trials. `problem` returns the equations of motion at a frequency with all friction
     /// multiplied by a factor.
-    fn plans(&self, problem: impl Fn(f64, f64) -> Driven) -> Vec<Plan> {
+    fn plans(&self, problem: impl Fn(f64, f64) -> AnyProblem) -> Vec<Plan> {
         let Self { recipe, days, campaign, robot, first } = *self;
         let is_tidy = recipe.tidy.contains(robot);
         let (servo, variation) =
@@ -264,7 +246,7 @@ pub(super) fn gaits(
             Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
         plans.extend(schedule.plans(|omega_rad_s, friction| {
             let robot = robot.with_friction_scaled(friction);
-            Driven::ThreeLinks(Box::new(Problem { robot, gait, laws, omega_rad_s }))
+            Problem { robot, gait, laws, omega_rad_s }.into()
         }));
     }
     for (index, (name, campaign)) in config.chains.campaign.iter().enumerate() {
@@ -294,7 +276,7 @@ pub(super) fn gaits(
         plans.extend(schedule.plans(|omega_rad_s, factor| {
             let mut chain = robot.clone();
             chain::change_friction(&mut chain, |_, friction| *friction = friction.scaled(factor));
-            Driven::Chain(ChainProblem { chain, laws, omega_rad_s })
+            ChainProblem { chain, laws, omega_rad_s }.into()
         }));
     }
     (plans, campaigns, days)

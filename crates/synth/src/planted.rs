@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal};
-use trilink_mechanics::{MotionError, Problem, REFERENCE_ACCURACY, Solver};
+use trilink_mechanics::{AnyProblem, MotionError, Posture, REFERENCE_ACCURACY};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Dry, Friction as _, Gait, JointCommand, Parameter, Quantity, Robot};
 
@@ -86,27 +86,29 @@ pub(super) fn min_frames(omega_rad_s: f64, rate_hz: f64) -> f64 {
     cycles * std::f64::consts::TAU / omega_rad_s * rate_hz
 }
 
-/// Simulates the motion from rest through the transient and [`STEADY_CYCLES`] steady-state cycles. Returns
-/// `(x, y, theta, phi1, phi2)` for every frame, m and rad, and the metrics of the attractor reached from rest.
-/// `variation` is the relative standard deviation of friction from cycle to cycle; the metrics are computed for the
-/// mean friction.
+/// Simulates the motion from rest through the transient and [`STEADY_CYCLES`] steady-state cycles. Returns the motion in
+/// every frame and the metrics of the attractor reached from rest. `variation` is the relative standard deviation of
+/// friction from cycle to cycle; the metrics are computed for the mean friction.
+///
+/// # Errors
+/// Returns an error if the model has no periodic solution, or if the motion cannot be integrated.
 pub(super) fn from_rest(
-    problem: &Problem,
+    problem: &AnyProblem,
     variation: f64,
     random: &ChaCha8Rng,
     rate_hz: f64,
-) -> Result<(Vec<[f64; 5]>, GaitMetrics), MotionError> {
-    let steady = Solver::default().settle(problem, REFERENCE_ACCURACY)?.motion;
+) -> Result<(Vec<Posture>, GaitMetrics), MotionError> {
+    let steady = problem.settle(REFERENCE_ACCURACY)?.motion;
     let cycles = recorded_cycles(steady.floquet);
     let duration_s = cycles * std::f64::consts::TAU / problem.omega_rad_s;
     let mut random = random.clone();
     let friction = friction(variation, cycles.ceil() as usize, &mut random);
-    let coordinates = problem.varied_transient(&friction, duration_s, rate_hz, 1e-8)?;
-    Ok((coordinates, steady.metrics))
+    let frames = problem.varied_transient(&friction, duration_s, rate_hz, 1e-8)?;
+    Ok((frames, steady.metrics))
 }
 
 /// Returns the number of recorded cycles, given the modulus of the largest Floquet multiplier.
-pub(super) fn recorded_cycles(floquet: Option<f64>) -> f64 {
+fn recorded_cycles(floquet: Option<f64>) -> f64 {
     let decay = floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
     let transient = (TRANSIENT_LEFT.ln() / decay.ln()).ceil() as usize;
     // A recording does not end exactly at the end of a cycle.

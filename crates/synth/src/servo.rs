@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 use serde::Serialize;
-use trilink_mechanics::{ChainProblem, MotionError, Problem, REFERENCE_ACCURACY, Solver};
-use trilink_robot::{Joint, JointCommand, MAX_JOINTS, SecondHarmonic};
+use trilink_mechanics::{AnyProblem, AnySolver, MotionError, REFERENCE_ACCURACY};
+use trilink_robot::{JointCommand, MAX_JOINTS, SecondHarmonic};
 
 /// Servo with lag and compliance. The complex amplitude of the n-th harmonic of the joint angle is
 ///
@@ -39,54 +39,23 @@ impl Servo {
     ///
     /// # Errors
     /// Returns an error if the model has no periodic solution, or if the torque in the periodic solution is unbounded.
-    pub(super) fn reached(&self, problem: &Problem) -> Result<Problem, MotionError> {
+    pub(super) fn reached(&self, problem: &AnyProblem) -> Result<AnyProblem, MotionError> {
         let mut reached = problem.clone();
         if self.if_any().is_none() {
             return Ok(reached);
         }
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let iterations = if self.compliance_rad_nm > 0.0 { ITERATIONS } else { 0 };
-        let mut torques = [Torque::default(); 2];
+        let mut torques = [Torque::default(); MAX_JOINTS];
         for iteration in 0..=iterations {
             if iteration > 0 {
                 solver.solve(&reached, REFERENCE_ACCURACY)?;
-                let cycle = solver.cycle(SAMPLES)?;
-                let cycle = cycle.iter().map(|sample| &sample.forces.torque_nm[..]);
-                torques = Torque::of_joints(cycle)?;
+                torques = Torque::of_joints(&solver.torques_nm(SAMPLES)?)?;
             }
             for (joint, torque) in torques.into_iter().enumerate() {
                 let command = problem.gait.joints[joint];
                 reached.gait.joints[joint] =
                     command.map(|command| self.response(command, problem.omega_rad_s, torque));
-            }
-        }
-        Ok(reached)
-    }
-
-    /// Returns a copy of `problem` in which the commands of the driven joints are replaced as by [`Servo::reached`].
-    ///
-    /// # Errors
-    /// Returns an error as [`Servo::reached`] does.
-    pub(super) fn reached_by_chain(
-        &self,
-        problem: &ChainProblem,
-    ) -> Result<ChainProblem, MotionError> {
-        let mut reached = problem.clone();
-        if self.if_any().is_none() {
-            return Ok(reached);
-        }
-        let iterations = if self.compliance_rad_nm > 0.0 { ITERATIONS } else { 0 };
-        let mut torques = [Torque::default(); MAX_JOINTS];
-        for iteration in 0..=iterations {
-            if iteration > 0 {
-                let cycle = reached.cycle(REFERENCE_ACCURACY, SAMPLES)?;
-                torques = Torque::of_joints(cycle.iter().map(|sample| &sample.torque_nm[..]))?;
-            }
-            let joints = problem.chain.joints.iter().zip(torques);
-            for (reached, (joint, torque)) in reached.chain.joints.iter_mut().zip(joints) {
-                if let Joint::Driven(command) = joint {
-                    *reached = Joint::Driven(self.response(*command, problem.omega_rad_s, torque));
-                }
             }
         }
         Ok(reached)
@@ -122,11 +91,9 @@ struct Torque {
 impl Torque {
     /// Computes the mean and harmonics of the torques of all joints from the [`SAMPLES`] samples of a cycle, each with
     /// the torques of the joints.
-    fn of_joints<'s, const N: usize>(
-        cycle: impl Iterator<Item = &'s [f64]>,
-    ) -> Result<[Self; N], MotionError> {
-        let mut torques = [Self::default(); N];
-        for (i, sample) in cycle.take(SAMPLES).enumerate() {
+    fn of_joints(cycle: &[[f64; MAX_JOINTS]]) -> Result<[Self; MAX_JOINTS], MotionError> {
+        let mut torques = [Self::default(); MAX_JOINTS];
+        for (i, sample) in cycle.iter().take(SAMPLES).enumerate() {
             let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);
             for (torque, torque_nm) in torques.iter_mut().zip(sample) {
                 torque.mean += torque_nm / SAMPLES as f64;
