@@ -66,7 +66,7 @@ impl Branches {
         let setup =
             self.numbers.setup(config.clone(), campaign, self.model.as_deref(), fits.as_ref())?;
         let vary = Vary::new(config, &self, &setup)?;
-        note_caution(campaign, &setup);
+        note_caution(campaign, setup.model, setup.fit());
         self.files.check()?;
         let cancel = context.cancel();
         let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
@@ -74,8 +74,11 @@ impl Branches {
         let found = found.map_err(|error| format!("--over: at {key}={low}: {error}"))?;
         let rows =
             rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
-        note_extrapolation(campaign, &setup, rows.iter().map(|row| vary.problem(row.value)));
-        note_starting_values(config, campaign, std::slice::from_ref(&setup));
+        let problems = rows.iter().map(|row| vary.problem(row.value).into());
+        note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
+        if fits.is_none() {
+            note_starting_values(config, campaign, &[(setup.model, setup.robot.clone().into())]);
+        }
         let input = format!("{:?} {key} {low} {high}", vary.problem(low));
         self.files.write(&context, &rows, &input, "points")?;
         let names = [campaign.as_str(), setup.model.name(), key];

@@ -1,9 +1,9 @@
 //! Setups (robot, gait and model) that commands solve, and warnings about the fits that the setups use.
 
 use trilink_fit::MeasuredRange;
-use trilink_fit::simulate::{KnownFits, Setup, campaign_of, starting_values};
-use trilink_mechanics::Problem;
-use trilink_robot::Model;
+use trilink_fit::simulate::{AnySetup, FitSummary, KnownFits, Setup, campaign_of, starting_values};
+use trilink_mechanics::AnyProblem;
+use trilink_robot::{AnyRobot, Model};
 use trilink_tables::config::Config;
 
 use super::output::{note, warn};
@@ -52,45 +52,66 @@ impl Numbers {
         model: Option<&str>,
         fits: Option<&KnownFits>,
     ) -> Result<Setup, Failure> {
-        let model = match (model, fits) {
-            (Some(model), _) => Model::new(model),
-            (None, Some(fits)) => preferred(&config, fits, campaign)?,
-            (None, None) => Model::new(MODEL),
-        };
+        let model = model_of(&config, campaign, model, fits)?;
         Ok(match fits {
             Some(fits) => Setup::fitted(config, campaign, model.name(), &self.set, fits)?,
             None => Setup::new(config, campaign, model.name(), &self.set)?,
         })
     }
+
+    /// Returns the setup of a model as [`Numbers::setup`] does, for a robot of either kind.
+    pub(super) fn any_setup(
+        &self,
+        config: Config,
+        campaign: &str,
+        model: Option<&str>,
+        fits: Option<&KnownFits>,
+    ) -> Result<AnySetup, Failure> {
+        let model = model_of(&config, campaign, model, fits)?;
+        Ok(AnySetup::new(config, campaign, model.name(), &self.set, fits)?)
+    }
 }
 
-/// Prints the warnings about the fit that provided a setup's coefficients.
-pub(super) fn note_caution(campaign: &str, setup: &Setup) {
-    let Some(fit) = setup.fit() else { return };
+/// Returns the named model, or the default: the preferred model of the comparison or, without fits, [`MODEL`].
+fn model_of(
+    config: &Config,
+    campaign: &str,
+    model: Option<&str>,
+    fits: Option<&KnownFits>,
+) -> Result<Model, Failure> {
+    match (model, fits) {
+        (Some(model), _) => Ok(Model::new(model)),
+        (None, Some(fits)) => preferred(config, fits, campaign),
+        (None, None) => Ok(Model::new(MODEL)),
+    }
+}
+
+/// Prints the warnings about the fit that provided the coefficients of a model.
+pub(super) fn note_caution(campaign: &str, model: Model, fit: Option<&FitSummary>) {
+    let Some(fit) = fit else { return };
     let caution = fit.caution();
     if !caution.is_empty() {
-        warn(&format!("{campaign} {}: {caution}", setup.model));
+        warn(&format!("{campaign} {model}: {caution}"));
     }
 }
 
-/// Warns if `problems` lie outside the range of the trials to which a setup's coefficients were fitted.
+/// Warns if `problems` lie outside the range of the trials to which a model's coefficients were fitted.
 pub(super) fn note_extrapolation(
     campaign: &str,
-    setup: &Setup,
-    problems: impl ExactSizeIterator<Item = Problem>,
+    model: Model,
+    range: Option<Result<&MeasuredRange, &str>>,
+    problems: impl ExactSizeIterator<Item = AnyProblem>,
 ) {
-    let Some(range) = setup.measured_range() else { return };
-    if let Some(caution) = MeasuredRange::caution(range, problems.map(Into::into)) {
-        warn(&format!("{campaign} {}: {caution}", setup.model));
+    let Some(range) = range else { return };
+    if let Some(caution) = MeasuredRange::caution(range, problems) {
+        warn(&format!("{campaign} {model}: {caution}"));
     }
 }
 
-/// Prints a note for each setup that uses starting values of coefficients although its model has been fitted.
-pub(super) fn note_starting_values(config: &Config, campaign: &str, setups: &[Setup]) {
-    if setups.iter().all(|setup| setup.fit().is_none()) {
-        for (model, sentence) in starting_values(config, campaign, setups) {
-            note!("note: {campaign} {model}: {sentence}");
-        }
+/// Prints a note for each model whose robot has starting values of coefficients although the model has been fitted.
+pub(super) fn note_starting_values(config: &Config, campaign: &str, setups: &[(Model, AnyRobot)]) {
+    for (model, sentence) in starting_values(config, campaign, setups) {
+        note!("note: {campaign} {model}: {sentence}");
     }
 }
 

@@ -93,14 +93,14 @@ impl Simulate {
             .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
             .collect();
         for setup in &setups {
-            note_caution(campaign, setup);
-            note_extrapolation(
-                campaign,
-                setup,
-                omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s)),
-            );
+            note_caution(campaign, setup.model, setup.fit());
+            let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s).into());
+            note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
         }
-        note_starting_values(config, campaign, &setups);
+        if fits.is_none() {
+            let robots = setups.iter().map(|setup| (setup.model, setup.robot.clone().into()));
+            note_starting_values(config, campaign, &robots.collect::<Vec<_>>());
+        }
         if self.sensitivities.sensitivities {
             return self.print_sensitivities(&context, &setups, &omegas, fits.as_ref());
         }
