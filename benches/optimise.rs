@@ -14,7 +14,8 @@ const REPLICATES: u32 = 200;
 
 /// Returns a search over the frequency, amplitudes and offsets of a robot's gait.
 fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search {
-    let mut free = Command::all(&gait);
+    let problem = Problem { robot, gait, laws, omega_rad_s: 6.0 }.into();
+    let mut free = Command::all(&problem);
     free.truncate(5);
     let bounds = Bounds {
         omega_rad_s: [0.5, 12.0],
@@ -25,7 +26,6 @@ fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search 
         torque_nm: None,
         least: None,
     };
-    let problem = Problem { robot, gait, laws, omega_rad_s: 6.0 };
     Search { problem, objective, free, bounds, starts: 16 }
 }
 
@@ -36,7 +36,7 @@ fn replicates(robot: &Robot) -> Alternatives {
         for (wheel, of) in robot.skid_kg_s.iter_mut().chain(&mut robot.skid_dry_n).enumerate() {
             *of *= 1.0 + 0.05 * (1.7 * f64::from(number) + 2.9 * wheel as f64).sin();
         }
-        robot
+        robot.into()
     };
     Alternatives { replicates: (0..REPLICATES).map(off).collect(), ..Alternatives::default() }
 }
@@ -67,7 +67,7 @@ fn optima(criterion: &mut Criterion) {
             bencher.iter(|| one.install(|| black_box(search.run(&CancelToken::default()))));
         });
         let found = search.run(&CancelToken::default()).expect("nobody cancels it");
-        let alternatives = replicates(&search.problem.robot);
+        let alternatives = replicates(search.problem.robot.three_links().expect("three links"));
         criterion.bench_function(&format!("{of}, {REPLICATES} replicates"), |bencher| {
             bencher.iter(|| {
                 black_box(Uncertainty::new(

@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use trilink_fit::MeasuredRange;
-use trilink_fit::simulate::{ChainSetup, Setup, number_names, with_number};
+use trilink_fit::simulate::{AnySetup, number_names, with_number};
 use trilink_mechanics::{AnyProblem, Branch, Problem, branches};
 use trilink_report::branches_drawing;
-use trilink_robot::Model;
 use trilink_tables::BranchRow;
 use trilink_tables::config::{Config, did_you_mean};
 
@@ -66,30 +64,20 @@ impl Branches {
         let [low, high] = self.over.range;
         let fits = self.numbers.fits(&context, false)?;
         let model = self.model.as_deref();
-        let setup = match self.numbers.chain_setup(config, campaign, model, fits.as_ref())? {
-            Some(setup) => AnySetup::Chain(setup),
-            None => AnySetup::ThreeLinks(self.numbers.setup(
-                config.clone(),
-                campaign,
-                model,
-                fits.as_ref(),
-            )?),
-        };
+        let setup = self.numbers.any_setup(config.clone(), campaign, model, fits.as_ref())?;
         let vary = Vary::new(config, &self, &setup)?;
-        setup.note_caution(campaign);
+        note_caution(campaign, setup.model(), setup.fit());
         self.files.check()?;
         let cancel = context.cancel();
         let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
         cancel.check()?;
         let found = found.map_err(|error| format!("--over: at {key}={low}: {error}"))?;
-        let rows = rows(&found, key, |value| {
-            let range = setup.measured_range();
-            MeasuredRange::extrapolation_beyond(range, &vary.problem(value)).extrapolated
-        });
+        let rows =
+            rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
         let problems = rows.iter().map(|row| vary.problem(row.value));
         note_extrapolation(campaign, setup.model(), setup.measured_range(), problems);
-        if let AnySetup::ThreeLinks(setup) = &setup {
-            note_starting_values(config, campaign, std::slice::from_ref(setup));
+        if fits.is_none() {
+            note_starting_values(config, campaign, &[(setup.model(), setup.robot())]);
         }
         let input = format!("{:?} {key} {low} {high}", vary.problem(low));
         self.files.write(&context, &rows, &input, "points")?;
@@ -140,7 +128,7 @@ impl<'s> Vary<'s> {
             return Err(format!("--over: found {}, needed a frequency above 0", range[0]).into());
         }
         for value in range.into_iter().filter(|_| key != OMEGA) {
-            setup.check(config, &arguments.campaign, &key, value)?;
+            check(setup, config, &arguments.campaign, &key, value)?;
         }
         let vary = Self { setup, key, omega_rad_s };
         let [low, high] = range.map(|value| vary.problem(value).is_mirrored());
@@ -160,85 +148,54 @@ impl<'s> Vary<'s> {
         if self.key == OMEGA {
             return self.setup.problem(value);
         }
-        let varied = self.setup.with(&self.key, value, self.omega_rad_s);
+        let varied = with(self.setup, &self.key, value, self.omega_rad_s);
         varied.unwrap_or_else(|| self.setup.problem(self.omega_rad_s))
     }
 }
 
-/// Robot of either kind with its gait and friction laws.
-enum AnySetup {
-    ThreeLinks(Setup),
-    Chain(ChainSetup),
+/// Returns the problem with a parameter, which is not the frequency, set to a value; `None` if the name is unknown.
+fn with(setup: &AnySetup, key: &str, value: f64, omega_rad_s: f64) -> Option<AnyProblem> {
+    match setup {
+        AnySetup::ThreeLinks(setup) => {
+            let (robot, gait) = with_number(&setup.robot_config, &setup.gait_config, key, value)?;
+            let (robot, gait) = (robot.to_robot(), gait.to_gait());
+            Some(Problem { robot, gait, laws: setup.laws, omega_rad_s }.into())
+        }
+        AnySetup::Chain(setup) => Some(setup.with_number(key, value)?.problem(omega_rad_s).into()),
+    }
 }
 
-impl AnySetup {
-    fn model(&self) -> Model {
-        match self {
-            Self::ThreeLinks(setup) => setup.model,
-            Self::Chain(setup) => setup.model,
-        }
-    }
-
-    fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
-        match self {
-            Self::ThreeLinks(setup) => setup.measured_range(),
-            Self::Chain(setup) => setup.measured_range(),
-        }
-    }
-
-    fn note_caution(&self, campaign: &str) {
-        match self {
-            Self::ThreeLinks(setup) => note_caution(campaign, setup.model, setup.fit()),
-            Self::Chain(setup) => note_caution(campaign, setup.model, setup.fit()),
-        }
-    }
-
-    fn problem(&self, omega_rad_s: f64) -> AnyProblem {
-        match self {
-            Self::ThreeLinks(setup) => setup.problem(omega_rad_s).into(),
-            Self::Chain(setup) => setup.problem(omega_rad_s).into(),
-        }
-    }
-
-    /// Returns the problem with a parameter, which is not the frequency, set to a value; `None` if the name is unknown.
-    fn with(&self, key: &str, value: f64, omega_rad_s: f64) -> Option<AnyProblem> {
-        match self {
-            Self::ThreeLinks(setup) => {
-                let (robot, gait) =
-                    with_number(&setup.robot_config, &setup.gait_config, key, value)?;
-                let (robot, gait) = (robot.to_robot(), gait.to_gait());
-                Some(Problem { robot, gait, laws: setup.laws, omega_rad_s }.into())
+/// Checks that a parameter exists and can have a value.
+fn check(
+    setup: &AnySetup,
+    config: &Config,
+    campaign: &str,
+    key: &str,
+    value: f64,
+) -> Result<(), Failure> {
+    let known = match setup {
+        AnySetup::ThreeLinks(setup) => {
+            let (robot, gait) = (&setup.robot_config, &setup.gait_config);
+            if let Some((robot, gait)) = with_number(robot, gait, key, value) {
+                let mut config = config.clone();
+                let campaign = config.campaign[campaign].clone();
+                config.robot.insert(campaign.robot, robot);
+                config.gait.insert(campaign.gait, gait);
+                return Ok(config.check(Path::new("--over"))?);
             }
-            Self::Chain(setup) => Some(setup.with_number(key, value)?.problem(omega_rad_s).into()),
+            number_names(robot, gait)
         }
-    }
-
-    /// Checks that a parameter exists and can have a value.
-    fn check(&self, config: &Config, campaign: &str, key: &str, value: f64) -> Result<(), Failure> {
-        let known = match self {
-            Self::ThreeLinks(setup) => {
-                let (robot, gait) = (&setup.robot_config, &setup.gait_config);
-                if let Some((robot, gait)) = with_number(robot, gait, key, value) {
-                    let mut config = config.clone();
-                    let campaign = config.campaign[campaign].clone();
-                    config.robot.insert(campaign.robot, robot);
-                    config.gait.insert(campaign.gait, gait);
-                    return Ok(config.check(Path::new("--over"))?);
-                }
-                number_names(robot, gait)
+        AnySetup::Chain(setup) => {
+            if let Some(setup) = setup.with_number(key, value) {
+                let checked = setup.chain.check();
+                return Ok(checked.map_err(|error| format!("--over: {key}={value}: {error}"))?);
             }
-            Self::Chain(setup) => {
-                if let Some(setup) = setup.with_number(key, value) {
-                    let checked = setup.chain.check();
-                    return Ok(checked.map_err(|error| format!("--over: {key}={value}: {error}"))?);
-                }
-                setup.number_names()
-            }
-        };
-        let hint = did_you_mean(key, known.iter().map(String::as_str));
-        let known = known.join("`, `");
-        Err(format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}").into())
-    }
+            setup.number_names()
+        }
+    };
+    let hint = did_you_mean(key, known.iter().map(String::as_str));
+    let known = known.join("`, `");
+    Err(format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}").into())
 }
 
 /// Parses a parameter and its range, `KEY=LOW..HIGH`.

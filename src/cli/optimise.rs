@@ -6,13 +6,13 @@ mod front;
 use std::path::Path;
 
 use trilink_fit::optimise::{
-    Bounds, Command, MapOverlay, OptimaTables, Optimum, Search, SearchResult, Uncertainty,
+    Bounds, Command, Drive, MapOverlay, OptimaTables, Optimum, Search, SearchResult, Uncertainty,
     exceeded_bounds,
 };
-use trilink_fit::simulate::Setup;
+use trilink_fit::simulate::AnySetup;
 use trilink_report::optimum_drawing;
+use trilink_robot::SecondHarmonic;
 use trilink_robot::metrics::FromRest;
-use trilink_robot::{Gait, JointCommand};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Extrapolation, NoInterval, Objective, OptimumRow};
 
@@ -121,27 +121,31 @@ impl Optimise {
         };
         let (objective, other) = self.objectives()?;
         let fits = self.numbers.fits(&context, self.replicates != Some(0))?;
-        let setup = self.numbers.setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
-        note_caution(campaign, setup.model, setup.fit());
-        note_starting_values(&context.config, campaign, std::slice::from_ref(&setup));
+        let setup =
+            self.numbers.any_setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
+        note_caution(campaign, setup.model(), setup.fit());
+        if fits.is_none() {
+            note_starting_values(&context.config, campaign, &[(setup.model(), setup.robot())]);
+        }
         self.stay_near_trials(&setup, &mut bounds);
+        let problem = setup
+            .problem(self.fixed_rad_s().unwrap_or(0.5 * bounds.omega_rad_s.iter().sum::<f64>()));
         let free = if self.free.is_empty() {
-            Command::all(&setup.gait)
+            Command::all(&problem)
         } else {
-            Command::parse(&self.free, &setup.gait)?
+            Command::parse(&self.free, &problem)?
         };
         let free = self.varying(free)?;
         let free = match self.harmonics {
-            2 => Command::with_second_harmonics(free, &setup.gait),
+            2 => Command::with_second_harmonics(free, &problem),
             _ => free,
         };
-        for message in exceeded_bounds(&setup.gait, &bounds) {
+        bounds.check(&free, &problem)?;
+        for message in exceeded_bounds(&problem, &bounds) {
             note!(
                 "the current gait is outside the bounds: {message}; the search starts from the nearest gait within them"
             );
         }
-        let problem = setup
-            .problem(self.fixed_rad_s().unwrap_or(0.5 * bounds.omega_rad_s.iter().sum::<f64>()));
         let search = Search { problem, objective, free, bounds, starts };
         if let Some(other) = other {
             return self.print_front(&context, &setup, &search, other);
@@ -160,16 +164,16 @@ impl Optimise {
                 optimum.row(number, campaign, &setup, &search, present.as_ref())
             })
             .collect();
-        let problems = found.optima.iter().map(|optimum| optimum.problem.clone().into());
-        note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
-        certainty::fill_in(&mut optima, &certainty);
+        let problems = found.optima.iter().map(|optimum| optimum.problem.clone());
+        note_extrapolation(campaign, setup.model(), setup.measured_range(), problems);
+        certainty::fill_in(&mut optima, &certainty, &search);
         let best = found.best().filter(|_| self.files.figure.is_some() || self.keep);
         let maps = best.map(|best| {
             let replicates =
                 certainty.as_ref().map_or(&[][..], |certainty| &certainty.replicate_commands);
             let range = setup.measured_range().and_then(Result::ok);
             let shown = MapOverlay { present: present.as_ref(), replicates, range };
-            search.map((campaign, setup.model), best, shown, cancel)
+            search.map((campaign, setup.model()), best, shown, cancel)
         });
         let maps = maps.transpose()?.unwrap_or_default();
         if !maps.is_empty() {
@@ -191,7 +195,7 @@ impl Optimise {
 
     /// Restricts the frequency and the amplitudes to the range of the fitted trials, widened by a fifth, unless their
     /// bounds are given as options or exclude that range.
-    fn stay_near_trials(&self, setup: &Setup, bounds: &mut Bounds) {
+    fn stay_near_trials(&self, setup: &AnySetup, bounds: &mut Bounds) {
         let Some(Ok(range)) = setup.measured_range() else { return };
         let common = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
             Some([a.max(c), b.min(d)]).filter(|[low, high]| low < high)
@@ -270,7 +274,7 @@ impl Optimise {
     /// Prints the results in the requested format, and writes the table if a file for it is given.
     fn print(
         &self,
-        setup: &Setup,
+        setup: &AnySetup,
         search: &Search,
         found: &SearchResult,
         present: Option<&Optimum>,
@@ -298,7 +302,7 @@ impl Optimise {
         } else if !self.format.rows(rows) {
             print_table(setup, objective, optima, present);
             match certainty {
-                Ok(certainty) => certainty::print(objective, certainty)?,
+                Ok(certainty) => certainty::print(search, certainty)?,
                 Err(why) if self.numbers.fitted => say!("no intervals: {why}"),
                 Err(_) => {}
             }
@@ -315,7 +319,12 @@ impl Optimise {
 }
 
 /// Prints the optima, and the current gait at its best frequency.
-fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present: Option<&Optimum>) {
+fn print_table(
+    setup: &AnySetup,
+    objective: Objective,
+    optima: &[Optimum],
+    present: Option<&Optimum>,
+) {
     let (name, scale) = match objective {
         Objective::Distance => ("d mm".to_owned(), 1e3),
         Objective::Speed => ("v mm/s".to_owned(), 1e3),
@@ -329,20 +338,31 @@ fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present:
         .left("", |(name, _)| name.clone())
         .right(&name, |(_, optimum)| short(scale * optimum.value))
         .right("omega rad/s", |(_, optimum)| short(optimum.problem.omega_rad_s));
-    let has_second = optima.iter().any(|optimum| optimum.problem.gait.has_second());
-    type Angle = (&'static str, fn(&JointCommand) -> f64);
-    let angles: [Angle; 5] = [
-        ("amplitude", |command| command.amplitude_rad),
-        ("offset", |command| command.offset_rad),
-        ("phase", |command| command.phase_rad),
-        ("second amplitude", |command| command.second().amplitude_rad()),
-        ("second phase", |command| command.second().phase_rad()),
-    ];
-    for joint in (0..2).filter(|joint| first.problem.gait.joints[*joint].is_some()) {
-        for (name, angle_rad) in &angles[..if has_second { 5 } else { 3 }] {
-            table = table.right(&format!("{name}{} deg", joint + 1), |(_, optimum)| {
-                let command = optimum.problem.gait.joints[joint];
-                let angle_rad = command.map_or(f64::NAN, |command| angle_rad(&command));
+    let has_second = optima.iter().any(|optimum| {
+        let mut drives = Drive::all(&optimum.problem).into_iter();
+        drives.any(|of| of.angle(&optimum.problem).is_some_and(|angle| angle.second.is_some()))
+    });
+    let robot = &first.problem.robot;
+    for drive in Drive::all(&first.problem) {
+        for command in drive.commands().filter(|command| !command.is_second()) {
+            let (unit, scale) = command.unit().shown();
+            let unit = if unit == "degrees" { "deg" } else { unit };
+            table = table.right(&format!("{} {unit}", command.name(robot)), |(_, optimum)| {
+                format!("{:.3}", scale * command.value(&optimum.problem) + 0.0)
+            });
+        }
+        if drive.angle(&first.problem).is_none() || !has_second {
+            continue;
+        }
+        type Second = (&'static str, fn(SecondHarmonic) -> f64);
+        let seconds: [Second; 2] = [
+            ("second amplitude", SecondHarmonic::amplitude_rad),
+            ("second phase", SecondHarmonic::phase_rad),
+        ];
+        for (kind, angle_rad) in seconds {
+            table = table.right(&format!("{} deg", drive.name(kind, robot)), |(_, optimum)| {
+                let second = drive.angle(&optimum.problem).map(|command| command.second());
+                let angle_rad = second.map_or(f64::NAN, angle_rad);
                 format!("{:.3}", angle_rad.to_degrees() + 0.0)
             });
         }
@@ -365,7 +385,7 @@ fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present:
 
 /// Describes an optimum: its active bounds, any extrapolation beyond the fitted trials, and the reason if it is
 /// unusable.
-fn remark(setup: &Setup, optimum: &Optimum) -> String {
+fn remark(setup: &AnySetup, optimum: &Optimum) -> String {
     let at_bound = if optimum.at_bound.is_empty() {
         String::new()
     } else {
@@ -400,7 +420,6 @@ fn gait_toml(
     best: &Optimum,
     extrapolation: &Extrapolation,
 ) -> String {
-    let Gait { joints } = best.problem.gait;
     let mut text = format!(
         "# {} = {} {} at {} rad/s\n",
         objective.name(),
@@ -412,18 +431,10 @@ fn gait_toml(
         text += &format!("# extrapolated: {}\n", extrapolation.beyond_trials);
     }
     text += &format!("[gait.{campaign}-best-{}]\n", objective.name());
-    for (joint, command) in joints.iter().enumerate() {
-        let Some(command) = command else { continue };
-        let numbers = command.to_array().map(f64::to_degrees);
-        let mut keys: Vec<(&str, f64)> =
-            ["offset_deg", "amplitude_deg", "phase_deg"].into_iter().zip(numbers).collect();
-        if let Some(second) = command.second {
-            keys.push(("amplitude2_deg", second.amplitude_rad().to_degrees()));
-            keys.push(("phase2_deg", second.phase_rad().to_degrees()));
-        }
-        let keys: Vec<String> =
-            keys.iter().map(|(key, value)| format!("{key} = {value:?}")).collect();
-        text += &format!("joint{} = {{ {} }}\n", joint + 1, keys.join(", "));
+    for drive in Drive::all(&best.problem) {
+        let keys = drive.configured(&best.problem).into_iter();
+        let keys: Vec<String> = keys.map(|(key, value)| format!("{key} = {value:?}")).collect();
+        text += &format!("{} = {{ {} }}\n", drive.key(&best.problem.robot), keys.join(", "));
     }
     text
 }

@@ -1,11 +1,9 @@
 //! Setups (robot, gait and model) that commands solve, and warnings about the fits that the setups use.
 
 use trilink_fit::MeasuredRange;
-use trilink_fit::simulate::{
-    ChainSetup, FitSummary, KnownFits, Setup, campaign_of, starting_values,
-};
+use trilink_fit::simulate::{AnySetup, FitSummary, KnownFits, Setup, campaign_of, starting_values};
 use trilink_mechanics::AnyProblem;
-use trilink_robot::Model;
+use trilink_robot::{AnyRobot, Model};
 use trilink_tables::config::Config;
 
 use super::output::{note, warn};
@@ -61,30 +59,20 @@ impl Numbers {
         })
     }
 
-    /// Returns the setup as [`Numbers::setup`] does if the campaign's robot is a chain.
-    pub(super) fn chain_setup(
+    /// Returns the setup of a model as [`Numbers::setup`] does, for a robot of either kind.
+    pub(super) fn any_setup(
         &self,
-        config: &Config,
+        config: Config,
         campaign: &str,
         model: Option<&str>,
         fits: Option<&KnownFits>,
-    ) -> Result<Option<ChainSetup>, Failure> {
-        if !config.chains.campaign.contains_key(campaign) {
-            return Ok(None);
-        }
-        let model = model_of(config, campaign, model, fits)?;
-        let Some(mut setup) = ChainSetup::new(config, campaign, model.name())? else {
-            return Ok(None);
-        };
-        if let Some(fits) = fits {
-            setup.use_fit(config, campaign, fits)?;
-        }
-        self.set.iter().try_for_each(|setting| setup.set(setting))?;
-        Ok(Some(setup))
+    ) -> Result<AnySetup, Failure> {
+        let model = model_of(&config, campaign, model, fits)?;
+        Ok(AnySetup::new(config, campaign, model.name(), &self.set, fits)?)
     }
 }
 
-/// Returns the model to use: by default the preferred model of the comparison or, without fits, [`MODEL`].
+/// Returns the named model, or the default: the preferred model of the comparison or, without fits, [`MODEL`].
 fn model_of(
     config: &Config,
     campaign: &str,
@@ -98,15 +86,16 @@ fn model_of(
     }
 }
 
-/// Prints the warnings about the fit that provided a setup's coefficients.
+/// Prints the warnings about the fit that provided the coefficients of a model.
 pub(super) fn note_caution(campaign: &str, model: Model, fit: Option<&FitSummary>) {
-    let caution = fit.map(FitSummary::caution).unwrap_or_default();
+    let Some(fit) = fit else { return };
+    let caution = fit.caution();
     if !caution.is_empty() {
         warn(&format!("{campaign} {model}: {caution}"));
     }
 }
 
-/// Warns if `problems` lie outside the range of the trials to which a setup's coefficients were fitted.
+/// Warns if `problems` lie outside the range of the trials to which a model's coefficients were fitted.
 pub(super) fn note_extrapolation(
     campaign: &str,
     model: Model,
@@ -119,12 +108,10 @@ pub(super) fn note_extrapolation(
     }
 }
 
-/// Prints a note for each setup that uses starting values of coefficients although its model has been fitted.
-pub(super) fn note_starting_values(config: &Config, campaign: &str, setups: &[Setup]) {
-    if setups.iter().all(|setup| setup.fit().is_none()) {
-        for (model, sentence) in starting_values(config, campaign, setups) {
-            note!("note: {campaign} {model}: {sentence}");
-        }
+/// Prints a note for each model whose robot has starting values of coefficients although the model has been fitted.
+pub(super) fn note_starting_values(config: &Config, campaign: &str, setups: &[(Model, AnyRobot)]) {
+    for (model, sentence) in starting_values(config, campaign, setups) {
+        note!("note: {campaign} {model}: {sentence}");
     }
 }
 

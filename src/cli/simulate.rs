@@ -97,7 +97,10 @@ impl Simulate {
             let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s).into());
             note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
         }
-        note_starting_values(config, campaign, &setups);
+        if fits.is_none() {
+            let robots = setups.iter().map(|setup| (setup.model, setup.robot.clone().into()));
+            note_starting_values(config, campaign, &robots.collect::<Vec<_>>());
+        }
         if self.sensitivities.sensitivities {
             return self.print_sensitivities(&context, &setups, &omegas, fits.as_ref());
         }

@@ -198,12 +198,7 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
         "key `robot.twistcar.links.front.skid_dry_n`: found nothing, needed skid_dry_n, which model `coulomb`",
     );
     let notice = "campaign twistcar: its robot is a chain, which this command does not support";
-    for arguments in [
-        &["branches", "twistcar", "--over", "omega_rad_s=2..4"][..],
-        &["optimise", "twistcar", "--model", "skid-roll", "--maximise", "v"],
-    ] {
-        refused(arguments, notice);
-    }
+    refused(&["branches", "twistcar", "--over", "omega_rad_s=2..4"], notice);
     let raw = folder.path().join("raw/demo");
     std::fs::create_dir_all(&raw).expect("a folder");
     let list = "[[trial]]\nid = \"a\"\nkind = \"gait\"\nfile = \"a.csv\"\ncampaign = \"twistcar\"\nomega_rad_s = 1.0\n";
@@ -488,4 +483,79 @@ fn the_links_and_joints_of_a_chain_are_exported() {
     let apart_m = (of("link2_x_m") - of("link0_x_m")).hypot(of("link2_y_m") - of("link0_y_m"));
     assert!((0.1..0.2001).contains(&apart_m), "{apart_m}");
     assert!(export("trc").contains("joint3"));
+}
+
+/// Returns a number of the first row of a command that prints rows as JSON.
+fn first_number(rows: &str, name: &str) -> f64 {
+    let rows: Vec<Value> = serde_json::from_str(rows).expect("rows");
+    rows[0][name].as_f64().unwrap_or_else(|| panic!("{name}: {}", rows[0]))
+}
+
+#[test]
+fn no_gait_that_a_scan_simulates_is_faster_than_the_optimum_of_a_chain() {
+    let folder = folder_of("passive-snake.toml");
+    let optimise = ["optimise", "passive", "--model", "skid-roll", "--maximise", "v"];
+    let rows = succeed(folder.path(), &[&optimise[..], &["--json"]].concat());
+    let of = |name: &str| first_number(&rows, name);
+    let best = [of("omega_rad_s"), of("phi1_amplitude_rad"), of("phi1_offset_rad")];
+    let rows_of: Vec<Value> = serde_json::from_str(&rows).expect("rows");
+    assert_eq!(rows_of[0]["at_bound"], "", "{}", rows_of[0]);
+    let speed = |[omega_rad_s, amplitude_rad, offset_rad]: [f64; 3]| {
+        let omega = omega_rad_s.to_string();
+        let amplitude = format!("joint1.amplitude_deg={}", amplitude_rad.to_degrees());
+        let offset = format!("joint1.offset_deg={}", offset_rad.to_degrees());
+        let simulate = ["simulate", "passive", "--model", "skid-roll", "--omega", &omega];
+        let set = ["--set", &amplitude, &offset, "--json"];
+        first_number(&succeed(folder.path(), &[&simulate[..], &set].concat()), "v_m_s")
+    };
+    let value = of("value");
+    assert!((speed(best) / value - 1.0).abs() < 1e-8, "{} {value}", speed(best));
+    // The optimum is stationary: a change in one command lowers the speed to second order.
+    for i in 0..3 {
+        let loss = |part: f64| {
+            let mut moved = best;
+            moved[i] += part * [1.0, 0.2, 0.2][i];
+            1.0 - speed(moved) / value
+        };
+        for side in [-1.0, 1.0] {
+            let (near, far) = (loss(0.05 * side), loss(0.1 * side));
+            assert!(near > 0.0 && (3.0..5.0).contains(&(far / near)), "{i} {side}: {near} {far}");
+        }
+    }
+    for place in 0..64 {
+        let at = |low: f64, high: f64, index: usize| low + (high - low) * index as f64 / 3.0;
+        let gait =
+            [at(1.0, 10.0, place / 16), at(0.2, 1.0, place / 4 % 4), at(-0.3, 0.3, place % 4)];
+        assert!(speed(gait) <= value, "{gait:?}");
+    }
+}
+
+#[test]
+fn torques_and_rotors_of_chains_are_optimised_within_their_limits() {
+    let folder = folder_of("rotor-car.toml");
+    let toml = std::fs::read_to_string(folder.path().join("pipeline.toml")).expect("a text");
+    let toml = toml
+        .replace("{ kind = \"spring\", ", "{ kind = \"torque\", ")
+        .replace("[gait.spin]\n", "[gait.spin]\njoint1 = { torque_nm = 0.01, phase_deg = 40.0 }\n");
+    std::fs::write(folder.path().join("pipeline.toml"), toml).expect("a file");
+    let optimise = ["optimise", "rotor-car", "--model", "skid-roll", "--maximise", "d"];
+    let refused = trilink(folder.path(), &optimise);
+    let message = "optimise.torque_nm: found nothing, needed the largest torque of an actuator, because `torque1` is free";
+    assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
+    let limits = ["--torque-nm", "0.05", "--amplitude-deg", "5..150", "--rate-deg-s", "2000"];
+    let line = [&optimise[..], &limits, &["--starts", "6"]].concat();
+    let rows = succeed(folder.path(), &[&line[..], &["--json"]].concat());
+    let of = |name: &str| first_number(&rows, name);
+    assert!(of("torque1_amplitude_nm").abs() + of("torque1_mean_nm").abs() <= 0.05 * (1.0 + 1e-3));
+    assert!(of("rotor0_amplitude_rad") <= 150_f64.to_radians() * (1.0 + 1e-9), "{rows}");
+    // The printed gait gives the motion of the optimum.
+    let entry = succeed(folder.path(), &[&line[..], &["--gait-toml"]].concat());
+    let path = folder.path().join("pipeline.toml");
+    let toml = std::fs::read_to_string(&path).expect("a text");
+    let toml = toml.replace("gait = \"spin\"", "gait = \"rotor-car-best-d\"");
+    std::fs::write(&path, format!("{toml}\n{entry}")).expect("a file");
+    let omega = of("omega_rad_s").to_string();
+    let simulate = ["simulate", "rotor-car", "--model", "skid-roll", "--omega", &omega, "--json"];
+    let d_m = first_number(&succeed(folder.path(), &simulate), "d_m");
+    assert!((d_m / of("value") - 1.0).abs() < 1e-8, "{d_m} {rows}");
 }

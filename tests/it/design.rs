@@ -283,7 +283,7 @@ fn trials_recommended_for_a_prediction_make_it_more_certain() {
         let problem = Problem { robot, gait, laws, omega_rad_s: 5.5 };
         let mut solver = trilink_mechanics::Solver::default();
         let metrics = solver.solve(&problem, FIT_ACCURACY).unwrap();
-        let [low, high] = bands.limits(solver, &problem, metrics).unwrap();
+        let [low, high] = bands.limits(solver.into(), &problem.clone().into(), metrics).unwrap();
         0.5 * (high.sigma[1] - low.sigma[1])
     });
     let now = advised(&config, &known, Aim::Prediction(prediction)).expected;

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use serde_json::Value;
 use trilink_base::cancel::CancelToken;
 use trilink_fit::optimise::{Bounds, Command, MapOverlay, Objective, Search, SearchResult};
-use trilink_mechanics::{Laws, Problem, Solver};
-use trilink_robot::Model;
+use trilink_mechanics::{AnyProblem, AnySolver, Laws, Problem, Solver};
+use trilink_robot::{ChainNumber, CommandNumber, Model};
 use trilink_synth::{Recipe, synthesise};
 use trilink_tables::MapPoint;
 use trilink_tables::config::{Config, GaitInput};
@@ -35,26 +35,26 @@ fn run(search: &Search) -> SearchResult {
     search.run(&CancelToken::default()).unwrap()
 }
 
-fn problem(campaign: &str) -> Problem {
+fn problem(campaign: &str) -> AnyProblem {
     let (robot, gait) = Config::default().campaign_setup(campaign).unwrap();
-    Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.0 }
+    Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.0 }.into()
+}
+
+/// Returns the amplitude of joint 1 or 2 as a command.
+fn amplitude(joint: usize) -> Command {
+    Command::Number(ChainNumber::Command(joint - 1, CommandNumber::Amplitude))
+}
+
+fn is_amplitude(command: &Command) -> bool {
+    [1, 2].map(amplitude).contains(command)
 }
 
 /// Returns the objective for these values of the free commands; `None` outside the bounds or if the model has no
 /// periodic solution.
-fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
+fn value(search: &Search, solver: &mut AnySolver, values: &[f64]) -> Option<f64> {
     let mut problem = search.problem.clone();
     for (command, value) in search.free.iter().zip(values) {
-        match *command {
-            Command::Omega => problem.omega_rad_s = *value,
-            Command::Joint(joint, number) if number > 2 => {
-                let second = problem.gait.joints[joint].as_mut()?.second.get_or_insert_default();
-                *[&mut second.in_phase_rad, &mut second.quadrature_rad][number - 3] = *value;
-            }
-            Command::Joint(joint, number) => {
-                *problem.gait.joints[joint].as_mut()?.numbers_mut()[number] = *value;
-            }
-        }
+        command.set(&mut problem, *value);
     }
     let is_within = problem.gait.joints.iter().flatten().all(|of| {
         of.peak_angle_rad() <= search.bounds.angle_rad
@@ -64,7 +64,7 @@ fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
         return None;
     }
     let metrics = solver.solve(&problem, 1e-9).ok()?;
-    let [work_j, _] = solver.work_and_loss_j().ok()?;
+    let work_j = solver.steady_motion(metrics).ok()?.work_j;
     Some(search.objective.value(metrics.d_m, metrics.v_m_s, work_j))
 }
 
@@ -88,12 +88,12 @@ fn no_point_of_a_grid_is_better_for_any_objective() {
     cases.into_par_iter().for_each(|(campaign, objective)| {
         let problem = problem(campaign);
         let amplitude =
-            Command::all(&problem.gait).into_iter().find(|of| *of != Command::Omega).unwrap();
+            Command::all(&problem).into_iter().find(|of| *of != Command::Omega).unwrap();
         let free = vec![Command::Omega, amplitude];
         let search = Search { problem, objective, free, bounds: bounds(), starts: 4 };
         let found = run(&search);
         let best = found.best().unwrap_or_else(|| panic!("{campaign} {objective}"));
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let mut known = if objective.is_minimised() { f64::INFINITY } else { 0.0 };
         for i in 0..POINTS * POINTS {
             let part = |i: usize, [low, high]: [f64; 2]| {
@@ -119,7 +119,7 @@ fn evolve(search: &Search, ranges: &[[f64; 2]], generations: usize) -> f64 {
     const FACTOR: f64 = 0.7;
     const CROSSOVER: f64 = 0.8;
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut solver = Solver::default();
+    let mut solver = AnySolver::default();
     let worst = if search.objective.is_minimised() { f64::INFINITY } else { 0.0 };
     let mut all: Vec<(Vec<f64>, f64)> = (0..POPULATION)
         .map(|_| {
@@ -153,14 +153,14 @@ fn evolve(search: &Search, ranges: &[[f64; 2]], generations: usize) -> f64 {
 fn differential_evolution_over_five_commands_finds_no_better_gait() {
     for (objective, generations) in [(Objective::Speed, 25), (Objective::WorkPerMetre, 25)] {
         let problem = problem("kinematic-skewed");
-        let mut free = Command::all(&problem.gait);
-        free.retain(|of| *of != Command::Joint(1, 2));
+        let mut free = Command::all(&problem);
+        free.truncate(5);
         let Bounds { omega_rad_s, amplitude_rad, angle_rad, .. } = bounds();
         let ranges: Vec<[f64; 2]> = free
             .iter()
             .map(|of| match of {
                 Command::Omega => omega_rad_s,
-                Command::Joint(_, 1) => amplitude_rad,
+                of if is_amplitude(of) => amplitude_rad,
                 _ => [-angle_rad, angle_rad],
             })
             .collect();
@@ -180,10 +180,10 @@ fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
         [("kinematic-skewed", Objective::Speed), ("kinematic-symmetric", Objective::WorkPerMetre)];
     for (campaign, objective) in cases {
         let problem = problem(campaign);
-        let gait = problem.gait;
-        let free = Command::all(&gait);
-        let one = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
-        let two = Search { free: Command::with_second_harmonics(free, &gait), ..one.clone() };
+        let free = Command::all(&problem);
+        let seconds = Command::with_second_harmonics(free.clone(), &problem);
+        let one = Search { problem, objective, free, bounds: bounds(), starts: 2 };
+        let two = Search { free: seconds, ..one.clone() };
         assert_eq!(two.free.len(), 10);
         let (found, of_two) = (run(&one), run(&two));
         let best = of_two.best().unwrap();
@@ -193,24 +193,16 @@ fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
             let rate_rad_s = command.peak_rate_rad() * best.problem.omega_rad_s;
             assert!(rate_rad_s <= 5.0 * (1.0 + 1e-6), "{command:?}");
         }
-        let of = |command: &Command| match *command {
-            Command::Omega => best.problem.omega_rad_s,
-            Command::Joint(joint, number) => {
-                let of = best.problem.gait.joints[joint].unwrap();
-                let second = of.second.unwrap();
-                let [offset, amplitude, phase] = of.to_array();
-                [offset, amplitude, phase, second.in_phase_rad, second.quadrature_rad][number]
-            }
-        };
-        let (mut random, mut solver) = (ChaCha8Rng::seed_from_u64(3), Solver::default());
+        let (mut random, mut solver) = (ChaCha8Rng::seed_from_u64(3), AnySolver::default());
         for nth in 0..120 {
             let size = 10_f64.powf(-1.0 - 3.0 * f64::from(nth % 30) / 30.0);
             let mut off = |of: f64| of + size * random.random_range(-1.0..1.0);
-            let values: Vec<f64> = two.free.iter().map(|command| off(of(command))).collect();
+            let values: Vec<f64> =
+                two.free.iter().map(|command| off(command.value(&best.problem))).collect();
             let Bounds { omega_rad_s: [low, high], amplitude_rad: [least, most], .. } = bounds();
             let is_within = two.free.iter().zip(&values).all(|(command, value)| match command {
                 Command::Omega => (low..=high).contains(value),
-                Command::Joint(_, 1) => (least..=most).contains(value),
+                of if is_amplitude(of) => (least..=most).contains(value),
                 _ => true,
             });
             if let Some(value) = value(&two, &mut solver, &values).filter(|_| is_within) {
@@ -222,8 +214,8 @@ fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
             .iter()
             .map(|command| match command {
                 Command::Omega => bounds().omega_rad_s,
-                Command::Joint(_, 1) => bounds().amplitude_rad,
-                Command::Joint(_, 3 | 4) => [-0.3, 0.3],
+                of if is_amplitude(of) => bounds().amplitude_rad,
+                of if of.is_second() => [-0.3, 0.3],
                 _ => [-1.2, 1.2],
             })
             .collect();
@@ -263,7 +255,7 @@ fn changes_at_an_interior_optimum_are_of_second_order() {
     let found = run(&search);
     let best = found.best().unwrap();
     assert!(best.at_bound.is_empty(), "{:?}", best.at_bound);
-    let mut solver = Solver::default();
+    let mut solver = AnySolver::default();
     let omega = best.problem.omega_rad_s;
     let mut at = |omega: f64| value(&search, &mut solver, &[omega]).unwrap();
     let (less, more) = (at(omega * 0.999), at(omega * 1.001));
@@ -277,13 +269,13 @@ fn changes_at_an_interior_optimum_are_of_second_order() {
 #[test]
 fn a_limit_that_no_free_command_can_satisfy_is_ignored() {
     let problem = problem("kinematic-skewed");
-    let free = vec![Command::Omega, Command::Joint(0, 1)];
+    let free = vec![Command::Omega, amplitude(1)];
     for objective in Objective::ALL {
         let problem = problem.clone();
         let search = Search { problem, objective, free: free.clone(), bounds: bounds(), starts: 2 };
         let found = run(&search);
         let best = found.best().unwrap_or_else(|| panic!("{objective}"));
-        let [front, _] = best.problem.gait.joints.map(Option::unwrap);
+        let front = best.problem.gait.joints[0].unwrap();
         assert!(front.offset_rad + front.amplitude_rad <= 1.2 + 1e-6, "{objective} {front:?}");
     }
 }
@@ -291,7 +283,7 @@ fn a_limit_that_no_free_command_can_satisfy_is_ignored() {
 #[test]
 fn limits_of_power_and_torque_are_satisfied_and_reported() {
     let problem = problem("kinematic-symmetric");
-    let free = Command::all(&problem.gait);
+    let free = Command::all(&problem);
     let objective = Objective::Speed;
     let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
     let free_power_w = run(&search).best().unwrap().power_w();
@@ -302,17 +294,14 @@ fn limits_of_power_and_torque_are_satisfied_and_reported() {
     let best = found.best().unwrap();
     assert!(best.power_w() <= power_w * (1.0 + 1e-6), "{} {power_w}", best.power_w());
     assert!(best.at_bound.iter().any(|of| of == "power"), "{:?}", best.at_bound);
-    let largest = |problem: &Problem| {
+    let largest = |problem: &AnyProblem| {
         let mut solver = Solver::default();
-        solver.solve(problem, 1e-10).unwrap();
+        solver.solve(&problem.three_links().unwrap(), 1e-10).unwrap();
         let samples = solver.cycle(240).unwrap();
         samples.iter().flat_map(|of| of.forces.torque_nm).fold(0.0, |a: f64, b| a.max(b.abs()))
     };
-    let of_amplitudes = Search {
-        free: vec![Command::Omega, Command::Joint(0, 1), Command::Joint(1, 1)],
-        starts: 2,
-        ..search
-    };
+    let of_amplitudes =
+        Search { free: vec![Command::Omega, amplitude(1), amplitude(2)], starts: 2, ..search };
     let torque_nm = 0.8 * largest(&run(&of_amplitudes).best().unwrap().problem);
     let limited =
         Search { bounds: Bounds { torque_nm: Some(torque_nm), ..bounds() }, ..of_amplitudes };
@@ -537,7 +526,7 @@ fn invalid_searches_are_rejected_with_the_cause() {
 
 #[test]
 fn no_gait_of_a_grid_dominates_a_pareto_front() {
-    let free = vec![Command::Omega, Command::Joint(0, 1)];
+    let free = vec![Command::Omega, amplitude(1)];
     let objective = Objective::Speed;
     let problem = problem("kinematic-symmetric");
     let search = Search { problem, objective, free, bounds: bounds(), starts: 3 };
@@ -559,9 +548,9 @@ fn no_gait_of_a_grid_dominates_a_pareto_front() {
         if amplitude_rad * problem.omega_rad_s > rate_rad_s {
             continue;
         }
-        let mut solver = Solver::default();
+        let mut solver = AnySolver::default();
         let Ok(metrics) = solver.solve(&problem, 1e-9) else { continue };
-        let work_j = solver.work_and_loss_j().unwrap()[1];
+        let work_j = solver.loss_j().unwrap();
         let found = both(metrics.v_m_s, work_j / metrics.d_m);
         // Between two gaits of the front, no gait is better than both in either objective.
         let is_covered = of_front.windows(2).any(|pair| {

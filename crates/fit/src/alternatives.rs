@@ -1,27 +1,27 @@
 //! Robots that are consistent with the measurements, besides the fitted one.
 
-use trilink_robot::Robot;
+use trilink_robot::AnyRobot;
 
 use super::intervals::Widths;
 
-/// Copies of a robot of three links with coefficients from refits; the scatter among them gives the uncertainty of any
+/// Copies of a robot with coefficients from refits; the scatter among them gives the uncertainty of any
 /// quantity computed from the fit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Alternatives {
     /// Robots with the coefficients of the bootstrap replicates.
-    pub replicates: Vec<Robot>,
+    pub replicates: Vec<AnyRobot>,
     /// Robots with the coefficients of the fits that each leave out one block of frequencies.
-    pub blocks: Vec<Robot>,
+    pub blocks: Vec<AnyRobot>,
     /// Robots, each with one uncertain parameter increased by its standard deviation and the coefficients refitted.
-    pub assumed: Vec<Robot>,
+    pub assumed: Vec<AnyRobot>,
     /// Robot with the coefficients of a refit in which the measured gait, instead of the commanded one, drives the
     /// model; `None` if the measured gait drives the original fit as well, or if there is no such refit.
-    pub gait: Option<Robot>,
+    pub gait: Option<AnyRobot>,
 }
 
 impl Alternatives {
     /// Returns all robots, the replicates first.
-    pub fn all(&self) -> impl Iterator<Item = &Robot> {
+    pub fn all(&self) -> impl Iterator<Item = &AnyRobot> {
         self.replicates.iter().chain(&self.blocks).chain(&self.assumed).chain(&self.gait)
     }
 
@@ -48,11 +48,13 @@ impl Alternatives {
 
 #[cfg(test)]
 mod tests {
+    use trilink_robot::Robot;
+
     use super::*;
 
     #[test]
     fn limits_combine_the_scatter_and_the_systematic_shifts() {
-        let robot = Robot::kinematic();
+        let robot = AnyRobot::from(Robot::kinematic());
         let alternatives = Alternatives {
             replicates: vec![robot.clone(); 41],
             blocks: Vec::new(),

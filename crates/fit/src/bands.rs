@@ -13,7 +13,7 @@
 
 use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY, MotionError};
 use trilink_robot::metrics::{ByMetric, GaitMetrics, Metric};
-use trilink_robot::{AnyRobot, Parameter, Robot};
+use trilink_robot::{AnyRobot, Parameter};
 use trilink_statistics::HALF_WIDTH_95;
 use trilink_tables::config::GaitInput;
 use trilink_tables::{NoInterval, NoIntervalReason};
@@ -146,17 +146,14 @@ impl<'f> Bands<'f> {
     /// Returns robots with the coefficients of refits: of the first `most` bootstrap replicates, and of all refits that
     /// are not replicates. They are copies of `robot`, except that a refit with a changed robot parameter keeps its own
     /// robot.
-    pub(crate) fn alternatives(&self, robot: &Robot, most: usize) -> Alternatives {
+    pub(crate) fn alternatives(&self, robot: &AnyRobot, most: usize) -> Alternatives {
         let Systematic { blocks, gait, .. } = self.systematic;
-        let of =
-            |robot: &AnyRobot, shifts: &[f64]| self.shifted(robot, shifts).three_links().cloned();
-        let robot = AnyRobot::from(robot.clone());
-        let shifted = |shifts: &Vec<f64>| of(&robot, shifts);
+        let shifted = |shifts: &Vec<f64>| self.shifted(robot, shifts);
         Alternatives {
-            replicates: self.replicates.iter().take(most).filter_map(shifted).collect(),
-            blocks: blocks.iter().filter_map(shifted).collect(),
-            assumed: self.assumed().filter_map(|(robot, shifts)| of(robot, shifts)).collect(),
-            gait: gait.as_ref().and_then(shifted),
+            replicates: self.replicates.iter().take(most).map(shifted).collect(),
+            blocks: blocks.iter().map(shifted).collect(),
+            assumed: self.assumed().map(|(robot, shifts)| self.shifted(robot, shifts)).collect(),
+            gait: gait.as_ref().map(shifted),
         }
     }
 
@@ -289,7 +286,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use trilink_mechanics::{Laws, Model, Problem, REFERENCE_ACCURACY};
-    use trilink_robot::MAX_JOINTS;
+    use trilink_robot::{MAX_JOINTS, Robot};
     use trilink_statistics::{SIDES_95, quantiles};
     use trilink_tables::config::{Config, SigmaKind};
     use trilink_tables::{Columns as _, Stopped, TrialRow};

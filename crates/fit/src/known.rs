@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use trilink_mechanics::{MotionError, Problem, Solver};
+use trilink_mechanics::{AnyProblem, AnySolver, MotionError};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{AnyRobot, Parameter, Robot};
+use trilink_robot::{AnyRobot, Parameter};
 use trilink_tables::{BootstrapRow, FitRow, NoInterval, NoIntervalReason};
 
 use super::alternatives::Alternatives;
@@ -31,7 +31,7 @@ pub struct KnownFit {
     pub replicates: Vec<BootstrapRow>,
 }
 
-/// Uncertainty of the predictions of a fit for a robot of three links; see [`KnownFit::with_bands`].
+/// Uncertainty of the predictions of a fit; see [`KnownFit::with_bands`].
 pub struct PredictionBands<'b>(Bands<'b>);
 
 impl PredictionBands<'_> {
@@ -42,11 +42,11 @@ impl PredictionBands<'_> {
     /// Returns an error if the solution has no derivatives, or if the model has no periodic solution for a replicate.
     pub fn limits(
         &self,
-        solver: Solver,
-        problem: &Problem,
+        solver: AnySolver,
+        problem: &AnyProblem,
         metrics: GaitMetrics,
     ) -> Result<[GaitMetrics; 2], MotionError> {
-        Ok(self.0.band(solver.into(), &problem.clone().into(), metrics)?.limits(&metrics, &EXACT))
+        Ok(self.0.band(solver, problem, metrics)?.limits(&metrics, &EXACT))
     }
 
     /// Returns the free parameters, and the shifts of their logarithms in each replicate, with the same noise
@@ -58,7 +58,7 @@ impl PredictionBands<'_> {
     /// Returns robots with the coefficients of refits: of the first `most` bootstrap replicates, and of all refits that
     /// are not replicates. They are copies of `robot`, except that a refit with a changed robot parameter keeps its own
     /// robot.
-    pub fn alternatives(&self, robot: &Robot, most: usize) -> Alternatives {
+    pub fn alternatives(&self, robot: &AnyRobot, most: usize) -> Alternatives {
         self.0.alternatives(robot, most)
     }
 

@@ -6,7 +6,7 @@ use std::fmt;
 use trilink_mechanics::AnyProblem;
 use trilink_robot::{AnyGait, MAX_JOINTS};
 use trilink_statistics::extremes;
-use trilink_tables::{Columns as _, Extrapolation, SAME_FREQUENCY};
+use trilink_tables::{Extrapolation, SAME_FREQUENCY};
 
 use super::measurement::Measurement;
 
@@ -173,21 +173,6 @@ impl MeasuredRange {
     pub fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
         let excess: Vec<String> = self.excess(problem).iter().map(Excess::to_string).collect();
         Extrapolation { extrapolated: Some(!excess.is_empty()), beyond_trials: excess.join(", ") }
-    }
-
-    /// Returns the extrapolation beyond the range covered by the trials of a fit, if the coefficients come from one; the
-    /// range may be unknown for a given reason.
-    pub fn extrapolation_beyond(
-        range: Option<Result<&Self, &str>>,
-        problem: &AnyProblem,
-    ) -> Extrapolation {
-        match range {
-            None => Extrapolation::blank(),
-            Some(Ok(range)) => range.extrapolation(problem),
-            Some(Err(why)) => {
-                Extrapolation { extrapolated: None, beyond_trials: format!("not known: {why}") }
-            }
-        }
     }
 
     /// Returns a warning that some of the problems are extrapolations, or that the range is not known (for the given

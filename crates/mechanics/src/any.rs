@@ -2,13 +2,16 @@
 
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_robot::{
-    AnyGait, AnyRobot, ChainNumber, CommandNumber, Gait, Laws, MAX_JOINTS, Parameter,
+    AnyGait, AnyRobot, ChainError, ChainNumber, CommandNumber, FreeJoint, Gait, Joint,
+    JointCommand, Laws, MAX_JOINTS, Parameter, Robot,
 };
 
-use super::chain::{ChainAttractor, ChainProblem, ChainSlopes, ChainSolver};
+use super::chain::{ChainAttractor, ChainMotion, ChainProblem, ChainSlopes, ChainSolver};
 use super::reduced::COMMAND_SIZE;
 use super::transient::{Frames, Posture};
-use super::{Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver};
+use super::{
+    Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver, SteadyMotion,
+};
 
 /// Robot of any number of links with given friction laws and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,6 +111,46 @@ impl AnyProblem {
             Kind::Chain(_) => None,
         }
     }
+
+    /// Returns the command of a joint's angle, or that of the angle at which its spring is relaxed; `None` for the passive
+    /// joint of a robot of three links.
+    pub fn command(&self, joint: usize) -> Option<&JointCommand> {
+        match (self.gait.joints.get(joint)?, &self.robot) {
+            (Some(command), _) => Some(command),
+            (None, AnyRobot::ThreeLinks(_)) => None,
+            (None, AnyRobot::Chain(chain)) => Some(chain.joints.get(joint)?.command()),
+        }
+    }
+
+    /// Returns access to the command of [`AnyProblem::command`].
+    pub fn command_mut(&mut self, joint: usize) -> Option<&mut JointCommand> {
+        match (self.gait.joints.get_mut(joint)?, &mut self.robot) {
+            (Some(command), _) => Some(command),
+            (None, AnyRobot::ThreeLinks(_)) => None,
+            (None, AnyRobot::Chain(chain)) => Some(chain.joints.get_mut(joint)?.command_mut()),
+        }
+    }
+
+    /// Returns the value of a number of the gait or of a chain, in SI units; `None` if there is no such number.
+    pub fn number(&self, number: ChainNumber) -> Option<f64> {
+        match number {
+            ChainNumber::Command(joint, number) => {
+                number.of(&mut self.command(joint)?.clone()).copied()
+            }
+            _ => self.robot.as_chain()?.number(number),
+        }
+    }
+
+    /// Returns access to a number of the gait or of a chain, in SI units; `None` if there is no such number.
+    pub fn number_mut(&mut self, number: ChainNumber) -> Option<&mut f64> {
+        if let ChainNumber::Command(joint, number) = number {
+            return number.of(self.command_mut(joint)?);
+        }
+        match &mut self.robot {
+            AnyRobot::ThreeLinks(_) => None,
+            AnyRobot::Chain(chain) => chain.number_mut(number),
+        }
+    }
 }
 
 /// Derivatives of metrics with respect to the frequency, per rad/s, and to the offset, amplitude and phase of each
@@ -117,6 +160,9 @@ pub struct InputDerivatives {
     pub omega: GaitMetrics,
     pub gait: [[GaitMetrics; COMMAND_SIZE]; MAX_JOINTS],
 }
+
+/// Derivatives of the displacement d, m per unit, and of the work over a cycle, J per unit.
+pub type DistanceAndWork = [f64; 2];
 
 /// Warm-started solver of steady-state motions of robots of any number of links, as [`Solver`] is for three links.
 #[derive(Debug, Clone, Default)]
@@ -144,6 +190,24 @@ impl AnySolver {
         }
     }
 
+    /// Solves as [`AnySolver::solve`] does, but only near the last solution, as [`Solver::solve_near`] does.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::solve`] does, or if the motion is too far from the last solution.
+    pub fn solve_near(&mut self, problem: &AnyProblem, accuracy: f64) -> Result<GaitMetrics> {
+        match problem.kind() {
+            Kind::ThreeLinks(problem) => {
+                self.chain.forget();
+                self.three_links.solve_near(&problem, accuracy)
+            }
+            Kind::Chain(problem) => {
+                self.three_links.forget();
+                let metrics = self.chain.solve_near(&problem, accuracy)?;
+                Ok(metrics.by_number(&problem.chain))
+            }
+        }
+    }
+
     /// Creates a solver whose next solution starts from the same motion as the next solution of this solver. The new
     /// solver has no last solution that could be queried.
     pub fn successor(&self) -> Self {
@@ -164,6 +228,40 @@ impl AnySolver {
         match self.chain.last() {
             None => self.three_links.status(),
             Some(_) => Ok(self.chain.motion()?.status()),
+        }
+    }
+
+    /// Returns the modulus of the largest Floquet multiplier of the last solution; `None` if constraints and commands
+    /// alone determine the motion.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::status`] does.
+    pub fn floquet(&mut self) -> Result<Option<f64>> {
+        match self.chain.last() {
+            None => self.three_links.floquet(),
+            Some(_) => Ok(self.chain.motion()?.floquet),
+        }
+    }
+
+    /// Returns the energy dissipated over a cycle of the last solution, J.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::status`] does.
+    pub fn loss_j(&mut self) -> Result<f64> {
+        match self.chain.last() {
+            None => self.three_links.loss_j(),
+            Some(_) => Ok(self.chain.motion()?.loss_j),
+        }
+    }
+
+    /// Returns the steady-state motion of the last solution, given its metrics.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::status`] does.
+    pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion> {
+        match self.chain.last().cloned() {
+            None => self.three_links.steady_motion(metrics),
+            Some(problem) => Ok(self.chain.motion()?.by_number(&problem.chain)),
         }
     }
 
@@ -228,37 +326,25 @@ impl AnySolver {
             [CommandNumber::Offset, CommandNumber::Amplitude, CommandNumber::Phase];
         let gait = problem.chain.gait();
         let commands = gait.joints.iter().enumerate().filter(|(_, command)| command.is_some());
-        let mut numbers: Vec<ChainNumber> = commands
+        let numbers: Vec<ChainNumber> = commands
             .flat_map(|(joint, _)| COMMAND.map(|number| ChainNumber::Command(joint, number)))
             .collect();
-        let of_gait = numbers.len();
-        // The motion as a function of phase is the same at another frequency if each number is scaled by a power of it.
-        let effective = problem.effective();
-        numbers.extend(problem.chain.numbers().into_iter().filter(|number| {
-            number.power_of_omega() != 0 && effective.chain.number(*number) != Some(0.0)
-        }));
-        let slopes = self.chain.slopes(&numbers)?;
+        let InputSlopes { motion, numbers: slopes, scaled } =
+            input_slopes(&mut self.chain, &problem, &numbers)?;
         let mut derivatives =
             InputDerivatives { omega: GaitMetrics::NONE, gait: [none; MAX_JOINTS] };
-        let mut omega = ByMetric::<f64>::splat(0.0);
-        for (i, (number, slope)) in numbers.iter().zip(&slopes).enumerate() {
+        for (number, slope) in numbers.iter().zip(&slopes) {
+            let ChainNumber::Command(joint, command) = number else { continue };
             let mut own = ByMetric::<f64>::splat(0.0);
-            match number {
-                ChainNumber::Command(joint, command) if i < of_gait => {
-                    add(&mut own, 1.0, &problem, slope);
-                    let index = COMMAND.iter().position(|one| one == command).unwrap_or(0);
-                    derivatives.gait[*joint][index] = own.into();
-                }
-                number => {
-                    let value = problem.chain.number(*number).unwrap_or(0.0);
-                    let factor = -f64::from(number.power_of_omega()) * value / problem.omega_rad_s;
-                    add(&mut omega, factor, &problem, slope);
-                }
-            }
+            add(&mut own, 1.0, &problem, slope);
+            let index = COMMAND.iter().position(|one| one == command).unwrap_or(0);
+            derivatives.gait[*joint][index] = own.into();
         }
+        let mut omega = ByMetric::<f64>::splat(0.0);
+        scaled.iter().for_each(|(factor, slope)| add(&mut omega, *factor, &problem, slope));
         derivatives.omega = omega.into();
         // At constant displacement per cycle, the speed is proportional to the frequency.
-        derivatives.omega.v_m_s = (self.chain.motion()?.metrics.d_m
+        derivatives.omega.v_m_s = (motion.metrics.d_m
             + derivatives.omega.d_m * problem.omega_rad_s)
             / std::f64::consts::TAU;
         Ok(derivatives)
@@ -280,6 +366,79 @@ impl AnySolver {
         Ok(cycle.iter().map(|sample| padded(&sample.torque_nm)).collect())
     }
 
+    /// Returns the derivatives of displacement and work of the last solution with respect to the frequency, per rad/s,
+    /// and to numbers of the commands, in SI units and in their order. Of a robot of three links, these are numbers of the
+    /// commands of its joints.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::status`] does, or if the robot does not have one of the numbers.
+    pub fn distance_and_work_derivatives(
+        &mut self,
+        numbers: &[ChainNumber],
+    ) -> Result<(DistanceAndWork, Vec<DistanceAndWork>)> {
+        let Some(problem) = self.chain.last().cloned() else {
+            let both = self.three_links.distance_and_work_derivatives()?;
+            let of = |number: &ChainNumber| match *number {
+                ChainNumber::Command(joint, number) if joint < Robot::JOINTS => {
+                    Ok(both.each_ref().map(|of| match number {
+                        CommandNumber::Offset => of.gait[joint][0],
+                        CommandNumber::Amplitude => of.gait[joint][1],
+                        CommandNumber::Phase => of.gait[joint][2],
+                        CommandNumber::SecondInPhase => of.second[joint][0],
+                        CommandNumber::SecondQuadrature => of.second[joint][1],
+                    }))
+                }
+                number => Err(ChainError::NoNumber(number.key()).into()),
+            };
+            let numbers = numbers.iter().map(of).collect::<Result<_>>()?;
+            return Ok((both.each_ref().map(|of| of.omega), numbers));
+        };
+        let InputSlopes { motion, numbers, scaled } =
+            input_slopes(&mut self.chain, &problem, numbers)?;
+        let both = |slopes: &ChainSlopes| [slopes.metrics.d_m, slopes.work_j];
+        // Forces, and therefore the work, scale with the square of the frequency.
+        let mut omega = [0.0, 2.0 * motion.loss_j / problem.omega_rad_s];
+        for (factor, slopes) in &scaled {
+            omega.iter_mut().zip(both(slopes)).for_each(|(sum, slope)| *sum += factor * slope);
+        }
+        Ok((omega, numbers.iter().map(both).collect()))
+    }
+
+    /// Returns the largest absolute torque of the actuators of joints at `samples + 1` times of a cycle of the last
+    /// solution, N m: the torque at driven and elastic joints, and the commanded torque. Torques that are not finite, at
+    /// a singular shape, are left out; zero if there are no others.
+    ///
+    /// # Errors
+    /// Returns an error as [`AnySolver::status`] does.
+    pub fn largest_torque_nm(&mut self, gait: &AnyGait, samples: usize) -> Result<f64> {
+        let torques_nm: Vec<f64> = match self.chain.last().cloned() {
+            None => {
+                let cycle = self.three_links.cycle(samples)?;
+                let torques = cycle
+                    .iter()
+                    .flat_map(|sample| sample.forces.torque_nm.into_iter().zip(gait.joints));
+                torques.filter(|(_, command)| command.is_some()).map(|(torque, _)| torque).collect()
+            }
+            Some(problem) => {
+                let cycle = self.chain.cycle(samples)?;
+                let torques = cycle.iter().flat_map(|sample| {
+                    let joints = problem.chain.joints.iter().zip(&sample.torque_nm);
+                    joints.map(|(joint, torque_nm)| match joint {
+                        Joint::Free(FreeJoint { target, torque, .. })
+                            if target.half_range_rad() == 0.0 =>
+                        {
+                            torque.at(problem.omega_rad_s * sample.time_s)
+                        }
+                        Joint::Driven(_) | Joint::Free(_) => *torque_nm,
+                    })
+                });
+                torques.collect()
+            }
+        };
+        let finite = torques_nm.into_iter().map(f64::abs).filter(|torque| torque.is_finite());
+        Ok(finite.fold(0.0, f64::max))
+    }
+
     /// Returns the skid velocities of all wheels at `samples + 1` times of a cycle of the last solution, m/s.
     ///
     /// # Errors
@@ -299,6 +458,45 @@ impl From<Solver> for AnySolver {
     fn from(three_links: Solver) -> Self {
         Self { three_links, chain: ChainSolver::default() }
     }
+}
+
+/// Derivatives of a chain's motion from which those with respect to the frequency follow as well.
+struct InputSlopes {
+    motion: ChainMotion,
+    /// With respect to the given numbers.
+    numbers: Vec<ChainSlopes>,
+    /// With respect to the numbers that scale with the frequency, each with the derivative of the number with respect to
+    /// the frequency at which the motion as a function of phase remains the same, with the opposite sign.
+    scaled: Vec<(f64, ChainSlopes)>,
+}
+
+/// Returns the last solution, that of `problem`, and its derivatives with respect to the given numbers and to those that
+/// scale with the frequency.
+fn input_slopes(
+    solver: &mut ChainSolver,
+    problem: &ChainProblem,
+    numbers: &[ChainNumber],
+) -> Result<InputSlopes> {
+    // The motion as a function of phase is the same at another frequency if each number is scaled by a power of it.
+    let effective = problem.effective();
+    let scaled: Vec<ChainNumber> = problem
+        .chain
+        .numbers()
+        .into_iter()
+        .filter(|number| {
+            number.power_of_omega() != 0 && effective.chain.number(*number) != Some(0.0)
+        })
+        .collect();
+    let all = [numbers, &scaled].concat();
+    let mut slopes = solver.slopes(&all)?;
+    let motion = solver.motion()?;
+    let of_scaled = slopes.split_off(numbers.len());
+    let factor = |number: &ChainNumber| {
+        let value = problem.chain.number(*number).unwrap_or(0.0);
+        -f64::from(number.power_of_omega()) * value / problem.omega_rad_s
+    };
+    let scaled = scaled.iter().map(factor).zip(of_scaled).collect();
+    Ok(InputSlopes { motion, numbers: slopes, scaled })
 }
 
 /// Adds derivatives of a chain's metrics, multiplied by a factor.
@@ -353,6 +551,22 @@ mod tests {
             let pairs = found.gait.as_flattened().iter().zip(known.gait.as_flattened());
             for (i, (found, known)) in pairs.enumerate() {
                 assert_alike(found, known, &format!("gait {i}"));
+            }
+            let joints = (0..Robot::JOINTS).filter(|joint| gait.joints[*joint].is_some());
+            let numbers: Vec<ChainNumber> = joints
+                .flat_map(|joint| {
+                    let numbers =
+                        [CommandNumber::Offset, CommandNumber::Amplitude, CommandNumber::Phase];
+                    numbers.map(|number| ChainNumber::Command(joint, number))
+                })
+                .collect();
+            let [known, found] = solvers.each_mut().map(|solver| {
+                let (omega, others) = solver.distance_and_work_derivatives(&numbers).unwrap();
+                [vec![omega], others].concat().concat()
+            });
+            let scale = known.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+            for (found, known) in found.iter().zip(&known) {
+                assert!((found - known).abs() < 1e-6 * scale, "{found} {known}");
             }
             let [known, found] = &mut solvers;
             let wheels = [Quantity::Skid.parameter(0), Quantity::Roll.sum()];

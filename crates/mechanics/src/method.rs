@@ -139,7 +139,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     }
 
     /// Solves as [`Method::solve_near`] does.
-    fn find_near(&mut self, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
+    pub(super) fn find_near(&mut self, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
         self.orbit.effort = Effort::default();
         let last = self.orbit.snapshot();
         if self.continue_last(accuracy).is_err()

@@ -101,12 +101,25 @@ fn panel(map: &[&OptimumMapRow], has_others: bool) -> Panel {
 
 /// Returns the axis label for a gait command.
 fn label(command: &str) -> String {
+    if let Some((link, kind)) =
+        command.strip_prefix("rotor.").and_then(|rotor| rotor.rsplit_once('.'))
+    {
+        let kind = match kind {
+            "amplitude" => "Amplitude",
+            "phase" => "Phase",
+            "second_in_phase" => "In-phase second harmonic",
+            _ => "Quadrature second harmonic",
+        };
+        return format!("{kind} of the rotor of {link} (deg)");
+    }
     let kind = command.trim_end_matches(|c: char| c.is_ascii_digit());
     let joint = &command[kind.len()..];
     match kind {
         "offset" => format!("Offset of joint {joint} (deg)"),
         "amplitude" => format!("Amplitude of joint {joint} (deg)"),
         "phase" => format!("Phase of joint {joint} (deg)"),
+        "torque" => format!("Torque of joint {joint} (N m)"),
+        "mean" => format!("Mean torque of joint {joint} (N m)"),
         "second_in_phase" => format!("In-phase second harmonic of joint {joint} (deg)"),
         "second_quadrature" => format!("Quadrature second harmonic of joint {joint} (deg)"),
         _ => FREQUENCY.to_owned(),

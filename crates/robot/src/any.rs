@@ -66,6 +66,14 @@ impl AnyRobot {
         }
     }
 
+    /// Returns the chain; `None` for a robot of three links.
+    pub fn as_chain(&self) -> Option<&Chain> {
+        match self {
+            Self::ThreeLinks(_) => None,
+            Self::Chain(chain) => Some(chain),
+        }
+    }
+
     /// Returns the number of joints.
     pub fn joints(&self) -> usize {
         match self {

@@ -219,7 +219,8 @@ named! {
 }
 
 impl CommandNumber {
-    fn of(self, command: &mut JointCommand) -> Option<&mut f64> {
+    /// Returns access to the number; `None` if it belongs to a second harmonic that the command does not have.
+    pub fn of(self, command: &mut JointCommand) -> Option<&mut f64> {
         let second = command.second.as_mut();
         Some(match self {
             Self::Offset => &mut command.offset_rad,

@@ -2,9 +2,9 @@
 
 use serde_json::json;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_fit::optimise::{Command, Search, SearchResult, Uncertainty};
-use trilink_fit::simulate::{KnownFits, Setup};
-use trilink_tables::{NoInterval, NoIntervalReason, Objective, OptimumRow};
+use trilink_fit::optimise::{Search, SearchResult, Uncertainty};
+use trilink_fit::simulate::{AnySetup, KnownFits};
+use trilink_tables::{NoInterval, NoIntervalReason, OptimumRow};
 
 use crate::cli::Failure;
 use crate::cli::output::write_text;
@@ -19,7 +19,7 @@ const MAX_REPLICATES: usize = 200;
 /// # Errors
 /// Returns an error if the command was cancelled.
 pub(super) fn estimate(
-    setup: &Setup,
+    setup: &AnySetup,
     fits: Option<&KnownFits>,
     max_replicates: Option<usize>,
     (search, found): (&Search, &SearchResult),
@@ -39,22 +39,25 @@ pub(super) fn estimate(
 }
 
 /// Adds to `rows` the uncertainty of the optima or, if it was not estimated, the reason.
-pub(super) fn fill_in(rows: &mut [OptimumRow], certainty: &Result<Uncertainty, NoInterval>) {
+pub(super) fn fill_in(
+    rows: &mut [OptimumRow],
+    certainty: &Result<Uncertainty, NoInterval>,
+    search: &Search,
+) {
     match certainty {
-        Ok(certainty) => certainty.fill(rows),
+        Ok(certainty) => certainty.fill(rows, &search.problem.robot),
         Err(why) => rows.iter_mut().for_each(|row| row.no_interval = Some(why.clone())),
     }
 }
 
 /// Prints the confidence intervals and, for each optimum, the number of replicates in which it is the best.
-pub(super) fn print(objective: Objective, certainty: &Uncertainty) -> Result<(), Failure> {
+pub(super) fn print(search: &Search, certainty: &Uncertainty) -> Result<(), Failure> {
     let Uncertainty { replicates, without, value, commands, best_in, another, .. } = certainty;
+    let Search { objective, problem, .. } = search;
     let mut intervals = vec![interval(objective.name(), *value, objective.unit())];
-    intervals.extend(commands.iter().map(|(command, limits)| match command {
-        Command::Omega => interval("omega", *limits, "rad/s"),
-        Command::Joint(..) => {
-            interval(&command.to_string(), limits.map(f64::to_degrees), "degrees")
-        }
+    intervals.extend(commands.iter().map(|(command, limits)| {
+        let (unit, scale) = command.unit().shown();
+        interval(&command.name(&problem.robot), limits.map(|limit| scale * limit), unit)
     }));
     let counted = best_in.iter().enumerate().filter(|(_, count)| **count > 0);
     let mut best: Vec<String> =

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use trilink_base::text::known;
-use trilink_fit::simulate::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
+use trilink_fit::simulate::{Angles, AnySetup, ChainAnswer, ChainSensitivity, ChainSetup};
 
 use super::super::output::{note, say, write_json};
 use super::super::results::{check_ending, write_table};
@@ -35,10 +35,14 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
     if models.is_empty() {
         models.push(None);
     }
-    let setup = |model| {
-        command.numbers.chain_setup(&context.config, campaign, model, fits.as_ref()).transpose()
-    };
-    let setups: Vec<ChainSetup> = models.into_iter().filter_map(setup).collect::<Result<_, _>>()?;
+    let mut setups: Vec<ChainSetup> = Vec::new();
+    for model in models {
+        let config = context.config.clone();
+        let setup = command.numbers.any_setup(config, campaign, model, fits.as_ref())?;
+        if let AnySetup::Chain(setup) = setup {
+            setups.push(setup);
+        }
+    }
     let omegas = command.omega.concat();
     for setup in &setups {
         note_caution(campaign, setup.model, setup.fit());

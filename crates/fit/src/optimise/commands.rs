@@ -3,92 +3,306 @@
 use std::f64::consts::PI;
 use std::fmt;
 
-use trilink_mechanics::Problem;
-use trilink_robot::Gait;
+use trilink_mechanics::AnyProblem;
+use trilink_robot::{
+    AnyRobot, ChainNumber, CommandNumber, FreeJoint, Joint, JointCommand, JointNumber, Rotor,
+};
 use trilink_tables::config::did_you_mean;
 use trilink_tables::{GaitNumbers, Objective};
 
-/// Names of the parameters of a joint's command.
-const NUMBERS: [&str; 5] = ["offset", "amplitude", "phase", "second_in_phase", "second_quadrature"];
-const OFFSET: usize = 0;
-const AMPLITUDE: usize = 1;
-const PHASE: usize = 2;
-const IN_PHASE: usize = 3;
-const QUADRATURE: usize = 4;
+/// Periodic command that moves a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Drive {
+    /// Angle of a driven joint, or the commanded angle of an elastic one, by the index of the joint.
+    Angle(usize),
+    /// Torque of a joint, by the index of the joint.
+    Torque(usize),
+    /// Angle of a rotor, by the index of its link from front to rear.
+    Rotor(usize),
+}
 
-/// Maximum number of commands of a gait: the frequency and five parameters per joint.
-pub(super) const MAX_COMMANDS: usize = 11;
+impl Drive {
+    /// Returns the drives of a problem: the commanded joints from front to rear, then the rotors. Joints
+    /// and rotors whose command is constantly zero are left out, as are springs.
+    pub fn all(problem: &AnyProblem) -> Vec<Self> {
+        let mut drives = Vec::new();
+        for joint in 0..problem.robot.joints() {
+            let free = problem.robot.as_chain().map(|chain| &chain.joints[joint]);
+            match free {
+                Some(Joint::Free(FreeJoint { target, torque, .. })) => {
+                    if target.half_range_rad() > 0.0 {
+                        drives.push(Self::Angle(joint));
+                    }
+                    if torque.amplitude_nm != 0.0 || torque.mean_nm != 0.0 {
+                        drives.push(Self::Torque(joint));
+                    }
+                }
+                _ if problem.gait.joints[joint].is_some() => drives.push(Self::Angle(joint)),
+                _ => {}
+            }
+        }
+        let links = problem.robot.as_chain().map_or(&[][..], |chain| &chain.links).iter();
+        let moves = |rotor: Rotor| rotor.angle.half_range_rad() > 0.0;
+        let rotors = links.enumerate().filter(|(_, link)| link.rotor.is_some_and(moves));
+        drives.extend(rotors.map(|(link, _)| Self::Rotor(link)));
+        drives
+    }
+
+    fn number(self, of_angle: CommandNumber, of_torque: JointNumber) -> ChainNumber {
+        match self {
+            Self::Angle(joint) => ChainNumber::Command(joint, of_angle),
+            Self::Torque(joint) => ChainNumber::Joint(joint, of_torque),
+            Self::Rotor(link) => ChainNumber::Rotor(link, of_angle),
+        }
+    }
+
+    pub(super) fn amplitude(self) -> Command {
+        Command::Number(self.number(CommandNumber::Amplitude, JointNumber::TorqueAmplitude))
+    }
+
+    /// Returns the offset or mean; `None` for a rotor, whose offset has no effect on the motion.
+    pub(super) fn offset(self) -> Option<Command> {
+        let number = self.number(CommandNumber::Offset, JointNumber::TorqueMean);
+        (!matches!(self, Self::Rotor(_))).then_some(Command::Number(number))
+    }
+
+    pub(super) fn phase(self) -> Command {
+        Command::Number(self.number(CommandNumber::Phase, JointNumber::TorquePhase))
+    }
+
+    /// Returns the in-phase and quadrature components of the second harmonic; none for a torque.
+    pub(super) fn second_harmonic(self) -> Option<[Command; 2]> {
+        use CommandNumber::{SecondInPhase, SecondQuadrature};
+        let component = |number| self.number(number, JointNumber::TorqueMean);
+        let both = [SecondInPhase, SecondQuadrature].map(component).map(Command::Number);
+        (!matches!(self, Self::Torque(_))).then_some(both)
+    }
+
+    /// Returns the commands of the drive, with second harmonics.
+    pub fn commands(self) -> impl Iterator<Item = Command> {
+        let first = [Some(self.amplitude()), self.offset(), Some(self.phase())];
+        first.into_iter().flatten().chain(self.second_harmonic().into_iter().flatten())
+    }
+
+    /// Returns the command of the angle; `None` for a torque.
+    pub fn angle(self, problem: &AnyProblem) -> Option<&JointCommand> {
+        match self {
+            Self::Angle(joint) => problem.command(joint),
+            Self::Torque(_) => None,
+            Self::Rotor(link) => {
+                problem.robot.as_chain()?.links[link].rotor.as_ref().map(|rotor| &rotor.angle)
+            }
+        }
+    }
+
+    /// Returns access to the command of the angle; `None` for a torque.
+    pub(super) fn angle_mut(self, problem: &mut AnyProblem) -> Option<&mut JointCommand> {
+        match self {
+            Self::Angle(joint) => problem.command_mut(joint),
+            Self::Torque(_) => None,
+            Self::Rotor(link) => match &mut problem.robot {
+                AnyRobot::ThreeLinks(_) => None,
+                AnyRobot::Chain(chain) => {
+                    chain.links[link].rotor.as_mut().map(|rotor| &mut rotor.angle)
+                }
+            },
+        }
+    }
+
+    /// Returns the name of the part that the drive moves, for messages.
+    pub(super) fn part(self, robot: &AnyRobot) -> String {
+        match self {
+            Self::Angle(joint) | Self::Torque(joint) => format!("joint {}", joint + 1),
+            Self::Rotor(link) => format!("the rotor of link {}", name_of(link, robot)),
+        }
+    }
+
+    /// Returns the name of a kind of number of the drive, such as `amplitude2` or `rotor.front.amplitude`.
+    pub fn name(self, kind: &str, robot: &AnyRobot) -> String {
+        match self {
+            Self::Angle(joint) | Self::Torque(joint) => format!("{kind}{}", joint + 1),
+            Self::Rotor(link) => format!("rotor.{}.{kind}", name_of(link, robot)),
+        }
+    }
+
+    /// Returns the key of the command in a gait of the configuration.
+    pub fn key(self, robot: &AnyRobot) -> String {
+        match self {
+            Self::Angle(joint) | Self::Torque(joint) => format!("joint{}", joint + 1),
+            Self::Rotor(link) => {
+                format!("rotor.{}", toml::Value::from(name_of(link, robot)))
+            }
+        }
+    }
+
+    /// Returns the keys and values of the command in the configuration.
+    pub fn configured(self, problem: &AnyProblem) -> Vec<(&'static str, f64)> {
+        let Some(command) = self.angle(problem) else {
+            let commands = self.commands();
+            return ["torque_nm", "mean_nm", "phase_deg"]
+                .into_iter()
+                .zip(commands.map(|command| command.unit().shown().1 * command.value(problem)))
+                .collect();
+        };
+        let numbers = command.to_array().map(f64::to_degrees);
+        let mut keys: Vec<(&str, f64)> =
+            ["offset_deg", "amplitude_deg", "phase_deg"].into_iter().zip(numbers).collect();
+        if let Some(second) = command.second {
+            keys.push(("amplitude2_deg", second.amplitude_rad().to_degrees()));
+            keys.push(("phase2_deg", second.phase_rad().to_degrees()));
+        }
+        keys
+    }
+
+    /// Stores the numbers of the drive in `numbers`, those of second harmonics only if the command has them.
+    pub(super) fn fill(self, problem: &AnyProblem, numbers: &mut GaitNumbers) {
+        for command in self.commands() {
+            if let Some(number) = command.number_mut(numbers, &problem.robot) {
+                *number = command.value(problem);
+            }
+        }
+        let second = self.angle(problem).and_then(|angle| angle.second);
+        if let Some((second, numbers)) = second.zip(self.second_mut(numbers, &problem.robot)) {
+            [*numbers[0], *numbers[1]] = [second.amplitude_rad(), second.phase_rad()];
+        }
+    }
+
+    /// Returns the entries in `numbers` for the amplitude and the phase of the second harmonic; `None` for a torque.
+    pub(super) fn second_mut<'n>(
+        self,
+        numbers: &'n mut GaitNumbers,
+        robot: &AnyRobot,
+    ) -> Option<[&'n mut f64; 2]> {
+        match self {
+            Self::Angle(joint) => {
+                Some([numbers.amplitude2_rad.get_mut(joint)?, numbers.phase2_rad.get_mut(joint)?])
+            }
+            Self::Torque(_) => None,
+            Self::Rotor(link) => {
+                let link = number_of(link, robot)?;
+                Some([
+                    numbers.rotor_amplitude2_rad.get_mut(link)?,
+                    numbers.rotor_phase2_rad.get_mut(link)?,
+                ])
+            }
+        }
+    }
+}
+
+/// Returns the name of a link, given its index from front to rear.
+fn name_of(link: usize, robot: &AnyRobot) -> &str {
+    robot.as_chain().map_or("", |chain| &chain.links[link].name)
+}
+
+/// Returns the number of a link in table columns, given its index from front to rear.
+fn number_of(link: usize, robot: &AnyRobot) -> Option<usize> {
+    robot.as_chain()?.numbering().into_iter().position(|one| one == link)
+}
 
 /// Frequency or gait parameter that can be free in an optimisation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Command {
     /// Frequency, rad/s.
     Omega,
-    /// Parameter of a joint's command, rad. The first index is the joint (0 or 1); the second one selects offset,
-    /// amplitude or phase (0, 1, 2), or the in-phase or quadrature component of the second harmonic (3, 4).
-    Joint(usize, usize),
+    /// Number of a [`Drive`], rad or N m. Those of the driven joints of a robot of three links are named like those of a
+    /// chain.
+    Number(ChainNumber),
 }
 
-impl fmt::Display for Command {
-    fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
+/// Unit of a [`Command`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CommandUnit {
+    RadPerSecond,
+    Rad,
+    NewtonMetre,
+}
+
+impl CommandUnit {
+    /// Returns the name of the unit in which values are shown, and the factor that converts values to it.
+    pub fn shown(self) -> (&'static str, f64) {
         match self {
-            Self::Omega => to.write_str("omega"),
-            Self::Joint(joint, number) => write!(to, "{}{}", NUMBERS[*number], joint + 1),
+            Self::RadPerSecond => ("rad/s", 1.0),
+            Self::Rad => ("degrees", 1_f64.to_degrees()),
+            Self::NewtonMetre => ("N m", 1.0),
         }
     }
 }
 
 impl Command {
-    /// Returns all commands that influence the steady-state motion, without second harmonics. Only the phase difference
-    /// between two commanded joints matters: phase 1 is never included, and phase 2 only if both joints are commanded.
-    pub fn all(gait: &Gait) -> Vec<Self> {
-        let commanded = (0..2).filter(|joint| gait.joints[*joint].is_some());
-        let amplitudes = commanded.clone().map(|joint| Self::Joint(joint, AMPLITUDE));
-        let offsets = commanded.map(|joint| Self::Joint(joint, OFFSET));
-        let phase = gait.passive_joint().is_none().then_some(Self::Joint(1, PHASE));
-        [Self::Omega].into_iter().chain(amplitudes).chain(offsets).chain(phase).collect()
-    }
-
-    /// Returns the second-harmonic components of those commanded joints for which `is_wanted` returns true.
-    fn second_harmonics(gait: &Gait, is_wanted: impl Fn(usize) -> bool) -> Vec<Self> {
-        let joints = (0..2).filter(|joint| gait.joints[*joint].is_some() && is_wanted(*joint));
-        joints.flat_map(Self::second_harmonic_of).collect()
-    }
-
-    /// Returns the in-phase and quadrature components of a joint's second harmonic.
-    pub(super) fn second_harmonic_of(joint: usize) -> [Self; 2] {
-        [IN_PHASE, QUADRATURE].map(|component| Self::Joint(joint, component))
+    /// Returns all commands that influence the steady-state motion, without second harmonics. Only phase differences
+    /// between drives matter: the phase of the first one is never included.
+    pub fn all(problem: &AnyProblem) -> Vec<Self> {
+        let drives = Drive::all(problem);
+        let amplitudes = drives.iter().map(|drive| drive.amplitude());
+        let offsets = drives.iter().filter_map(|drive| drive.offset());
+        let phases = drives.iter().skip(1).map(|drive| drive.phase());
+        [Self::Omega].into_iter().chain(amplitudes).chain(offsets).chain(phases).collect()
     }
 
     /// Returns whether the command is a component of a second harmonic.
     pub fn is_second(self) -> bool {
-        matches!(self, Self::Joint(_, IN_PHASE | QUADRATURE))
+        self.is_of(&[CommandNumber::SecondInPhase, CommandNumber::SecondQuadrature])
     }
 
-    /// Adds to `free` the components of the second harmonic of every joint that has a free command.
-    pub fn with_second_harmonics(mut free: Vec<Self>, gait: &Gait) -> Vec<Self> {
-        let mut seconds = Self::second_harmonics(gait, |joint| {
-            free.iter().any(|command| matches!(command, Self::Joint(own, _) if *own == joint))
-        });
+    /// Returns whether the command is one of the given numbers of an angle.
+    fn is_of(self, numbers: &[CommandNumber]) -> bool {
+        match self {
+            Self::Number(ChainNumber::Command(_, own) | ChainNumber::Rotor(_, own)) => {
+                numbers.contains(&own)
+            }
+            _ => false,
+        }
+    }
+
+    /// Returns the drive to which the command belongs; `None` for the frequency.
+    fn drive(self) -> Option<Drive> {
+        match self {
+            Self::Number(ChainNumber::Command(joint, _)) => Some(Drive::Angle(joint)),
+            Self::Number(ChainNumber::Joint(joint, _)) => Some(Drive::Torque(joint)),
+            Self::Number(ChainNumber::Rotor(link, _)) => Some(Drive::Rotor(link)),
+            Self::Omega | Self::Number(ChainNumber::Link(..)) => None,
+        }
+    }
+
+    /// Returns the index of the command among the offset, amplitude and phase of a drive's angle and the components of
+    /// its second harmonic; `None` if it is not one of them.
+    pub(super) fn index_in(self, drive: Drive) -> Option<usize> {
+        let Self::Number(ChainNumber::Command(_, own) | ChainNumber::Rotor(_, own)) = self else {
+            return None;
+        };
+        let is_own = self.drive() == Some(drive);
+        CommandNumber::ALL.into_iter().position(|number| is_own && number == own)
+    }
+
+    /// Adds to `free` the components of the second harmonic of every joint and rotor that has a free command.
+    pub fn with_second_harmonics(mut free: Vec<Self>, problem: &AnyProblem) -> Vec<Self> {
+        let drives = Drive::all(problem).into_iter();
+        let drives =
+            drives.filter(|drive| free.iter().any(|command| command.drive() == Some(*drive)));
+        let mut seconds: Vec<Self> = drives.filter_map(Drive::second_harmonic).flatten().collect();
         seconds.retain(|command| !free.contains(command));
         free.extend(seconds);
         free
     }
 
-    /// Parses names of a gait's commands, such as `omega` or `amplitude1`, or `amplitudes` for the amplitudes of all
-    /// commanded joints.
+    /// Parses names of a problem's commands, such as `omega` or `amplitude1`, or `amplitudes` for the amplitudes of all
+    /// commanded joints and rotors.
     ///
     /// # Errors
     /// Returns an error if a name is unknown or the command has no influence on the motion.
-    pub fn parse(names: &[String], gait: &Gait) -> Result<Vec<Self>, String> {
-        let mut all = Self::all(gait);
-        all.extend(Self::second_harmonics(gait, |_| true));
+    pub fn parse(names: &[String], problem: &AnyProblem) -> Result<Vec<Self>, String> {
+        let mut all = Self::all(problem);
+        let seconds = Drive::all(problem).into_iter().filter_map(Drive::second_harmonic);
+        all.extend(seconds.flatten());
         let mut free: Vec<Self> = Vec::new();
         for name in names.iter().flat_map(|names| names.split(',')).map(str::trim) {
-            let named: Vec<Self> =
-                all.iter().filter(|command| command.is_named(name)).copied().collect();
+            let named: Vec<Self> = all
+                .iter()
+                .filter(|command| command.is_named(name, &problem.robot))
+                .copied()
+                .collect();
             if named.is_empty() {
-                return Err(unknown_command(name, gait, &Self::all(gait)));
+                return Err(unknown_command(name, problem));
             }
             free.extend(named);
         }
@@ -97,85 +311,143 @@ impl Command {
         Ok(free)
     }
 
-    /// Returns whether a name denotes the command or a group that contains the command. Names from
-    /// `simulate --sensitivities` are accepted, too; the amplitude or the phase of a second harmonic then denotes both
-    /// of its components.
-    fn is_named(self, name: &str) -> bool {
-        let name = name.trim_end_matches("_deg").trim_end_matches("_rad_s");
-        self.to_string() == name
-            || match self {
-                Self::Omega => false,
-                Self::Joint(joint, IN_PHASE | QUADRATURE) => {
-                    name == "seconds"
-                        || ["second", "second_amplitude", "second_phase"]
-                            .iter()
-                            .any(|group| format!("{group}{}", joint + 1) == name)
-                }
-                Self::Joint(_, number) => name == format!("{}s", NUMBERS[number]),
-            }
-    }
-
-    pub(super) fn value(self, problem: &Problem) -> f64 {
+    /// Returns the name of the kind of number.
+    fn kind(self) -> &'static str {
         match self {
-            Self::Omega => problem.omega_rad_s,
-            Self::Joint(joint, number) => {
-                problem.gait.joints[joint].map_or(0.0, |of| match number {
-                    IN_PHASE => of.second().in_phase_rad,
-                    QUADRATURE => of.second().quadrature_rad,
-                    _ => of.to_array()[number],
-                })
-            }
+            Self::Omega => "omega",
+            Self::Number(ChainNumber::Joint(_, JointNumber::TorqueMean)) => "mean",
+            Self::Number(ChainNumber::Joint(_, JointNumber::TorquePhase)) => "phase",
+            Self::Number(ChainNumber::Joint(..)) => "torque",
+            Self::Number(number) => number.key().trim_end_matches("_deg"),
         }
     }
 
-    pub(super) fn set(self, problem: &mut Problem, value: f64) {
-        match self {
-            Self::Omega => problem.omega_rad_s = value,
-            Self::Joint(joint, number) => {
-                if let Some(command) = &mut problem.gait.joints[joint] {
-                    match number {
-                        IN_PHASE => command.second.get_or_insert_default().in_phase_rad = value,
-                        QUADRATURE => command.second.get_or_insert_default().quadrature_rad = value,
-                        _ => *command.numbers_mut()[number] = value,
-                    }
+    /// Returns the name of the command, such as `amplitude1`, `torque2` or `rotor.front.amplitude`.
+    pub fn name(self, robot: &AnyRobot) -> String {
+        match self.drive() {
+            None => self.kind().to_owned(),
+            Some(drive) => drive.name(self.kind(), robot),
+        }
+    }
+
+    /// Returns whether a name denotes the command or a group that contains the command. Names from
+    /// `simulate --sensitivities` are accepted, too; the amplitude or the phase of a second harmonic then denotes both
+    /// of its components.
+    fn is_named(self, name: &str, robot: &AnyRobot) -> bool {
+        if let (Self::Number(number), Some(chain)) = (self, robot.as_chain())
+            && chain.number_name(number) == name
+        {
+            return true;
+        }
+        let units = ["_deg", "_rad_s", "_nm"];
+        let name = units.into_iter().fold(name, |name, unit| name.trim_end_matches(unit));
+        let own = self.name(robot);
+        let kind = self.kind();
+        own == name
+            || match self {
+                Self::Omega => false,
+                Self::Number(_) if self.is_second() => {
+                    let of = |group: &str| own.replace(kind, group) == name;
+                    name == "seconds"
+                        || ["second", "second_amplitude", "second_phase"].map(of).contains(&true)
                 }
+                Self::Number(_) => name == format!("{kind}s"),
             }
+    }
+
+    /// Returns the value of the command in a problem, rad/s, rad or N m.
+    pub fn value(self, problem: &AnyProblem) -> f64 {
+        match self {
+            Self::Omega => problem.omega_rad_s,
+            Self::Number(number) => problem.number(number).unwrap_or(0.0),
+        }
+    }
+
+    /// Sets the value of the command in a problem, rad/s, rad or N m.
+    pub fn set(self, problem: &mut AnyProblem, value: f64) {
+        let Self::Number(number) = self else {
+            problem.omega_rad_s = value;
+            return;
+        };
+        if self.is_second()
+            && let Some(command) = self.drive().and_then(|drive| drive.angle_mut(problem))
+        {
+            command.second.get_or_insert_default();
+        }
+        if let Some(number) = problem.number_mut(number) {
+            *number = value;
         }
     }
 
     /// Returns the entry in `numbers` that corresponds to the command; `None` for a component of a second harmonic.
-    pub(super) fn number_mut(self, numbers: &mut GaitNumbers) -> Option<&mut f64> {
-        Some(match self {
-            Self::Omega => &mut numbers.omega_rad_s,
-            Self::Joint(joint, OFFSET) => &mut numbers.offset_rad[joint],
-            Self::Joint(joint, AMPLITUDE) => &mut numbers.amplitude_rad[joint],
-            Self::Joint(joint, PHASE) => &mut numbers.phase_rad[joint],
-            Self::Joint(..) => return None,
-        })
+    pub(super) fn number_mut<'n>(
+        self,
+        numbers: &'n mut GaitNumbers,
+        robot: &AnyRobot,
+    ) -> Option<&'n mut f64> {
+        use CommandNumber::{Amplitude, Offset, Phase};
+        let (of_part, part): (&mut Vec<f64>, usize) = match self {
+            Self::Omega => return Some(&mut numbers.omega_rad_s),
+            Self::Number(ChainNumber::Command(joint, Offset)) => (&mut numbers.offset_rad, joint),
+            Self::Number(ChainNumber::Command(joint, Amplitude)) => {
+                (&mut numbers.amplitude_rad, joint)
+            }
+            Self::Number(ChainNumber::Command(joint, Phase)) => (&mut numbers.phase_rad, joint),
+            Self::Number(ChainNumber::Joint(joint, JointNumber::TorqueMean)) => {
+                (&mut numbers.torque_mean_nm, joint)
+            }
+            Self::Number(ChainNumber::Joint(joint, JointNumber::TorqueAmplitude)) => {
+                (&mut numbers.torque_amplitude_nm, joint)
+            }
+            Self::Number(ChainNumber::Joint(joint, JointNumber::TorquePhase)) => {
+                (&mut numbers.torque_phase_rad, joint)
+            }
+            Self::Number(ChainNumber::Rotor(link, Amplitude)) => {
+                (&mut numbers.rotor_amplitude_rad, number_of(link, robot)?)
+            }
+            Self::Number(ChainNumber::Rotor(link, Phase)) => {
+                (&mut numbers.rotor_phase_rad, number_of(link, robot)?)
+            }
+            Self::Number(_) => return None,
+        };
+        of_part.get_mut(part)
     }
 
     /// Returns the range of the command. An offset has the full range of the joint angle; the limit on
-    /// |offset| + amplitude is applied separately.
+    /// |offset| + amplitude is applied separately. The range of a torque is empty unless torques are limited.
     pub(super) fn range(self, bounds: &Bounds) -> [f64; 2] {
+        use CommandNumber as C;
+        let torque_nm = bounds.torque_nm.unwrap_or(0.0);
         match self {
             Self::Omega => bounds.omega_rad_s,
-            Self::Joint(_, AMPLITUDE) => bounds.amplitude_rad,
             // The turn in which searches start, plus one more on each side.
-            Self::Joint(_, PHASE) => [-3.0 * PI, 3.0 * PI],
-            Self::Joint(_, IN_PHASE | QUADRATURE) => {
-                [-bounds.amplitude_rad[1], bounds.amplitude_rad[1]]
-            }
-            Self::Joint(..) => [-bounds.angle_rad, bounds.angle_rad],
+            _ if self.is_phase() => [-3.0 * PI, 3.0 * PI],
+            _ if self.is_of(&[C::Amplitude]) => bounds.amplitude_rad,
+            _ if self.is_second() => [-bounds.amplitude_rad[1], bounds.amplitude_rad[1]],
+            Self::Number(ChainNumber::Joint(_, JointNumber::TorqueAmplitude)) => [0.0, torque_nm],
+            Self::Number(ChainNumber::Joint(..)) => [-torque_nm, torque_nm],
+            Self::Number(_) => [-bounds.angle_rad, bounds.angle_rad],
+        }
+    }
+
+    /// Returns the unit of the command.
+    pub fn unit(self) -> CommandUnit {
+        match self {
+            Self::Omega => CommandUnit::RadPerSecond,
+            Self::Number(number) if number.key().ends_with("_nm") => CommandUnit::NewtonMetre,
+            Self::Number(_) => CommandUnit::Rad,
         }
     }
 
     /// Returns whether the command is a phase, whose values are equivalent modulo a full turn.
     pub(super) fn is_phase(self) -> bool {
-        matches!(self, Self::Joint(_, PHASE))
+        self.is_of(&[CommandNumber::Phase])
+            || matches!(self, Self::Number(ChainNumber::Joint(_, JointNumber::TorquePhase)))
     }
 
     pub(super) fn is_offset(self) -> bool {
-        matches!(self, Self::Joint(_, OFFSET))
+        self.is_of(&[CommandNumber::Offset])
+            || matches!(self, Self::Number(ChainNumber::Joint(_, JointNumber::TorqueMean)))
     }
 
     /// Returns whether the command changes sign when the gait is mirrored.
@@ -185,13 +457,24 @@ impl Command {
 }
 
 /// Returns the error message for an unknown command name.
-fn unknown_command(name: &str, gait: &Gait, all: &[Command]) -> String {
-    let known: Vec<String> = all.iter().map(Command::to_string).collect();
-    let hint = match name.trim_end_matches("_deg") {
-        "phase1" | "phase2" | "phases" if gait.passive_joint().is_some() => {
+fn unknown_command(name: &str, problem: &AnyProblem) -> String {
+    let AnyProblem { robot, .. } = problem;
+    let drives = Drive::all(problem);
+    let known: Vec<String> =
+        Command::all(problem).iter().map(|command| command.name(robot)).collect();
+    let bare = name.trim_end_matches("_deg");
+    let hint = match drives.first() {
+        Some(_) if drives.len() == 1 && ["phase1", "phase2", "phases"].contains(&bare) => {
             "; the phase of the only commanded joint has no effect on the motion".to_owned()
         }
-        "phase1" => "; only the difference between the phases of the two joints matters".to_owned(),
+        Some(first) if first.phase().name(robot) == bare => match robot {
+            AnyRobot::ThreeLinks(_) => {
+                "; only the difference between the phases of the two joints matters".to_owned()
+            }
+            AnyRobot::Chain(_) => {
+                format!("; only phases relative to that of {} matter", first.part(robot))
+            }
+        },
         _ => did_you_mean(name, known.iter().map(String::as_str)),
     };
     format!(
@@ -215,6 +498,24 @@ pub struct Bounds {
     pub torque_nm: Option<f64>,
     /// Another objective and its worst permitted value.
     pub least: Option<(Objective, f64)>,
+}
+
+impl Bounds {
+    /// Checks that every free command of a problem has a range.
+    ///
+    /// # Errors
+    /// Returns an error if a torque is free although torques are not limited.
+    pub fn check(&self, free: &[Command], problem: &AnyProblem) -> Result<(), String> {
+        let torque = free.iter().find(|command| command.unit() == CommandUnit::NewtonMetre);
+        match torque {
+            Some(torque) if self.torque_nm.is_none() => Err(format!(
+                "optimise.torque_nm: found nothing, needed the largest torque of an actuator, because `{}` is free; set \
+                 the key or the option --torque-nm",
+                torque.name(&problem.robot)
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 impl fmt::Display for Bounds {

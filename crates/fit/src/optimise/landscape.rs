@@ -3,34 +3,84 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use nalgebra::SVector;
-use trilink_mechanics::{MotionStatus, Problem, Solver};
-use trilink_robot::JointCommand;
+use nalgebra::DVector;
+use trilink_mechanics::{AnyProblem, AnySolver, MotionStatus};
 use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{ChainNumber, JointCommand};
 use trilink_tables::Objective;
 
-use super::commands::{Bounds, Command, MAX_COMMANDS};
+use super::commands::{Bounds, Command, Drive};
 
-/// Position in the landscape: the free commands, each scaled to 0 to 1 over its range, followed by zeros.
-pub(super) type Position = SVector<f64, MAX_COMMANDS>;
+/// Position in the landscape: the free commands, each scaled to 0 to 1 over its range, followed by zeros up to at least
+/// [`MIN_LENGTH`].
+pub(super) type Position = DVector<f64>;
 
-/// Number of limits: the peaks of each joint's angle and rate, the power, the torque, and the other objective.
-pub(super) const LIMITS: usize = 4 * PEAKS + 3;
-/// Maximum number of peaks of a joint's angle or rate: two maxima and two minima if there is a second harmonic.
+/// Minimum length of a [`Position`]. Scalar products of shorter vectors are summed in another order, so that results
+/// would change in their last digits.
+const MIN_LENGTH: usize = 11;
+
+/// Maximum number of peaks of the angle or the rate of a joint or rotor: two maxima and two minima if there is a second
+/// harmonic.
 const PEAKS: usize = 4;
-/// Index of the first limit of a joint rate.
-const RATE: usize = 2 * PEAKS;
-/// Index of the limit on the mean power.
-const POWER: usize = 4 * PEAKS;
-/// Index of the limit on the torques.
-const TORQUE: usize = POWER + 1;
-/// Index of the limit on another objective.
-const LEAST: usize = POWER + 2;
 /// Name of the limit on another objective.
 pub(super) const MIN_NAME: &str = "least";
-/// Number of parameters of a joint's command without second harmonic.
-const NUMBERS: usize = 3;
-const LIMIT_NAMES: [&str; 7] = ["angle1", "angle2", "rate1", "rate2", "power", "torque", MIN_NAME];
+
+/// Indices of the limits: the peaks of the angle of each joint, then those of the rates of each joint and rotor, then the
+/// mean power, the torque, and the other objective.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    /// Number of joints.
+    joints: usize,
+    /// Index of the limit on the mean power, which follows those on the commands.
+    power: usize,
+}
+
+impl Limits {
+    fn new(problem: &AnyProblem) -> Self {
+        let joints = problem.robot.joints();
+        let rotors = problem.robot.as_chain().map_or(0, |chain| chain.links.len());
+        Self { joints, power: (2 * joints + rotors) * PEAKS }
+    }
+
+    /// Returns the index of the first limit on the angle (order 0) or rate (order 1) of a drive; `None` if it is not
+    /// limited.
+    fn first(self, drive: Drive, order: i32) -> Option<usize> {
+        match (drive, order) {
+            (Drive::Angle(joint), 0) => Some(PEAKS * joint),
+            (Drive::Angle(joint), _) => Some(PEAKS * (self.joints + joint)),
+            (Drive::Rotor(link), 1) => Some(PEAKS * (2 * self.joints + link)),
+            (Drive::Rotor(_) | Drive::Torque(_), _) => None,
+        }
+    }
+
+    fn torque(self) -> usize {
+        self.power + 1
+    }
+
+    fn least(self) -> usize {
+        self.power + 2
+    }
+
+    fn count(self) -> usize {
+        self.power + 3
+    }
+
+    /// Returns the name of a limit, given its index.
+    fn name(self, limit: usize, problem: &AnyProblem) -> String {
+        let Self { joints, power } = self;
+        match (limit / PEAKS, limit.checked_sub(power)) {
+            (_, Some(0)) => "power".to_owned(),
+            (_, Some(1)) => "torque".to_owned(),
+            (_, Some(_)) => MIN_NAME.to_owned(),
+            (part, None) if part < joints => format!("angle{}", part + 1),
+            (part, None) if part < 2 * joints => format!("rate{}", part - joints + 1),
+            (part, None) => {
+                let link = problem.robot.as_chain().map(|chain| &chain.links[part - 2 * joints]);
+                format!("rotor.{}.rate", link.map_or("", |link| &link.name))
+            }
+        }
+    }
+}
 
 /// Relative accuracy of the solver in a final search.
 pub(super) const ACCURACY: f64 = 1e-9;
@@ -50,14 +100,14 @@ const TORQUE_SAMPLES: usize = 240;
 const TORQUE_STEP: f64 = 0.3;
 
 /// Cost, relative excess over the limits, and the gradients of both at a position in the landscape.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Evaluation {
     /// Logarithm of the objective, with the sign for which lower is better.
     pub cost: f64,
     pub gradient: Position,
     /// Relative excess over each limit; minus infinity if the limit does not apply.
-    pub excess: [f64; LIMITS],
-    pub excess_gradients: [Position; LIMITS],
+    pub excess: Vec<f64>,
+    pub excess_gradients: Vec<Position>,
 }
 
 impl Evaluation {
@@ -77,9 +127,10 @@ pub(super) struct Landscape<'a> {
     objective: Objective,
     commands: &'a [Command],
     bounds: &'a Bounds,
-    ranges: [[f64; 2]; MAX_COMMANDS],
-    problem: Problem,
-    solver: Solver,
+    ranges: Vec<[f64; 2]>,
+    limits: Limits,
+    problem: AnyProblem,
+    solver: AnySolver,
     /// Relative accuracy of the solver.
     pub accuracy: f64,
     /// Whether to reject solutions that are not clearly stable.
@@ -93,23 +144,20 @@ pub(super) struct Landscape<'a> {
 
 impl<'a> Landscape<'a> {
     pub(super) fn new(
-        problem: Problem,
+        problem: AnyProblem,
         objective: Objective,
         commands: &'a [Command],
         bounds: &'a Bounds,
         accuracy: f64,
     ) -> Self {
-        let mut ranges = [[0.0, 1.0]; MAX_COMMANDS];
-        for (command, range) in commands.iter().zip(&mut ranges) {
-            *range = command.range(bounds);
-        }
         Self {
             objective,
             commands,
             bounds,
-            ranges,
+            ranges: commands.iter().map(|command| command.range(bounds)).collect(),
+            limits: Limits::new(&problem),
             problem,
-            solver: Solver::default(),
+            solver: AnySolver::default(),
             accuracy,
             only_stable: false,
             only_near: false,
@@ -127,9 +175,14 @@ impl<'a> Landscape<'a> {
         self.commands.len()
     }
 
+    /// Returns the position at which every command is at the lower end of its range.
+    pub(super) fn origin(&self) -> Position {
+        Position::zeros(self.count().max(MIN_LENGTH))
+    }
+
     /// Returns the position of a problem, with commands clamped to their ranges.
-    pub(super) fn position_of(&self, problem: &Problem) -> Position {
-        let mut position = Position::zeros();
+    pub(super) fn position_of(&self, problem: &AnyProblem) -> Position {
+        let mut position = self.origin();
         for (i, command) in self.commands.iter().enumerate() {
             let [low, high] = self.ranges[i];
             position[i] = ((command.value(problem) - low) / (high - low)).clamp(0.0, 1.0);
@@ -138,13 +191,13 @@ impl<'a> Landscape<'a> {
     }
 
     /// Returns the problem to solve at a position.
-    pub(super) fn problem_at(&self, position: &Position) -> Problem {
+    pub(super) fn problem_at(&self, position: &Position) -> AnyProblem {
         let mut problem = self.problem.clone();
         self.set(&mut problem, position);
         problem
     }
 
-    fn set(&self, problem: &mut Problem, position: &Position) {
+    fn set(&self, problem: &mut AnyProblem, position: &Position) {
         for (i, command) in self.commands.iter().enumerate() {
             let [low, high] = self.ranges[i];
             command.set(problem, low + position[i] * (high - low));
@@ -178,7 +231,7 @@ impl<'a> Landscape<'a> {
     /// Solves a problem; returns the metrics and the actuators' work per cycle, J (1 if the work is not needed). `None`
     /// if there is no periodic solution (or no stable one, if required), or if displacement or work is not positive,
     /// because the cost is a logarithm.
-    fn solve(&mut self, problem: &Problem) -> Option<(GaitMetrics, f64)> {
+    fn solve(&mut self, problem: &AnyProblem) -> Option<(GaitMetrics, f64)> {
         let metrics = if self.only_near {
             self.solver.solve_near(problem, self.accuracy)
         } else {
@@ -226,7 +279,7 @@ impl<'a> Landscape<'a> {
         let problem = self.problem_at(position);
         let evaluation = self.evaluate_problem(&problem, position, max_merit)?;
         let is_finite = evaluation.as_ref().is_err()
-            || evaluation.is_ok_and(|point| {
+            || evaluation.as_ref().is_ok_and(|point| {
                 let gradients = point.excess_gradients.iter().chain([&point.gradient]);
                 point.cost.is_finite() && gradients.flatten().all(|slope| slope.is_finite())
             });
@@ -235,25 +288,26 @@ impl<'a> Landscape<'a> {
 
     fn evaluate_problem(
         &mut self,
-        problem: &Problem,
+        problem: &AnyProblem,
         position: &Position,
         max_merit: f64,
     ) -> Option<Result<Evaluation, f64>> {
         let (metrics, work_j) = self.solve(problem)?;
+        let (power, least) = (self.limits.power, self.limits.least());
         let omega = problem.omega_rad_s;
         let values = [metrics.d_m, omega, work_j];
         let mut point = Evaluation {
             cost: self.objective.cost(values),
-            gradient: Position::zeros(),
-            excess: [f64::NEG_INFINITY; LIMITS],
-            excess_gradients: [Position::zeros(); LIMITS],
+            gradient: self.origin(),
+            excess: vec![f64::NEG_INFINITY; self.limits.count()],
+            excess_gradients: vec![self.origin(); self.limits.count()],
         };
         self.limit_commands(&mut point, problem);
         if let Some(power_w) = self.bounds.power_w {
-            point.excess[POWER] = work_j * omega / (TAU * power_w) - 1.0;
+            point.excess[power] = work_j * omega / (TAU * power_w) - 1.0;
         }
         if let Some((objective, value)) = self.bounds.least {
-            point.excess[LEAST] = objective.cost(values) - objective.cost_of_value(value);
+            point.excess[least] = objective.cost(values) - objective.cost_of_value(value);
         }
         if self.bounds.torque_nm.is_none() {
             let merit = self.merit(&point);
@@ -261,18 +315,18 @@ impl<'a> Landscape<'a> {
                 return Some(Err(merit));
             }
         }
-        let [distance, work] = self.solver.distance_and_work_derivatives().ok()?;
+        let numbers = self.commands.iter().filter_map(|command| match command {
+            Command::Omega => None,
+            Command::Number(number) => Some(*number),
+        });
+        let numbers: Vec<ChainNumber> = numbers.collect();
+        let (by_omega, by_number) = self.solver.distance_and_work_derivatives(&numbers).ok()?;
+        let mut by_number = by_number.into_iter();
         for (i, command) in self.commands.iter().enumerate() {
             let size = self.ranges[i][1] - self.ranges[i][0];
-            let (d_m, work) = match *command {
-                Command::Omega => (distance.omega, work.omega),
-                Command::Joint(joint, number) if number >= NUMBERS => {
-                    let component = number - NUMBERS;
-                    (distance.second[joint][component], work.second[joint][component])
-                }
-                Command::Joint(joint, number) => {
-                    (distance.gait[joint][number], work.gait[joint][number])
-                }
+            let [d_m, work] = match command {
+                Command::Omega => by_omega,
+                Command::Number(_) => by_number.next()?,
             };
             let dln_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
             let slope = |objective: Objective| {
@@ -284,61 +338,63 @@ impl<'a> Landscape<'a> {
             };
             point.gradient[i] = slope(self.objective);
             if let Some((objective, _)) = self.bounds.least {
-                point.excess_gradients[LEAST][i] = slope(objective);
+                point.excess_gradients[least][i] = slope(objective);
             }
             if let Some(power_w) = self.bounds.power_w {
                 let derivative = (work + work_j * dln_omega) * omega / (TAU * power_w);
-                point.excess_gradients[POWER][i] = size * derivative;
+                point.excess_gradients[power][i] = size * derivative;
             }
         }
         if let Some(torque_nm) = self.bounds.torque_nm {
             self.limit_torque(&mut point, torque_nm, problem, position)?;
         }
-        point.drop_fixed(POWER..LIMITS);
+        point.drop_fixed(power..self.limits.count());
         Some(Ok(point))
     }
 
     /// Stores the relative excess of joint angles and rates over their limits in `point`, with gradients.
-    fn limit_commands(&self, point: &mut Evaluation, problem: &Problem) {
+    fn limit_commands(&self, point: &mut Evaluation, problem: &AnyProblem) {
         let omega = problem.omega_rad_s;
-        self.for_each_peak(problem, |limit, joint, order, Peak { value, slopes }, most| {
+        self.for_each_peak(problem, |limit, drive, order, Peak { value, slopes }, most| {
             point.excess[limit] = value / most - 1.0;
             for (i, command) in self.commands.iter().enumerate() {
                 let size = self.ranges[i][1] - self.ranges[i][0];
-                let slope = match *command {
+                let slope = match command {
                     Command::Omega if order == 1 => value / omega,
-                    Command::Joint(own, number) if own == joint => slopes[number],
-                    _ => 0.0,
+                    command => command.index_in(drive).map_or(0.0, |number| slopes[number]),
                 };
                 point.excess_gradients[limit][i] = size * slope / most;
             }
         });
-        point.drop_fixed(0..POWER);
+        point.drop_fixed(0..self.limits.power);
     }
 
     /// Returns the relative excess of joint angles and rates at a position over their limits; minus infinity for all
     /// other limits.
-    pub(super) fn excess_of_commands(&self, position: &Position) -> [f64; LIMITS] {
-        let mut excess = [f64::NEG_INFINITY; LIMITS];
+    pub(super) fn excess_of_commands(&self, position: &Position) -> Vec<f64> {
+        let mut excess = vec![f64::NEG_INFINITY; self.limits.count()];
         self.for_each_peak(&self.problem_at(position), |limit, _, _, peak, most| {
             excess[limit] = peak.value / most - 1.0;
         });
         excess
     }
 
-    /// Calls `task` for every limited peak with the index of the limit, the joint, the order of the derivative (0 for
+    /// Calls `task` for every limited peak with the index of the limit, the drive, the order of the derivative (0 for
     /// the angle, 1 for the rate), the peak, and the maximum value allowed for it.
-    fn for_each_peak(&self, problem: &Problem, mut task: impl FnMut(usize, usize, i32, Peak, f64)) {
+    fn for_each_peak(
+        &self,
+        problem: &AnyProblem,
+        mut task: impl FnMut(usize, Drive, i32, Peak, f64),
+    ) {
         let Bounds { angle_rad, rate_rad_s, .. } = *self.bounds;
         let rate_per_omega = rate_rad_s / problem.omega_rad_s;
-        for (joint, command) in problem.gait.joints.iter().enumerate() {
-            let Some(command) = command else { continue };
-            for (order, first, max_value) in
-                [(0, PEAKS * joint, angle_rad), (1, RATE + PEAKS * joint, rate_per_omega)]
-            {
+        for drive in Drive::all(problem) {
+            let Some(command) = drive.angle(problem) else { continue };
+            for (order, max_value) in [(0, angle_rad), (1, rate_per_omega)] {
+                let Some(first) = self.limits.first(drive, order) else { continue };
                 for (limit, peak) in (first..).zip(peaks(command, order)) {
                     if let Some(peak) = peak {
-                        task(limit, joint, order, peak, max_value);
+                        task(limit, drive, order, peak, max_value);
                     }
                 }
             }
@@ -351,22 +407,22 @@ impl<'a> Landscape<'a> {
         &mut self,
         point: &mut Evaluation,
         torque_nm: f64,
-        problem: &Problem,
+        problem: &AnyProblem,
         position: &Position,
     ) -> Option<()> {
-        let passive = problem.gait.passive_joint();
-        let here = largest_torque(&mut self.solver, passive)?;
-        point.excess[TORQUE] = here / torque_nm - 1.0;
+        let limit = self.limits.torque();
+        let here = largest_torque(&mut self.solver, problem)?;
+        point.excess[limit] = here / torque_nm - 1.0;
         let mut neighbour = problem.clone();
         let size = TORQUE_STEP * self.accuracy.sqrt();
         for i in 0..self.count() {
             let step = if position[i] + size > 1.0 { -size } else { size };
-            let mut moved = *position;
+            let mut moved = position.clone();
             moved[i] += step;
             self.set(&mut neighbour, &moved);
             self.solver.solve(&neighbour, self.accuracy).ok()?;
-            let there = largest_torque(&mut self.solver, passive)?;
-            point.excess_gradients[TORQUE][i] = (there - here) / (step * torque_nm);
+            let there = largest_torque(&mut self.solver, &neighbour)?;
+            point.excess_gradients[limit][i] = (there - here) / (step * torque_nm);
         }
         Some(())
     }
@@ -383,27 +439,21 @@ impl<'a> Landscape<'a> {
             } else {
                 continue;
             };
-            met.push(format!("{end} {command}"));
+            met.push(format!("{end} {}", command.name(&self.problem.robot)));
         }
-        for (limit, excess) in point.excess.into_iter().enumerate() {
-            let name = LIMIT_NAMES[(limit / PEAKS).min(4) + limit.saturating_sub(POWER)];
-            if excess > -NEAR && !met.iter().any(|known| *known == name) {
-                met.push(name.to_owned());
+        for (limit, excess) in point.excess.iter().enumerate() {
+            let name = self.limits.name(limit, &self.problem);
+            if *excess > -NEAR && !met.contains(&name) {
+                met.push(name);
             }
         }
         met
     }
 }
 
-/// Returns the largest absolute torque of the actuated joints in a cycle, N m; `None` if it is zero.
-fn largest_torque(solver: &mut Solver, passive: Option<usize>) -> Option<f64> {
-    let samples = solver.cycle(TORQUE_SAMPLES).ok()?;
-    let torques = samples.iter().flat_map(|sample| {
-        let torques = sample.forces.torque_nm.into_iter().enumerate();
-        torques.filter(|(joint, _)| Some(*joint) != passive).map(|(_, torque)| torque.abs())
-    });
-    // Torques are not finite at a singular shape.
-    let largest = torques.filter(|torque| torque.is_finite()).fold(0.0, f64::max);
+/// Returns the largest absolute torque of the actuators of joints in a cycle, N m; `None` if it is zero.
+fn largest_torque(solver: &mut AnySolver, problem: &AnyProblem) -> Option<f64> {
+    let largest = solver.largest_torque_nm(&problem.gait, TORQUE_SAMPLES).ok()?;
     (largest > 0.0).then_some(largest)
 }
 

@@ -4,10 +4,11 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::Problem;
+use trilink_mechanics::AnyProblem;
 use trilink_robot::Model;
 use trilink_tables::{MapPoint, OptimumMapRow};
 
+use super::commands::CommandUnit;
 use super::landscape::{ACCURACY, Landscape, Position};
 use super::{Bounds, Command, Optimum, Search, whole_turns};
 use crate::MeasuredRange;
@@ -47,9 +48,11 @@ impl Search {
         let axes = self.most_sensitive_axes(&centre, cost);
         let Some((first, second)) = axes.split_first() else { return Ok(Vec::new()) };
         let second = second.first();
-        let name = |axis: Option<&Axis>| axis.map_or(String::new(), |of| of.command.to_string());
+        let name = |axis: Option<&Axis>| {
+            axis.map_or(String::new(), |of| of.command.name(&self.problem.robot))
+        };
         let [x_command, y_command] = [Some(first), second].map(name);
-        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64, of: &Problem| OptimumMapRow {
+        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64, of: &AnyProblem| OptimumMapRow {
             campaign: campaign.to_owned(),
             model,
             objective: self.objective,
@@ -59,7 +62,7 @@ impl Search {
             x,
             y,
             value,
-            extrapolated: overlay.range.map(|range| range.is_exceeded(&of.clone().into())),
+            extrapolated: overlay.range.map(|range| range.is_exceeded(of)),
         };
         let sign = if self.objective.is_minimised() { 1.0 } else { -1.0 };
         let second_values: Vec<Option<f64>> =
@@ -67,7 +70,7 @@ impl Search {
         let grid = second_values.into_par_iter().with_max_len(1).map(|second_value| {
             cancel.check()?;
             let mut landscape = self.landscape(ACCURACY);
-            let mut position = centre;
+            let mut position = centre.clone();
             let mut y = f64::NAN;
             if let (Some(fraction), Some(axis)) = (second_value, second) {
                 position[axis.index] = fraction;
@@ -84,7 +87,7 @@ impl Search {
             Ok(rows.collect())
         });
         let mut rows = grid.collect::<Result<Vec<Vec<_>>, Cancelled>>()?.concat();
-        let coordinates = |problem: &Problem| {
+        let coordinates = |problem: &AnyProblem| {
             let coordinate = |axis: &Axis| axis.coordinate(problem, &best.problem);
             [coordinate(first), second.map_or(f64::NAN, coordinate)]
         };
@@ -108,7 +111,7 @@ impl Search {
         let mut increases: Vec<(usize, f64)> = (0..self.free.len())
             .map(|i| {
                 let increases = [PERTURBATION, -PERTURBATION].map(|by| {
-                    let mut position = *centre;
+                    let mut position = centre.clone();
                     position[i] = (position[i] + by).clamp(0.0, 1.0);
                     stable_cost(&mut self.landscape(ACCURACY), &position) - cost
                 });
@@ -154,8 +157,8 @@ struct Axis {
 }
 
 impl Axis {
-    /// Returns the value of the command at a fraction of its range, in rad/s for the frequency and in degrees for
-    /// angles.
+    /// Returns the value of the command at a fraction of its range, in rad/s for the frequency, degrees for angles and
+    /// N m for torques.
     fn value_at(&self, fraction: f64, bounds: &Bounds) -> f64 {
         let [low, high] = self.command.range(bounds);
         in_map_unit(self.command, low + fraction * (high - low))
@@ -163,7 +166,7 @@ impl Axis {
 
     /// Returns the value of the command in a problem, in rad/s for the frequency and in degrees for angles. A phase is
     /// shifted by whole turns to be as near as possible to its value at the optimum.
-    fn coordinate(&self, problem: &Problem, optimum: &Problem) -> f64 {
+    fn coordinate(&self, problem: &AnyProblem, optimum: &AnyProblem) -> f64 {
         let value = self.command.value(problem);
         let turns_rad = if self.command.is_phase() {
             whole_turns(value - self.command.value(optimum))
@@ -174,9 +177,9 @@ impl Axis {
     }
 }
 
-/// Converts a command to the unit of a map: rad/s for the frequency, degrees for angles (from rad).
+/// Converts a command to the unit of a map: rad/s for the frequency, degrees for angles (from rad), N m for torques.
 fn in_map_unit(command: Command, value: f64) -> f64 {
-    if command == Command::Omega { value } else { value * 360.0 / TAU }
+    if command.unit() == CommandUnit::Rad { value * 360.0 / TAU } else { value }
 }
 
 /// Returns the cost at a position; NaN if there is no stable periodic solution within the limits.

@@ -19,28 +19,28 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{
-    Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
+    AnyProblem, AnySolver, FromRest, MotionStatus, REFERENCE_ACCURACY, SteadyMotion,
 };
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{ByParameter, Gait, JointCommand, SecondHarmonic};
+use trilink_robot::{ByParameter, JointCommand, SecondHarmonic};
 
-use crate::simulate::Setup;
+use crate::simulate::AnySetup;
 use commands::degrees;
-pub use commands::{Bounds, Command};
+pub use commands::{Bounds, Command, CommandUnit, Drive};
 use landscape::{ACCURACY, Landscape, Position, ROUGH_ACCURACY};
 pub use map::MapOverlay;
 use quadratic::Hessian;
 use search::{LocalOptimum, minimise};
 pub use tables::{OptimaTables, TABLES};
 pub use trilink_tables::Objective;
-use trilink_tables::{Columns, OptimumRow};
+use trilink_tables::{ByJoint, ByLink, Columns as _, GaitNumbers, OptimumRow};
 pub use uncertainty::Uncertainty;
 
 /// Optimisation problem and number of starts.
 #[derive(Debug, Clone)]
 pub struct Search {
     /// Robot and friction laws, with the current gait and frequency.
-    pub problem: Problem,
+    pub problem: AnyProblem,
     pub objective: Objective,
     /// Commands to vary; at least one.
     pub free: Vec<Command>,
@@ -52,7 +52,7 @@ pub struct Search {
 /// Optimal gait with its steady-state motion.
 #[derive(Debug, Clone)]
 pub struct Optimum {
-    pub problem: Problem,
+    pub problem: AnyProblem,
     pub value: f64,
     pub motion: SteadyMotion,
     pub status: MotionStatus,
@@ -69,20 +69,19 @@ pub struct Optimum {
 impl Optimum {
     /// Solves a problem to the reference accuracy; returns `None` if there is no periodic solution.
     fn new(
-        problem: Problem,
+        problem: AnyProblem,
         objective: Objective,
         at_bound: Vec<String>,
         starts: usize,
     ) -> Option<Self> {
-        let mut solver = Solver::default();
-        let first = solver.solve(&problem, REFERENCE_ACCURACY);
-        let motion = solver.steady_motion(first.clone().ok()?).ok()?;
-        let attractor = solver.attractor(&problem, first, REFERENCE_ACCURACY);
+        let mut solver = AnySolver::default();
+        let metrics = solver.solve(&problem, REFERENCE_ACCURACY).ok()?;
+        let motion = solver.steady_motion(metrics).ok()?;
         let GaitMetrics { d_m, v_m_s, .. } = motion.metrics;
         Some(Self {
             value: objective.value(d_m, v_m_s, motion.work_j),
             status: motion.status(),
-            from_rest: Attractor::from_rest(&attractor),
+            from_rest: solver.from_rest(&problem, metrics),
             at_bound,
             problem,
             motion,
@@ -108,30 +107,43 @@ impl Optimum {
         &self,
         rank: usize,
         campaign: &str,
-        setup: &Setup,
+        setup: &AnySetup,
         search: &Search,
         present: Option<&Self>,
     ) -> OptimumRow {
-        let Problem { robot, gait, laws, .. } = &self.problem;
-        let numbers = gait.joints.map(|of| of.map_or([f64::NAN; 3], JointCommand::to_array));
-        let seconds = gait.joints.map(|of| of.and_then(|of| of.second));
+        let AnyProblem { robot, gait, laws, .. } = &self.problem;
+        let mut numbers = missing_numbers(&self.problem);
+        Drive::all(&self.problem).iter().for_each(|drive| drive.fill(&self.problem, &mut numbers));
         OptimumRow {
             campaign: campaign.to_owned(),
             rank: rank as i64,
-            model: setup.model,
+            model: setup.model(),
             parameters: ByParameter::from_fn(|parameter| {
-                if laws.is_relevant(parameter, gait) { parameter.value_in(robot) } else { f64::NAN }
+                if robot.depends_on(parameter, *laws, gait) {
+                    robot.value(parameter)
+                } else {
+                    f64::NAN
+                }
             }),
             adequate: setup.fit().and_then(|fit| fit.adequate),
             extrapolation: setup.extrapolation(&self.problem),
             objective: search.objective,
             value: self.value,
             omega_rad_s: self.problem.omega_rad_s,
-            offset_rad: numbers.map(|of| of[0]),
-            amplitude_rad: numbers.map(|of| of[1]),
-            phase_rad: numbers.map(|of| of[2]),
-            amplitude2_rad: seconds.map(|of| of.map_or(f64::NAN, SecondHarmonic::amplitude_rad)),
-            phase2_rad: seconds.map(|of| of.map_or(f64::NAN, SecondHarmonic::phase_rad)),
+            offset_rad: numbers.offset_rad,
+            amplitude_rad: numbers.amplitude_rad,
+            phase_rad: numbers.phase_rad,
+            amplitude2_rad: numbers.amplitude2_rad,
+            phase2_rad: numbers.phase2_rad,
+            torque_mean_nm: numbers.torque_mean_nm,
+            torque_amplitude_nm: numbers.torque_amplitude_nm,
+            torque_phase_rad: numbers.torque_phase_rad,
+            rotor_amplitude_rad: numbers.rotor_amplitude_rad,
+            rotor_phase_rad: numbers.rotor_phase_rad,
+            rotor_amplitude2_rad: numbers.rotor_amplitude2_rad,
+            rotor_phase2_rad: numbers.rotor_phase2_rad,
+            lower: missing_numbers(&self.problem),
+            upper: missing_numbers(&self.problem),
             metrics: self.motion.metrics,
             work_j: self.motion.work_j,
             power_w: self.power_w(),
@@ -141,7 +153,7 @@ impl Optimum {
             starts: self.starts as i64,
             present_value: present.map_or(f64::NAN, |of| of.value),
             present_omega_rad_s: present.map_or(f64::NAN, |of| of.problem.omega_rad_s),
-            free: search.free.iter().map(Command::to_string).collect(),
+            free: search.free.iter().map(|command| command.name(robot)).collect(),
             bounds: search.bounds.to_string(),
             ..OptimumRow::blank()
         }
@@ -150,6 +162,34 @@ impl Optimum {
     /// Returns the mean power of the actuators, W.
     pub fn power_w(&self) -> f64 {
         self.motion.work_j * self.problem.omega_rad_s / TAU
+    }
+}
+
+/// Returns missing numbers for every joint of a problem's robot and, if it has commanded torques or rotors, for the
+/// torques of its joints and for the rotors of its links.
+fn missing_numbers(problem: &AnyProblem) -> GaitNumbers {
+    let joints = problem.robot.joints();
+    let drives = Drive::all(problem);
+    let of_joints = |count: usize| ByJoint::from_iter(vec![f64::NAN; count]);
+    let of_torques =
+        if drives.iter().any(|drive| matches!(drive, Drive::Torque(_))) { joints } else { 0 };
+    let rotors =
+        if drives.iter().any(|drive| matches!(drive, Drive::Rotor(_))) { joints + 1 } else { 0 };
+    let of_rotors = || ByLink::from_iter(vec![f64::NAN; rotors]);
+    GaitNumbers {
+        offset_rad: of_joints(joints),
+        amplitude_rad: of_joints(joints),
+        phase_rad: of_joints(joints),
+        amplitude2_rad: of_joints(joints),
+        phase2_rad: of_joints(joints),
+        torque_mean_nm: of_joints(of_torques),
+        torque_amplitude_nm: of_joints(of_torques),
+        torque_phase_rad: of_joints(of_torques),
+        rotor_amplitude_rad: of_rotors(),
+        rotor_phase_rad: of_rotors(),
+        rotor_amplitude2_rad: of_rotors(),
+        rotor_phase2_rad: of_rotors(),
+        ..GaitNumbers::blank()
     }
 }
 
@@ -185,7 +225,7 @@ impl Search {
                 cancel.check()?;
                 let mut landscape = self.landscape(ROUGH_ACCURACY);
                 let start = match number.checked_sub(self.starts) {
-                    Some(seed) => seeds[seed],
+                    Some(seed) => seeds[seed].clone(),
                     None if number == 0 => landscape.position_of(&self.problem),
                     None => self.quasi_random_start(number),
                 };
@@ -222,10 +262,10 @@ impl Search {
         &self,
         mut ends: Vec<(LocalOptimum, usize)>,
         accuracy: f64,
-    ) -> Vec<(LocalOptimum, Problem, usize)> {
+    ) -> Vec<(LocalOptimum, AnyProblem, usize)> {
         let landscape = self.landscape(accuracy);
         ends.sort_by(|(a, _), (b, _)| a.point.cost.total_cmp(&b.point.cost));
-        let mut distinct: Vec<(LocalOptimum, Problem, usize)> = Vec::new();
+        let mut distinct: Vec<(LocalOptimum, AnyProblem, usize)> = Vec::new();
         for (end, count) in ends {
             let problem = normalise_phases(landscape.problem_at(&end.position));
             let known = distinct
@@ -256,7 +296,7 @@ impl Search {
         let best = result.optima.iter().filter(|optimum| optimum.is_reachable()).take(MAX_GAITS);
         let starts = best.flat_map(|optimum| {
             let position = landscape.position_of(&optimum.problem);
-            let mut moved = position;
+            let mut moved = position.clone();
             for (i, command) in self.free.iter().enumerate() {
                 moved[i] +=
                     if command.is_second() { PERTURBATION * (1.0 + 0.3 * i as f64) } else { 0.0 };
@@ -298,7 +338,7 @@ impl Search {
         let count = self.free.len() as f64;
         // Positive solution of x^(count + 1) = x + 1.
         let ratio = (0..40).fold(2.0_f64, |x, _| (1.0 + x).powf(1.0 / (count + 1.0)));
-        let mut position = Position::zeros();
+        let mut position = self.landscape(ACCURACY).origin();
         for (i, command) in self.free.iter().enumerate() {
             let fraction = (0.5 + number as f64 / ratio.powi(i as i32 + 1)).fract();
             // The range of a phase has a spare turn on each side.
@@ -319,7 +359,11 @@ impl Search {
         for _ in 0..ITERATIONS {
             let mut problem = landscape.problem_at(&position);
             let omega = problem.omega_rad_s;
-            for command in problem.gait.joints.iter_mut().flatten() {
+            for drive in Drive::all(&problem) {
+                // The angle of a rotor is not limited.
+                let angle_rad =
+                    if matches!(drive, Drive::Rotor(_)) { f64::INFINITY } else { angle_rad };
+                let Some(command) = drive.angle_mut(&mut problem) else { continue };
                 if let Some(second) = command.second {
                     let rate = command.peak_rate_rad() * omega / rate_rad_s;
                     let factor = 1.0 / (command.peak_angle_rad() / angle_rad).max(rate).max(1.0);
@@ -340,7 +384,7 @@ impl Search {
     }
 
     /// Solves a local optimum's problem to the reference accuracy; returns `None` if there is no periodic solution.
-    fn confirm(&self, end: LocalOptimum, problem: Problem, starts: usize) -> Option<Optimum> {
+    fn confirm(&self, end: LocalOptimum, problem: AnyProblem, starts: usize) -> Option<Optimum> {
         let at_bound = self.landscape(ACCURACY).bounds_met(&end.position, &end.point);
         let optimum = Optimum::new(problem, self.objective, at_bound, starts)?;
         Some(Optimum { hessian: Some(end.hessian), ..optimum })
@@ -357,7 +401,7 @@ fn find_local_optimum(
 ) -> Option<LocalOptimum> {
     landscape.forget();
     landscape.only_stable = false;
-    let end = minimise(landscape, start, hessian)?;
+    let end = minimise(landscape, start.clone(), hessian.clone())?;
     let end = confirm_from_rest(landscape, end)?;
     if landscape.is_stable() {
         return Some(end);
@@ -393,9 +437,10 @@ fn whole_turns(angle_rad: f64) -> f64 {
 }
 
 /// Returns the same gait with all phases shifted to within half a turn of zero.
-fn normalise_phases(mut problem: Problem) -> Problem {
-    for command in problem.gait.joints.iter_mut().flatten() {
-        command.phase_rad -= whole_turns(command.phase_rad);
+fn normalise_phases(mut problem: AnyProblem) -> AnyProblem {
+    for drive in Drive::all(&problem) {
+        let phase_rad = drive.phase().value(&problem);
+        drive.phase().set(&mut problem, phase_rad - whole_turns(phase_rad));
     }
     problem
 }
@@ -404,59 +449,70 @@ fn normalise_phases(mut problem: Problem) -> Problem {
 /// solver.
 fn are_same(
     landscape: &Landscape,
-    (one_end, one): (&LocalOptimum, &Problem),
-    (other_end, other): (&LocalOptimum, &Problem),
+    (one_end, one): (&LocalOptimum, &AnyProblem),
+    (other_end, other): (&LocalOptimum, &AnyProblem),
 ) -> bool {
     if !landscape.are_same(one_end.point.cost, other_end.point.cost) {
         return false;
     }
     let tolerance = landscape.command_tolerance();
+    let drives = Drive::all(one);
     are_close(one.omega_rad_s, other.omega_rad_s, tolerance)
         && [1.0, -1.0].iter().any(|sign| {
-            one.gait.joints.iter().zip(&other.gait.joints).all(|joints| match joints {
-                (Some(a), Some(b)) => are_commands_close(a, b, *sign, tolerance),
-                _ => true,
+            let mut commands = drives.iter().flat_map(|drive| drive.commands());
+            commands.all(|command| {
+                let [a, b] = [one, other].map(|of| command.value(of));
+                if command.is_phase() {
+                    let difference = (a - b).rem_euclid(TAU);
+                    difference.min(TAU - difference) < tolerance * PI
+                } else {
+                    are_close(a, if command.is_odd() { sign * b } else { b }, tolerance)
+                }
             })
         })
-}
-
-/// Returns whether two joint commands are equal (sign 1) or mirror images of each other (sign -1) within a tolerance.
-fn are_commands_close(a: &JointCommand, b: &JointCommand, sign: f64, tolerance: f64) -> bool {
-    let difference = (a.phase_rad - b.phase_rad).rem_euclid(TAU);
-    are_close(a.offset_rad, sign * b.offset_rad, tolerance)
-        && are_close(a.amplitude_rad, b.amplitude_rad, tolerance)
-        && difference.min(TAU - difference) < tolerance * PI
-        && are_close(a.second().in_phase_rad, sign * b.second().in_phase_rad, tolerance)
-        && are_close(a.second().quadrature_rad, sign * b.second().quadrature_rad, tolerance)
 }
 
 fn are_close(a: f64, b: f64, tolerance: f64) -> bool {
     (a - b).abs() < tolerance * (1.0 + a.abs().max(b.abs()))
 }
 
-/// Returns a message for each bound on angles or amplitudes that the current gait exceeds.
-pub fn exceeded_bounds(gait: &Gait, bounds: &Bounds) -> Vec<String> {
+/// Returns a message for each bound on angles, amplitudes or torques that the current gait exceeds.
+pub fn exceeded_bounds(problem: &AnyProblem, bounds: &Bounds) -> Vec<String> {
     let mut messages = Vec::new();
-    for (joint, command) in gait.joints.iter().enumerate() {
-        let Some(command) = command else { continue };
+    for drive in Drive::all(problem) {
+        let part = drive.part(&problem.robot);
+        let Some(command) = drive.angle(problem) else {
+            let [Some(amplitude_nm), Some(mean_nm)] =
+                [Some(drive.amplitude()), drive.offset()].map(|of| Some(of?.value(problem)))
+            else {
+                continue;
+            };
+            let largest_nm = amplitude_nm.abs() + mean_nm.abs();
+            if let Some(most_nm) =
+                bounds.torque_nm.filter(|most_nm| largest_nm > most_nm * (1.0 + 1e-9))
+            {
+                messages.push(format!(
+                    "the torque of {part} reaches {largest_nm} N m, but at most {most_nm} are allowed"
+                ));
+            }
+            continue;
+        };
         let JointCommand { offset_rad, amplitude_rad, second, .. } = command;
         let largest = match second {
             Some(_) => command.peak_angle_rad(),
             None => offset_rad.abs() + amplitude_rad.abs(),
         };
         let [low, high] = bounds.amplitude_rad;
-        if largest > bounds.angle_rad * (1.0 + 1e-9) {
+        if largest > bounds.angle_rad * (1.0 + 1e-9) && !matches!(drive, Drive::Rotor(_)) {
             messages.push(format!(
-                "joint {} reaches {} degrees, but at most {} are allowed",
-                joint + 1,
+                "{part} reaches {} degrees, but at most {} are allowed",
                 degrees(largest),
                 degrees(bounds.angle_rad)
             ));
         }
         if *amplitude_rad < low * (1.0 - 1e-9) || *amplitude_rad > high * (1.0 + 1e-9) {
             messages.push(format!(
-                "joint {} has an amplitude of {} degrees, outside the searched range of {} to {} degrees",
-                joint + 1,
+                "{part} has an amplitude of {} degrees, outside the searched range of {} to {} degrees",
                 degrees(*amplitude_rad),
                 degrees(low),
                 degrees(high)
@@ -468,7 +524,8 @@ pub fn exceeded_bounds(gait: &Gait, bounds: &Bounds) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::{Laws, Robot};
+    use trilink_mechanics::{Problem, Solver};
+    use trilink_robot::{Gait, Laws, Robot};
 
     use super::*;
 
@@ -478,6 +535,7 @@ mod tests {
         objective: Objective,
         omega_rad_s: [f64; 2],
     ) -> Search {
+        let problem = problem.into();
         let bounds = Bounds {
             omega_rad_s,
             amplitude_rad: [0.1, 0.8],
@@ -502,22 +560,22 @@ mod tests {
         };
         let search = frequency_search(problem.clone(), Objective::Distance, [0.345, 0.365]);
         let mut landscape = search.landscape(ACCURACY);
-        let position = landscape.position_of(&problem);
+        let position = landscape.position_of(&problem.clone().into());
         let from_rest = landscape.cost(&position).expect("a motion");
         let ends = [0.0, 1.0].map(|from| {
             landscape.forget();
             let along = (0..=20).map(|i| {
-                let mut between = position;
+                let mut between = position.clone();
                 between[0] = from + (position[0] - from) * f64::from(i) / 20.0;
                 landscape.evaluate(&between)
             });
             let point = along.last().flatten().expect("a motion");
-            LocalOptimum { position, point, hessian: Hessian::identity() }
+            LocalOptimum { position: position.clone(), point, hessian: Hessian::identity(11, 11) }
         });
-        let is_other = ends.map(|end| !landscape.are_same(end.point.cost, from_rest));
+        let is_other = ends.each_ref().map(|end| !landscape.are_same(end.point.cost, from_rest));
         assert!(is_other.contains(&true), "{ends:?} {from_rest}");
         for (end, is_other) in ends.into_iter().zip(is_other) {
-            let found = confirm_from_rest(&mut landscape, end).expect("an end");
+            let found = confirm_from_rest(&mut landscape, end.clone()).expect("an end");
             let mut fresh = search.landscape(ACCURACY);
             let cost = fresh.cost(&found.position).expect("a motion");
             assert!(fresh.are_same(cost, found.point.cost), "{found:?} {cost}");
@@ -569,13 +627,13 @@ mod tests {
         let range = [away.min(unstable), away.max(unstable)];
         let search = frequency_search(problem(away), Objective::Speed, range);
         let mut landscape = search.landscape(ACCURACY);
-        let start = landscape.position_of(&problem(away));
+        let start = landscape.position_of(&problem(away).into());
         let is_stable = |position: &Position| {
             let mut fresh = search.landscape(ACCURACY);
             fresh.cost(position).expect("a motion");
             fresh.is_stable()
         };
-        let first = minimise(&mut landscape, start, None).expect("an end");
+        let first = minimise(&mut landscape, start.clone(), None).expect("an end");
         assert!(!is_stable(&first.position), "{first:?} {stable} {unstable}");
         let end = find_local_optimum(&mut landscape, start, None).expect("an end");
         assert!(is_stable(&end.position), "{end:?}");

@@ -5,12 +5,12 @@
 //!
 //! Reference: J. Nocedal and S. J. Wright, *Numerical Optimization*, 2nd ed., Springer 2006, section 16.6.
 
-use nalgebra::{Cholesky, DMatrix, DVector, SMatrix};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::commands::MAX_COMMANDS;
-use super::landscape::{LIMITS, Position};
+use super::landscape::Position;
 
-pub(super) type Hessian = SMatrix<f64, MAX_COMMANDS, MAX_COMMANDS>;
+/// Matrix with as many rows and columns as a [`Position`].
+pub(super) type Hessian = DMatrix<f64>;
 
 const MAX_ITERATIONS: usize = 60;
 /// Duality measure (mean product of slack and multiplier) below which the solver has converged.
@@ -34,9 +34,9 @@ pub(super) struct QuadraticProgram<'p> {
     /// Upper ends of the box.
     pub high: Position,
     /// Excess over each limit at x = 0, see [`Evaluation`](super::landscape::Evaluation).
-    pub excess: &'p [f64; LIMITS],
+    pub excess: &'p [f64],
     /// Gradient of the excess over each limit.
-    pub slopes: &'p [Position; LIMITS],
+    pub slopes: &'p [Position],
     pub penalty: f64,
 }
 
@@ -105,7 +105,7 @@ fn end_changes([low, high]: [Slack; 2], target: f64, step: f64) -> [[f64; 2]; 2]
 
 impl QuadraticProgram<'_> {
     /// Returns the minimiser and the multipliers of the limits.
-    pub(super) fn solve(&self) -> (Position, [f64; LIMITS]) {
+    pub(super) fn solve(&self) -> (Position, Vec<f64>) {
         let Self { count, excess, slopes, penalty, .. } = *self;
         let of_count = |of: &Position| -> DVector<f64> { of.rows(0, count).into_owned() };
         let [gradient, low, high] = [self.gradient, &self.low, &self.high].map(of_count);
@@ -114,7 +114,7 @@ impl QuadraticProgram<'_> {
         let mut ends: Vec<[Slack; 2]> = (0..count)
             .map(|i| [x[i] - low[i], high[i] - x[i]].map(|value| Slack { value, multiplier: 1.0 }))
             .collect();
-        let mut limits: Vec<Limit> = (0..LIMITS)
+        let mut limits: Vec<Limit> = (0..excess.len())
             .filter(|index| excess[*index].is_finite())
             .map(|index| {
                 let slope = of_count(&slopes[index]);
@@ -188,9 +188,9 @@ impl QuadraticProgram<'_> {
                 x[i] = high[i];
             }
         }
-        let mut multipliers = [0.0; LIMITS];
+        let mut multipliers = vec![0.0; excess.len()];
         limits.iter().for_each(|limit| multipliers[limit.index] = limit.margin.multiplier);
-        let mut solution = Position::zeros();
+        let mut solution = Position::zeros(self.gradient.len());
         solution.rows_mut(0, count).copy_from(&x);
         (solution, multipliers)
     }
@@ -203,8 +203,11 @@ mod tests {
 
     use super::*;
 
-    const NONE: [f64; LIMITS] = [f64::NEG_INFINITY; LIMITS];
     const COUNT: usize = 3;
+    /// Length of a position; the entries after the first [`COUNT`] are zero.
+    const LENGTH: usize = 5;
+    const LIMITS: usize = 7;
+    const NONE: [f64; LIMITS] = [f64::NEG_INFINITY; LIMITS];
 
     /// Returns the value of a program's objective at `x`.
     fn value(program: &QuadraticProgram, x: &Position) -> f64 {
@@ -216,19 +219,19 @@ mod tests {
     #[test]
     fn the_solution_is_the_nearest_point_on_a_limit_and_at_an_end_of_the_box() {
         // Point nearest to (2, 1, 0.3) that satisfies x + y <= 1 and x <= 0.4.
-        let gradient = -Position::from_fn(|i, _| [2.0, 1.0, 0.3].get(i).copied().unwrap_or(0.0));
-        let mut slopes = [Position::zeros(); LIMITS];
+        let gradient = -Position::from_vec(vec![2.0, 1.0, 0.3, 0.0, 0.0]);
+        let mut slopes = vec![Position::zeros(LENGTH); LIMITS];
         slopes[4][0] = 1.0;
         slopes[4][1] = 1.0;
         let mut excess = NONE;
         excess[4] = -1.0;
-        let mut high = Position::repeat(1.0);
+        let mut high = Position::repeat(LENGTH, 1.0);
         high[0] = 0.4;
         let program = QuadraticProgram {
             count: COUNT,
             gradient: &gradient,
-            hessian: &Hessian::identity(),
-            low: Position::repeat(-1.0),
+            hessian: &Hessian::identity(LENGTH, LENGTH),
+            low: Position::repeat(LENGTH, -1.0),
             high,
             excess: &excess,
             slopes: &slopes,
@@ -250,19 +253,18 @@ mod tests {
     fn no_neighbour_of_the_solution_is_better() {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         for _ in 0..200 {
-            let mut any =
-                |scale: f64| {
-                    Position::from_iterator((0..MAX_COMMANDS).map(|i| {
-                        if i < COUNT { scale * random.random_range(-1.0..1.0) } else { 0.0 }
-                    }))
-                };
-            let mut hessian = Hessian::identity() * 0.01;
+            let mut any = |scale: f64| {
+                Position::from_fn(LENGTH, |i, _| {
+                    if i < COUNT { scale * random.random_range(-1.0..1.0) } else { 0.0 }
+                })
+            };
+            let mut hessian = Hessian::identity(LENGTH, LENGTH) * 0.01;
             (0..COUNT).for_each(|_| {
                 let row = any(3.0);
-                hessian += row * row.transpose();
+                hessian += &row * row.transpose();
             });
             let gradient = any(2.0);
-            let mut slopes = [Position::zeros(); LIMITS];
+            let mut slopes = vec![Position::zeros(LENGTH); LIMITS];
             let mut excess = NONE;
             for limit in 0..6 {
                 slopes[limit] = any(2.0);
@@ -282,10 +284,11 @@ mod tests {
             let best = value(&program, &x);
             for size in [1e-6, 1e-3, 0.1] {
                 for _ in 0..40 {
-                    let there =
-                        (x + any(size)).zip_zip_map(&program.low, &program.high, |x, low, high| {
-                            x.clamp(low, high)
-                        });
+                    let there = (&x + any(size)).zip_zip_map(
+                        &program.low,
+                        &program.high,
+                        |x, low, high| x.clamp(low, high),
+                    );
                     let other = value(&program, &there);
                     assert!(other > best - 1e-11, "{best} {other} {x:?} {there:?}");
                 }

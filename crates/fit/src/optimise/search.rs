@@ -12,7 +12,7 @@ use argmin::core::{
     TerminationReason,
 };
 
-use super::landscape::{Evaluation, LIMITS, Landscape, Position};
+use super::landscape::{Evaluation, Landscape, Position};
 use super::quadratic::{Hessian, QuadraticProgram};
 
 const MAX_STEPS: u64 = 120;
@@ -46,7 +46,7 @@ const MAX_PENALTY: f64 = 1e8;
 type State = IterState<Position, (), (), (), (), f64>;
 
 /// Result of a local search.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct LocalOptimum {
     pub position: Position,
     pub point: Evaluation,
@@ -64,9 +64,9 @@ pub(super) fn minimise(
     landscape.only_near = true;
     let point = landscape.evaluate(&start)?;
     let is_first = hessian.is_none();
-    let hessian = hessian.unwrap_or(initial_hessian(&point));
-    let solver = SequentialQuadratic { point, hessian, is_first };
+    let hessian = hessian.unwrap_or_else(|| initial_hessian(&point));
     let cost = landscape.merit(&point);
+    let solver = SequentialQuadratic { point, hessian, is_first };
     let result = Executor::new(landscape, solver)
         .configure(|state| state.param(start).cost(cost).max_iters(MAX_STEPS))
         .timer(false)
@@ -80,7 +80,12 @@ pub(super) fn minimise(
 
 /// Returns the initial Hessian, a multiple of the identity, so that the first step follows the gradient.
 fn initial_hessian(point: &Evaluation) -> Hessian {
-    Hessian::identity() * (point.gradient.amax() / MAX_FIRST_STEP).max(EPSILON)
+    identity(&point.gradient) * (point.gradient.amax() / MAX_FIRST_STEP).max(EPSILON)
+}
+
+/// Returns the identity matrix with as many rows as a position.
+fn identity(position: &Position) -> Hessian {
+    Hessian::identity(position.len(), position.len())
 }
 
 /// Sequential quadratic programming as an argmin solver.
@@ -99,8 +104,8 @@ impl SequentialQuadratic {
         &self,
         landscape: &Landscape,
         position: &Position,
-        excess: &[f64; LIMITS],
-    ) -> (Position, [f64; LIMITS]) {
+        excess: &[f64],
+    ) -> (Position, Vec<f64>) {
         let longest = if self.is_first { MAX_FIRST_STEP } else { MAX_STEP };
         let program = QuadraticProgram {
             count: landscape.count(),
@@ -125,7 +130,7 @@ impl SequentialQuadratic {
                 change += landscape.penalty * (after.max(0.0) - excess.max(0.0));
             }
         }
-        [change, change + 0.5 * step.dot(&(self.hessian * step))]
+        [change, change + 0.5 * step.dot(&(&self.hessian * step))]
     }
 
     /// Returns the full step with a second-order correction for the limits on joint angles and rates, whose values at
@@ -135,13 +140,13 @@ impl SequentialQuadratic {
         landscape: &Landscape,
         position: &Position,
         step: &Position,
-        multipliers: &[f64; LIMITS],
+        multipliers: &[f64],
     ) -> Option<Position> {
         let Evaluation { excess, excess_gradients, .. } = &self.point;
         let there = landscape.excess_of_commands(&(position + step));
-        let mut corrected = *excess;
+        let mut corrected = excess.clone();
         let mut is_needed = false;
-        for i in (0..LIMITS).filter(|i| there[*i].is_finite() && excess[*i].is_finite()) {
+        for i in (0..excess.len()).filter(|i| there[*i].is_finite() && excess[*i].is_finite()) {
             corrected[i] = there[i] - excess_gradients[i].dot(step);
             is_needed |= multipliers[i] > EPSILON && (corrected[i] - excess[i]).abs() > MAX_EXCESS;
         }
@@ -152,10 +157,10 @@ impl SequentialQuadratic {
     fn update_hessian(&mut self, step: &Position, change: &Position) {
         let curvature = step.dot(change);
         if self.is_first && curvature > 0.0 {
-            self.hessian = Hessian::identity() * (change.norm_squared() / curvature);
+            self.hessian = identity(step) * (change.norm_squared() / curvature);
             self.is_first = false;
         }
-        let expected_change = self.hessian * step;
+        let expected_change = &self.hessian * step;
         let expected = step.dot(&expected_change);
         if expected <= 0.0 {
             return;
@@ -165,16 +170,16 @@ impl SequentialQuadratic {
         } else {
             1.0
         };
-        let change = weight * change + (1.0 - weight) * expected_change;
-        self.hessian += change * change.transpose() / step.dot(&change)
-            - expected_change * expected_change.transpose() / expected;
+        let change = weight * change + (1.0 - weight) * &expected_change;
+        self.hessian += &change * change.transpose() / step.dot(&change)
+            - &expected_change * expected_change.transpose() / expected;
     }
 }
 
 /// Returns the gradient of the Lagrangian for given multipliers of the limits.
-fn lagrangian_gradient(point: &Evaluation, multipliers: &[f64; LIMITS]) -> Position {
+fn lagrangian_gradient(point: &Evaluation, multipliers: &[f64]) -> Position {
     let limits = point.excess_gradients.iter().zip(multipliers);
-    limits.fold(point.gradient, |sum, (gradient, multiplier)| sum + *multiplier * gradient)
+    limits.fold(point.gradient.clone(), |sum, (gradient, multiplier)| sum + *multiplier * gradient)
 }
 
 impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
@@ -187,11 +192,12 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
         problem: &mut Problem<&'l mut Landscape<'a>>,
         state: State,
     ) -> Result<(State, Option<KV>), Error> {
-        let (Some(landscape), Some(position)) = (problem.problem.as_mut(), state.param) else {
+        let (Some(landscape), Some(position)) = (problem.problem.as_mut(), state.param.clone())
+        else {
             return Err(argmin_error!(NotInitialized, "no initial iterate"));
         };
         let converged = TerminationReason::SolverConverged;
-        let excess = self.point.excess;
+        let excess = self.point.excess.clone();
         let (step, multipliers) = self.solve_subproblem(landscape, &position, &excess);
         let [linear_change, quadratic_change] = self.predict_change(landscape, &step);
         if -quadratic_change <= CONVERGED {
@@ -207,8 +213,9 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
         let mut length = 1.0;
         let measurable = MEASURABLE * landscape.accuracy;
         while length == 1.0 || (length > MIN_STEP_LENGTH && -length * linear_change > measurable) {
-            let trial_step = corrected.filter(|_| length == 1.0).unwrap_or(length * step);
-            let next = (position + trial_step).map(|coordinate| coordinate.clamp(0.0, 1.0));
+            let corrected = corrected.as_ref().filter(|_| length == 1.0);
+            let trial_step = corrected.cloned().unwrap_or_else(|| length * &step);
+            let next = (&position + trial_step).map(|coordinate| coordinate.clamp(0.0, 1.0));
             let max_merit =
                 state.cost + ARMIJO * length * linear_change + NOISE * landscape.accuracy;
             let merit = match landscape.evaluate_below(&next, max_merit) {
@@ -217,7 +224,7 @@ impl<'l, 'a> Solver<&'l mut Landscape<'a>, State> for SequentialQuadratic {
                     if merit <= max_merit {
                         let change = lagrangian_gradient(&point, &multipliers)
                             - lagrangian_gradient(&self.point, &multipliers);
-                        self.update_hessian(&(next - position), &change);
+                        self.update_hessian(&(&next - &position), &change);
                         self.point = point;
                         return Ok((state.param(next).cost(merit), None));
                     }

@@ -6,12 +6,12 @@
 
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::Problem;
-use trilink_robot::SecondHarmonic;
+use trilink_mechanics::AnyProblem;
+use trilink_robot::{AnyRobot, FreeJoint, Joint, Link, SecondHarmonic};
 use trilink_statistics::quantiles;
 use trilink_tables::{NoIntervalReason, OptimumRow};
 
-use super::commands::Command;
+use super::commands::{Command, Drive};
 use super::landscape::{Position, ROUGH_ACCURACY};
 use super::quadratic::Hessian;
 use super::search::LocalOptimum;
@@ -43,9 +43,9 @@ pub struct Uncertainty {
     pub value: [f64; 2],
     /// Free commands, each with the 95 % confidence interval for its value at the best optimum, rad/s or rad.
     pub commands: Vec<(Command, [f64; 2])>,
-    /// 95 % confidence intervals for amplitude and phase of each joint's second harmonic, rad; `None` unless both of
-    /// its components are free.
-    pub seconds: [Option<[[f64; 2]; 2]>; 2],
+    /// 95 % confidence intervals for amplitude and phase of the second harmonic, rad, of each joint or rotor for which
+    /// both of its components are free.
+    pub seconds: Vec<(Drive, [[f64; 2]; 2])>,
     /// Values of the free commands, rad/s or rad, at the best optimum of each replicate; replicates without an optimum
     /// that is stable and reached from rest are omitted.
     pub replicate_commands: Vec<Vec<f64>>,
@@ -97,7 +97,7 @@ struct Start {
 struct TrackedOptimum {
     origin: Option<usize>,
     end: LocalOptimum,
-    problem: Problem,
+    problem: AnyProblem,
 }
 
 /// Returns starts at the new optima: those that are best for the coefficients of some refit, but were not tracked from
@@ -105,11 +105,12 @@ struct TrackedOptimum {
 fn new_optima(tracked: &[Vec<TrackedOptimum>]) -> Vec<Start> {
     let mut starts: Vec<Start> = Vec::new();
     for best in tracked.iter().filter_map(|ends| ends.first()) {
-        let LocalOptimum { position, hessian, .. } = best.end;
+        let LocalOptimum { position, hessian, .. } = &best.end;
         let is_distinct =
-            starts.iter().all(|start| (start.position - position).amax() > MIN_DISTANCE);
+            starts.iter().all(|start| (&start.position - position).amax() > MIN_DISTANCE);
         if best.origin.is_none() && starts.len() < MAX_NEW_OPTIMA && is_distinct {
-            starts.push(Start { origin: None, position, hessian: Some(hessian) });
+            let (position, hessian) = (position.clone(), Some(hessian.clone()));
+            starts.push(Start { origin: None, position, hessian });
         }
     }
     starts
@@ -147,14 +148,14 @@ impl Uncertainty {
             (*command, limits.map(|limit| limit.clamp(low, high)))
         });
         let commands = commands.collect();
-        let seconds = [0, 1].map(|joint| {
-            let components = Command::second_harmonic_of(joint);
-            let [Some(in_phase), Some(quadrature)] = components
+        let seconds = Drive::all(&best.problem).into_iter().filter_map(|drive| {
+            let [Some(in_phase), Some(quadrature)] = drive
+                .second_harmonic()?
                 .map(|component| search.free.iter().position(|command| *command == component))
             else {
                 return None;
             };
-            let fitted = best.problem.gait.joints[joint]?.second();
+            let fitted = drive.angle(&best.problem)?.second();
             let second = |best: &Best| SecondHarmonic {
                 in_phase_rad: best.commands[in_phase],
                 quadrature_rad: best.commands[quadrature],
@@ -164,8 +165,9 @@ impl Uncertainty {
                 let phase_rad = second(best).phase_rad();
                 phase_rad + whole_turns(fitted.phase_rad() - phase_rad)
             });
-            Some([amplitude.map(|limit| limit.max(0.0)), phase])
+            Some((drive, [amplitude.map(|limit| limit.max(0.0)), phase]))
         });
+        let seconds = seconds.collect();
         let value = limits(best.value, &|best| best.value);
         let value = value.map(|limit| limit.clamp(0.0, f64::INFINITY));
         let replicates = &refits[..alternatives.replicates.len()];
@@ -194,8 +196,8 @@ impl Uncertainty {
         }))
     }
 
-    /// Stores the uncertainty in the corresponding columns of the optima's rows.
-    pub fn fill(&self, rows: &mut [OptimumRow]) {
+    /// Stores the uncertainty in the corresponding columns of the rows of a robot's optima.
+    pub fn fill(&self, rows: &mut [OptimumRow], robot: &AnyRobot) {
         for (rank, row) in rows.iter_mut().enumerate() {
             row.replicates = Some(self.replicates as i64);
             row.best_in = self.best_in.get(rank).map(|count| *count as i64);
@@ -209,14 +211,15 @@ impl Uncertainty {
             for (side, limits) in [&mut row.lower, &mut row.upper].into_iter().enumerate() {
                 limits.value = self.value[side];
                 for (command, interval) in &self.commands {
-                    if let Some(number) = command.number_mut(limits) {
+                    if let Some(number) = command.number_mut(limits, robot) {
                         *number = interval[side];
                     }
                 }
-                for (joint, second) in self.seconds.iter().enumerate() {
-                    let Some([amplitude, phase]) = second else { continue };
-                    limits.amplitude2_rad[joint] = amplitude[side];
-                    limits.phase2_rad[joint] = phase[side];
+                for (drive, second) in &self.seconds {
+                    let Some(numbers) = drive.second_mut(limits, robot) else { continue };
+                    for (number, interval) in numbers.into_iter().zip(second) {
+                        *number = interval[side];
+                    }
                 }
             }
         }
@@ -234,7 +237,7 @@ fn optimise_refits(
     let searches: Vec<Search> = alternatives
         .all()
         .map(|robot| {
-            let problem = Problem { robot: robot.clone(), ..search.problem.clone() };
+            let problem = AnyProblem { robot: robot.clone(), ..search.problem.clone() };
             Search { problem, ..search.clone() }
         })
         .collect();
@@ -244,7 +247,7 @@ fn optimise_refits(
         .map(|(index, optimum)| Start {
             origin: Some(index),
             position: search.landscape(ROUGH_ACCURACY).position_of(&optimum.problem),
-            hessian: optimum.hessian,
+            hessian: optimum.hessian.clone(),
         })
         .collect();
     let mut tracked: Vec<Vec<TrackedOptimum>> = (&searches)
@@ -288,7 +291,8 @@ impl Search {
                     continue;
                 }
             }
-            let Some(end) = find_local_optimum(&mut landscape, *position, *hessian) else {
+            let Some(end) = find_local_optimum(&mut landscape, position.clone(), hessian.clone())
+            else {
                 continue;
             };
             let problem = normalise_phases(landscape.problem_at(&end.position));
@@ -309,8 +313,7 @@ impl Search {
             .iter()
             .find_map(|of| Some((self.reachable_optimum(of.problem.clone())?, of.origin)));
         let fitted_problem = &candidates[0].problem;
-        let robot = self.problem.robot.clone();
-        let fitted = self.reachable_optimum(Problem { robot, ..fitted_problem.clone() });
+        let fitted = self.reachable_optimum(self.with_commands_of(fitted_problem));
         let mut landscape = self.landscape(ROUGH_ACCURACY);
         let is_over_limit = landscape
             .evaluate(&landscape.position_of(fitted_problem))
@@ -335,19 +338,32 @@ impl Search {
     }
 
     /// Solves a gait's problem; returns `None` if its motion is not stable or is not reached from rest.
-    fn reachable_optimum(&self, problem: Problem) -> Option<Optimum> {
+    fn reachable_optimum(&self, problem: AnyProblem) -> Option<Optimum> {
         Optimum::new(problem, self.objective, Vec::new(), 0).filter(Optimum::is_reachable)
+    }
+
+    /// Returns the problem of this search with the free commands of another problem.
+    fn with_commands_of(&self, other: &AnyProblem) -> AnyProblem {
+        let mut problem = self.problem.clone();
+        for command in &self.free {
+            command.set(&mut problem, command.value(other));
+        }
+        normalise_phases(problem)
     }
 
     /// Returns the free commands of a gait or of its mirror image, whichever is nearer to another gait; phases are
     /// shifted by whole turns to be nearest to those of the other gait.
-    fn commands_near(&self, problem: &Problem, other: &Problem) -> Vec<f64> {
+    fn commands_near(&self, problem: &AnyProblem, other: &AnyProblem) -> Vec<f64> {
+        let offsets: Vec<Command> =
+            Drive::all(problem).into_iter().filter_map(Drive::offset).collect();
         let distance = |sign: f64| -> f64 {
-            let joints =
-                problem.gait.joints.iter().flatten().zip(other.gait.joints.iter().flatten());
-            joints.map(|(a, b)| (sign * a.offset_rad - b.offset_rad).abs()).sum()
+            offsets.iter().map(|of| (sign * of.value(problem) - of.value(other)).abs()).sum()
         };
-        let sign = if distance(-1.0) < distance(1.0) { -1.0 } else { 1.0 };
+        let sign = if has_mirror_image(&problem.robot) && distance(-1.0) < distance(1.0) {
+            -1.0
+        } else {
+            1.0
+        };
         let commands = self.free.iter().map(|command| {
             let value = command.value(problem);
             if command.is_odd() {
@@ -362,6 +378,19 @@ impl Search {
     }
 }
 
+/// Returns whether the mirror image of a robot is the same robot.
+fn has_mirror_image(robot: &AnyRobot) -> bool {
+    let Some(chain) = robot.as_chain() else { return true };
+    let is_straight = |link: &Link| link.wheel.is_none_or(|wheel| wheel.steer_rad == 0.0);
+    let is_relaxed_straight = |joint: &Joint| match joint {
+        Joint::Free(FreeJoint { target, .. }) if target.half_range_rad() == 0.0 => {
+            target.offset_rad == 0.0
+        }
+        Joint::Free(_) | Joint::Driven(_) => true,
+    };
+    chain.links.iter().all(is_straight) && chain.joints.iter().all(is_relaxed_straight)
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::TAU;
@@ -369,6 +398,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
+    use trilink_mechanics::Problem;
     use trilink_robot::{Gait, Laws, Robot};
     use trilink_tables::Objective;
 
@@ -412,7 +442,7 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let (value, omega_rad_s) = best(&run(&speed_search(TRUTH_KG_S)));
         let fitted = perturb(TRUTH_KG_S, 0.03, &mut random);
-        let replicate = |_| semi_passive(perturb(fitted, 0.03, &mut random)).robot;
+        let replicate = |_| semi_passive(perturb(fitted, 0.03, &mut random)).robot.into();
         let alternatives = Alternatives {
             replicates: (0..12).map(replicate).collect(),
             ..Alternatives::default()
@@ -441,7 +471,7 @@ mod tests {
     #[test]
     fn there_is_no_regret_if_every_replicate_equals_the_fit() {
         let problem = semi_passive([420.0, 200.0, 70.0]);
-        let replicates = vec![problem.robot.clone(); 2];
+        let replicates = vec![problem.robot.clone().into(); 2];
         let alternatives = Alternatives { replicates, ..Alternatives::default() };
         for objective in [Objective::Speed, Objective::WorkPerMetre] {
             let search = frequency_search(problem.clone(), objective, [1.0, 8.0]);
@@ -458,11 +488,10 @@ mod tests {
 
     #[test]
     fn the_mirror_image_and_phases_nearest_to_another_gait_are_chosen() {
-        let mut problem = Problem { gait: Gait::skewed(), ..semi_passive([0.0; 3]) };
-        let search = Search {
-            free: Command::all(&problem.gait),
-            ..frequency_search(problem.clone(), Objective::Speed, [1.0, 8.0])
-        };
+        let problem = Problem { gait: Gait::skewed(), ..semi_passive([0.0; 3]) };
+        let search = frequency_search(problem, Objective::Speed, [1.0, 8.0]);
+        let mut problem = search.problem.clone();
+        let search = Search { free: Command::all(&problem), ..search };
         let other = problem.clone();
         for joint in problem.gait.joints.iter_mut().flatten() {
             joint.offset_rad *= -0.9;
@@ -471,7 +500,7 @@ mod tests {
         let near = search.commands_near(&problem, &other);
         for (command, value) in search.free.iter().zip(near) {
             let factor = if command.is_offset() { 0.9 } else { 1.0 };
-            assert!((value - factor * command.value(&other)).abs() < 1e-12, "{command}: {value}");
+            assert!((value - factor * command.value(&other)).abs() < 1e-12, "{command:?}: {value}");
         }
     }
 }

@@ -13,10 +13,10 @@ use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
 use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Column, Columns, Table, rows};
 
-use super::fitted::{FitSummary, KnownFits};
+use super::fitted::{FitSummary, FittedSetup, KnownFits};
 use super::trajectory::UNSETTLED_CYCLES;
 use super::{SetupError, keys_of, known_laws};
-use crate::{FitInput, KnownFit, MeasuredRange};
+use crate::MeasuredRange;
 
 rows! {
     /// Sensitivity of a metric of a chain's motion to a number of the chain: row of the table that
@@ -50,17 +50,7 @@ pub struct ChainSetup {
     /// Keys and values of the gait in the configuration, as shown in answers.
     gait: Map<String, Value>,
     /// Fit from which the coefficients come; `None` for configured coefficients.
-    fitted: Option<FittedChain>,
-}
-
-/// Fit from which the coefficients of a chain come.
-#[derive(Debug, Clone)]
-struct FittedChain {
-    summary: FitSummary,
-    /// Coefficients by the names of their table columns, as shown in answers.
-    coefficients: BTreeMap<&'static str, f64>,
-    /// Range of the fitted trials, or why it is unknown.
-    range: Result<MeasuredRange, String>,
+    pub(super) fitted: Option<FittedSetup>,
 }
 
 impl ChainSetup {
@@ -92,15 +82,11 @@ impl ChainSetup {
         campaign: &str,
         fits: &KnownFits,
     ) -> Result<(), SetupError> {
-        let KnownFit { row, .. } = fits.get(campaign, self.model)?;
-        let input = FitInput::find(config, campaign, self.model.name())?;
-        let mut coefficients = BTreeMap::new();
-        for (parameter, value) in row.parameters.iter().filter(|(_, value)| value.is_finite()) {
-            self.chain.set(parameter, *value);
-            coefficients.insert(parameter.name(), *value);
+        let fitted = FittedSetup::new(config, campaign, self.model, fits)?;
+        for (parameter, value) in fitted.coefficients() {
+            self.chain.set(parameter, value);
         }
-        let range = fits.measured_range(&row, &input);
-        self.fitted = Some(FittedChain { summary: FitSummary::new(&row), coefficients, range });
+        self.fitted = Some(fitted);
         Ok(())
     }
 
@@ -112,8 +98,7 @@ impl ChainSetup {
     /// Returns the range covered by the fitted trials, or the reason why it is unknown; `None` for configured
     /// coefficients.
     pub fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
-        let range = &self.fitted.as_ref()?.range;
-        Some(range.as_ref().map_err(String::as_str))
+        self.fitted.as_ref().map(FittedSetup::range)
     }
 
     /// Applies a setting `NAME=VALUE` of a number of the chain, in the unit of its name.
@@ -422,8 +407,9 @@ impl Serialize for ChainAnswer<'_> {
         map.serialize_entry("cycles_to_settle", &self.cycles_to_settle)?;
         map.serialize_entry("links", &self.setup.link_names())?;
         map.serialize_entry("parameters", parameters)?;
-        if let Some(FittedChain { coefficients, .. }) = fitted {
-            map.serialize_entry("coefficients", coefficients)?;
+        if let Some(fitted) = fitted {
+            let coefficients = fitted.coefficients().map(|(of, value)| (of.name(), value));
+            map.serialize_entry("coefficients", &coefficients.collect::<BTreeMap<_, _>>())?;
         }
         map.serialize_entry("gait", gait)?;
         map.end()

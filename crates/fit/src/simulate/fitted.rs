@@ -3,15 +3,17 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
-use trilink_robot::{Model, Parameter, Robot};
+use trilink_mechanics::AnyProblem;
+use trilink_robot::{AnyRobot, Model, Parameter};
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::{
-    BootstrapRow, ComparisonRow, FitRow, Misfit, NoInterval, NoIntervalReason, Reader, StoreError,
+    BootstrapRow, ComparisonRow, Extrapolation, FitRow, Misfit, NoInterval, NoIntervalReason,
+    Reader, StoreError,
 };
 
+use super::SetupError;
 use super::settings::campaign_of;
-use super::{Setup, SetupError};
-use crate::{FitData, FitInput, KnownFit, MeasuredRange, PredictionBands, preferred};
+use crate::{Alternatives, FitData, FitInput, KnownFit, MeasuredRange, PredictionBands, preferred};
 
 /// Maximum relative difference of a coefficient from its fitted value for the two to count as equal.
 const TOLERANCE: f64 = 1e-9;
@@ -206,22 +208,27 @@ impl KnownFits {
 }
 
 /// Returns whether a parameter of a robot differs from its fitted value.
-fn differs_from_fit(parameter: Parameter, robot: &Robot, fit: &FitRow) -> bool {
+fn differs_from_fit(parameter: Parameter, robot: &AnyRobot, fit: &FitRow) -> bool {
     let fitted = fit.parameters[parameter];
-    (parameter.value_in(robot) - fitted).abs() > TOLERANCE * fitted.abs()
+    (robot.value(parameter) - fitted).abs() > TOLERANCE * fitted.abs()
 }
 
-/// Returns warnings, by model, about setups that use configured coefficients (starting values for fits) although their
+/// Returns warnings, by model, about models and robots that use configured coefficients (starting values for fits) although their
 /// campaign has been fitted. Coefficients that were changed by settings are not reported.
-pub fn starting_values(config: &Config, campaign: &str, setups: &[Setup]) -> Vec<(Model, String)> {
+pub fn starting_values(
+    config: &Config,
+    campaign: &str,
+    setups: &[(Model, AnyRobot)],
+) -> Vec<(Model, String)> {
     let path = config.paths.derived.join("fits.parquet");
     // An unreadable table is not an error here, because the simulation does not need it.
     let mut fits: Vec<FitRow> = Reader::default().rows(&path).unwrap_or_default();
     fits.retain(|row| row.campaign == campaign && row.status.is_ok());
-    let Some((configured, _)) = config.campaign_setup(campaign) else { return Vec::new() };
+    let Some((first, _)) = setups.first() else { return Vec::new() };
+    let Some(input) = FitInput::new(config, campaign, *first) else { return Vec::new() };
+    let configured = input.setup().0;
     let path = path.display();
-    let warnings = setups.iter().filter_map(|setup| {
-        let Setup { model, robot, .. } = setup;
+    let warnings = setups.iter().filter_map(|(model, robot)| {
         let (mut parameters, hint) = match fits.iter().find(|row| row.model == *model) {
             Some(fit) => {
                 let mut differing = fit.free.clone();
@@ -239,7 +246,7 @@ pub fn starting_values(config: &Config, campaign: &str, setups: &[Setup]) -> Vec
                 )
             }
         };
-        parameters.retain(|parameter| parameter.value_in(robot) == parameter.value_in(&configured));
+        parameters.retain(|parameter| robot.value(*parameter) == configured.value(*parameter));
         if parameters.is_empty() {
             return None;
         }
@@ -258,7 +265,7 @@ pub(super) struct FittedSetup {
     input: FitInput,
     pub summary: FitSummary,
     /// Range covered by the fitted trials, or the reason why it is unknown.
-    pub range: Result<MeasuredRange, String>,
+    range: Result<MeasuredRange, String>,
 }
 
 impl FittedSetup {
@@ -293,24 +300,54 @@ impl FittedSetup {
         Ok(config)
     }
 
+    /// Returns the fitted coefficients, in SI units.
+    pub(super) fn coefficients(&self) -> impl Iterator<Item = (Parameter, f64)> {
+        let parameters = self.known.row.parameters.iter().map(|(of, value)| (of, *value));
+        parameters.filter(|(_, value)| value.is_finite())
+    }
+
+    /// Returns the range covered by the fitted trials, or the reason why it is unknown.
+    pub(super) fn range(&self) -> Result<&MeasuredRange, &str> {
+        self.range.as_ref().map_err(String::as_str)
+    }
+
+    /// Returns whether a problem lies outside the range of the fitted trials.
+    pub(super) fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
+        match self.range() {
+            Ok(range) => range.extrapolation(problem),
+            Err(why) => {
+                Extrapolation { extrapolated: None, beyond_trials: format!("not known: {why}") }
+            }
+        }
+    }
+
+    /// Returns copies of a robot with the coefficients of refits; see [`AnySetup::alternatives`].
+    pub(super) fn alternatives(
+        &self,
+        robot: &AnyRobot,
+        data: &FitData,
+        max_replicates: usize,
+    ) -> Result<Alternatives, NoInterval> {
+        self.with_bands(robot, data, |bands| bands.alternatives(robot, max_replicates))
+    }
+
     /// Returns the coefficients that are known from other kinds of trials.
     pub(super) fn measured(&self) -> &[Parameter] {
         &self.known.row.measured
     }
 
-    /// Calls `task` with the confidence bands for predictions with the fitted coefficients of this setup.
+    /// Calls `task` with the confidence bands for predictions with the fitted coefficients, which a robot must have.
     ///
     /// # Errors
     /// Returns the reason if there are no bands, for example because a setting overrides a fitted coefficient.
     pub(super) fn with_bands<T>(
         &self,
-        setup: &Setup,
+        robot: &AnyRobot,
         data: &FitData,
         task: impl FnOnce(&PredictionBands) -> T,
     ) -> Result<T, NoInterval> {
         let row = &self.known.row;
-        let replaced =
-            row.free.iter().find(|parameter| differs_from_fit(**parameter, &setup.robot, row));
+        let replaced = row.free.iter().find(|parameter| differs_from_fit(**parameter, robot, row));
         if let Some(parameter) = replaced {
             return Err(NoInterval::new(NoIntervalReason::ParameterSet, parameter.name()));
         }

@@ -1,6 +1,7 @@
 //! Simulation of configured campaigns without trials, for `trilink simulate` and the Python module.
 
 mod answer;
+mod any;
 mod chain;
 mod fitted;
 mod sensitivity;
@@ -15,12 +16,13 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{MotionError, Problem};
 use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
-use trilink_tables::{Extrapolation, NoInterval, NoIntervalReason, SensitivityRow, TrajectoryRow};
+use trilink_tables::{Columns as _, Extrapolation, NoInterval, SensitivityRow, TrajectoryRow};
 
 use crate::bands::without_resample;
-use crate::{Alternatives, MeasuredRange, PredictionBands};
+use crate::{MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
+pub use any::AnySetup;
 pub use chain::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
@@ -152,13 +154,13 @@ impl Setup {
     /// Returns the range covered by the fitted trials, or the reason why it is unknown; `None` for configured
     /// coefficients.
     pub fn measured_range(&self) -> Option<Result<&MeasuredRange, &str>> {
-        let range = &self.fitted.as_ref()?.range;
-        Some(range.as_ref().map_err(String::as_str))
+        self.fitted.as_ref().map(FittedSetup::range)
     }
 
     /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
     pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
-        MeasuredRange::extrapolation_beyond(self.measured_range(), &problem.clone().into())
+        let extrapolation = |fitted: &FittedSetup| fitted.extrapolation(&problem.clone().into());
+        self.fitted.as_ref().map_or_else(Extrapolation::blank, extrapolation)
     }
 
     /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed
@@ -166,7 +168,7 @@ impl Setup {
     /// with `bands`.
     pub fn add_bands(&self, answers: &mut [&mut Answer], from_rest: bool, fits: &KnownFits) {
         let Some(fitted) = &self.fitted else { return };
-        let result = fitted.with_bands(self, &fits.data, |bands| {
+        let result = fitted.with_bands(&self.robot.clone().into(), &fits.data, |bands| {
             answers.par_iter_mut().for_each(|answer| {
                 let interval = self.interval(answer.omega_rad_s, from_rest, bands);
                 answer.interval = Some(interval);
@@ -177,20 +179,6 @@ impl Setup {
                 answer.interval = Some(Interval::unknown(reason.clone()));
             }
         }
-    }
-
-    /// Returns copies of the robot with the coefficients of refits, including those of at most `max_replicates`
-    /// bootstrap replicates. `fits` must come from [`KnownFits::read`] with `bands`.
-    ///
-    /// # Errors
-    /// Returns the reason if the uncertainty of the coefficients is unknown.
-    pub fn alternatives(
-        &self,
-        fits: &KnownFits,
-        max_replicates: usize,
-    ) -> Result<Alternatives, NoInterval> {
-        let fitted = self.fitted.as_ref().ok_or(NoIntervalReason::NotFitted)?;
-        fitted.with_bands(self, &fits.data, |bands| bands.alternatives(&self.robot, max_replicates))
     }
 
     /// Computes the sensitivities of the metrics to all quantities that influence them, and the uncertainty budgets.
@@ -209,7 +197,7 @@ impl Setup {
     ) -> Result<Sensitivities, Cancelled> {
         let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
             let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0));
-            fitted.with_bands(self, &fits.data, |bands| {
+            fitted.with_bands(&self.robot.clone().into(), &fits.data, |bands| {
                 InputUncertainty::fitted(bands, &problem, fitted.measured())
             })
         });
@@ -235,8 +223,9 @@ impl Setup {
 
     fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {
         let problem = self.problem(omega_rad_s);
-        let limits = answer::solve_motion(&problem, from_rest)
-            .and_then(|(solver, motion)| bands.limits(solver, &problem, motion.metrics));
+        let limits = answer::solve_motion(&problem, from_rest).and_then(|(solver, motion)| {
+            bands.limits(solver.into(), &problem.clone().into(), motion.metrics)
+        });
         match limits {
             Ok([lower, upper]) => Interval { lower, upper, no_interval: None },
             Err(error) => Interval::unknown(without_resample(&error)),

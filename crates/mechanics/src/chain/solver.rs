@@ -35,6 +35,16 @@ struct Kind {
     is_linear: bool,
 }
 
+impl Kind {
+    fn of(problem: &ChainProblem) -> Self {
+        Self {
+            free_joints: problem.chain.free_joints(),
+            skids: problem.laws.skids(),
+            is_linear: problem.laws.are_linear(),
+        }
+    }
+}
+
 /// Equations of motion with a given number of free joints, and the last solution.
 pub(super) trait Steady: Debug + Send + Sync {
     fn free_joints(&self) -> usize;
@@ -45,6 +55,10 @@ pub(super) trait Steady: Debug + Send + Sync {
     /// Solves for the steady-state motion. If `is_warm`, the search starts from the last solution; otherwise, or if that
     /// fails, from the model's initial guess.
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<ChainMetrics>;
+
+    /// Solves for the steady-state motion, starting from the last solution or, if that fails, from the model's initial
+    /// guess; the last solution is retained if both fail.
+    fn solve_near(&mut self, accuracy: f64) -> Result<ChainMetrics>;
 
     /// Returns the last solution.
     fn motion(&mut self) -> Result<ChainMotion>;
@@ -114,6 +128,11 @@ impl<const N: usize, const C: usize, const D: usize> Steady for Kept<N, C, D> {
         Ok(metrics_of(&self.model, &cycle))
     }
 
+    fn solve_near(&mut self, accuracy: f64) -> Result<ChainMetrics> {
+        let (cycle, _) = self.method().find_near(accuracy)?;
+        Ok(metrics_of(&self.model, &cycle))
+    }
+
     fn motion(&mut self) -> Result<ChainMotion> {
         let cycle = self.orbit.measure(&self.model);
         motion_of(&self.model, &mut self.orbit, &cycle)
@@ -168,10 +187,29 @@ impl ChainSolver {
     /// Returns an error if the description of the chain is wrong, if no such motion exists, or if it could not be found
     /// or resolved.
     pub(crate) fn solve(&mut self, problem: &ChainProblem, accuracy: f64) -> Result<ChainMetrics> {
-        let start = self.start.take();
-        let (kept, kind) = self.set_problem(problem)?;
-        let metrics = kept.solve(start == Some(kind), accuracy)?;
+        let kind = Kind::of(problem);
+        let is_warm = self.start.take() == Some(kind);
+        let metrics = self.set_problem(problem)?.solve(is_warm, accuracy)?;
         (self.start, self.last) = (Some(kind), Some(problem.clone()));
+        Ok(metrics)
+    }
+
+    /// Solves as [`ChainSolver::solve`] does, except if a solution of the same kind exists: then the search starts only from
+    /// that solution and from the model's initial guess, not from a transient, and after a failure the next solution
+    /// starts from the existing one.
+    ///
+    /// # Errors
+    /// Returns an error as [`ChainSolver::solve`] does, or if the motion is too far from the existing solution.
+    pub(crate) fn solve_near(
+        &mut self,
+        problem: &ChainProblem,
+        accuracy: f64,
+    ) -> Result<ChainMetrics> {
+        if self.start != Some(Kind::of(problem)) {
+            return self.solve(problem, accuracy);
+        }
+        let metrics = self.set_problem(problem)?.solve_near(accuracy)?;
+        self.last = Some(problem.clone());
         Ok(metrics)
     }
 
@@ -187,9 +225,8 @@ impl ChainSolver {
         accuracy: f64,
     ) -> Result<ChainAttractor> {
         self.start = None;
-        let (kept, kind) = self.set_problem(problem)?;
-        let attractor = kept.reach(is_solved, accuracy)?;
-        (self.start, self.last) = (Some(kind), Some(problem.clone()));
+        let attractor = self.set_problem(problem)?.reach(is_solved, accuracy)?;
+        (self.start, self.last) = (Some(Kind::of(problem)), Some(problem.clone()));
         Ok(attractor)
     }
 
@@ -239,19 +276,14 @@ impl ChainSolver {
         self.last.as_ref().zip(self.kept.as_mut()).ok_or(MotionError::Unsolved)
     }
 
-    fn set_problem(&mut self, problem: &ChainProblem) -> Result<(&mut Box<dyn Steady>, Kind)> {
+    fn set_problem(&mut self, problem: &ChainProblem) -> Result<&mut Box<dyn Steady>> {
         self.last = None;
-        let kind = Kind {
-            free_joints: problem.chain.free_joints(),
-            skids: problem.laws.skids(),
-            is_linear: problem.laws.are_linear(),
-        };
         let problem = problem.checked()?;
-        let is_alike = |kept: &mut Box<dyn Steady>| kept.free_joints() == kind.free_joints;
-        let kept = match self.kept.take_if(is_alike) {
+        let free_joints = problem.chain.free_joints();
+        let kept = match self.kept.take_if(|kept| kept.free_joints() == free_joints) {
             Some(mut kept) => kept.set_problem(problem).map(|()| kept),
             None => problem.steady(),
         };
-        Ok((self.kept.insert(kept?), kind))
+        Ok(self.kept.insert(kept?))
     }
 }

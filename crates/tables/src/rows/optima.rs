@@ -4,7 +4,7 @@ use trilink_base::named;
 use trilink_robot::metrics::{FromRest, GaitMetrics, MotionStatus};
 use trilink_robot::{ByParameter, Model};
 
-use crate::{Extrapolation, NoInterval, rows};
+use crate::{ByJoint, ByLink, Extrapolation, NoInterval, rows};
 
 named! {
     /// Objective of the gait optimisation.
@@ -75,13 +75,34 @@ rows! {
         /// Value of the second objective; missing for a single objective.
         pub other_value: f64,
         pub omega_rad_s: f64,
-        pub offset_rad: [f64; 2] as "phi{}_offset_rad",
-        pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
-        pub phase_rad: [f64; 2] as "phi{}_phase_rad",
+        pub offset_rad: ByJoint<f64> as "phi{}_offset_rad",
+        pub amplitude_rad: ByJoint<f64> as "phi{}_amplitude_rad",
+        pub phase_rad: ByJoint<f64> as "phi{}_phase_rad",
         /// Amplitudes of the second harmonics; missing if the commands have none.
-        pub amplitude2_rad: [f64; 2] as "phi{}_amplitude2_rad",
+        pub amplitude2_rad: ByJoint<f64> as "phi{}_amplitude2_rad",
         /// Phases of the second harmonics; missing if the commands have none.
-        pub phase2_rad: [f64; 2] as "phi{}_phase2_rad",
+        pub phase2_rad: ByJoint<f64> as "phi{}_phase2_rad",
+        /// Mean of the commanded torque of a joint; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub torque_mean_nm: ByJoint<f64> as "torque{}_mean_nm",
+        /// Amplitude of the commanded torque of a joint; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub torque_amplitude_nm: ByJoint<f64> as "torque{}_amplitude_nm",
+        /// Phase of the commanded torque of a joint; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub torque_phase_rad: ByJoint<f64> as "torque{}_phase_rad",
+        /// Amplitude of the angle of a link's rotor; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_amplitude_rad: ByLink<f64> as "rotor{}_amplitude_rad",
+        /// Phase of the angle of a link's rotor; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_phase_rad: ByLink<f64> as "rotor{}_phase_rad",
+        /// Amplitude of the second harmonic of a rotor; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_amplitude2_rad: ByLink<f64> as "rotor{}_amplitude2_rad",
+        /// Phase of the second harmonic of a rotor; only of chains.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_phase2_rad: ByLink<f64> as "rotor{}_phase2_rad",
         pub metrics: GaitMetrics,
         pub work_j: f64,
         pub power_w: f64,
@@ -135,11 +156,25 @@ rows! {
     pub struct GaitNumbers {
         pub value: f64,
         pub omega_rad_s: f64,
-        pub offset_rad: [f64; 2] as "phi{}_offset_rad",
-        pub amplitude_rad: [f64; 2] as "phi{}_amplitude_rad",
-        pub phase_rad: [f64; 2] as "phi{}_phase_rad",
-        pub amplitude2_rad: [f64; 2] as "phi{}_amplitude2_rad",
-        pub phase2_rad: [f64; 2] as "phi{}_phase2_rad",
+        pub offset_rad: ByJoint<f64> as "phi{}_offset_rad",
+        pub amplitude_rad: ByJoint<f64> as "phi{}_amplitude_rad",
+        pub phase_rad: ByJoint<f64> as "phi{}_phase_rad",
+        pub amplitude2_rad: ByJoint<f64> as "phi{}_amplitude2_rad",
+        pub phase2_rad: ByJoint<f64> as "phi{}_phase2_rad",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub torque_mean_nm: ByJoint<f64> as "torque{}_mean_nm",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub torque_amplitude_nm: ByJoint<f64> as "torque{}_amplitude_nm",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub torque_phase_rad: ByJoint<f64> as "torque{}_phase_rad",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_amplitude_rad: ByLink<f64> as "rotor{}_amplitude_rad",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_phase_rad: ByLink<f64> as "rotor{}_phase_rad",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_amplitude2_rad: ByLink<f64> as "rotor{}_amplitude2_rad",
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        pub rotor_phase2_rad: ByLink<f64> as "rotor{}_phase2_rad",
     }
 }
 
