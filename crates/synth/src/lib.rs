@@ -1,8 +1,8 @@
 //! Synthetic trials with known true values, as files of a motion-capture system.
 //!
 //! The motion follows a model (`skid-roll` by default) with known coefficients, from rest, with servos that do not
-//! follow their commands exactly. For each robot there are also a coast-down and, if the robot has a passive joint, a
-//! joint release. The cameras add noise, vibration, tilt and dropouts. The true values are written to `truth.json`,
+//! follow their commands exactly. For each robot there are also a coast-down and, if the robot has passive joints, a
+//! release of each. The cameras add noise, vibration, tilt and dropouts. The true values are written to `truth.json`,
 //! which is read only when the report compares results with them.
 //!
 //! [`synthesise`] writes a trial folder from a [`Recipe`]. Its steps are, in order:
@@ -251,8 +251,8 @@ fn has_passive_joint(config: &Config, robot: &str) -> bool {
 }
 
 /// Writes a trial folder and returns its trials: every campaign in the configuration at every frequency of the recipe,
-/// a coast-down of every robot of three links in these campaigns, and a release of every passive joint of these. The same seed gives identical
-/// files, and the same motion and noise in every format. `on_trial` is called with the id of each trial once it is
+/// and, where the robots in these campaigns permit them, a coast-down of each and a release of every passive joint. The
+/// same seed gives identical files, and the same motion and noise in every format. `on_trial` is called with the id of each trial once it is
 /// complete.
 ///
 /// # Errors
@@ -355,7 +355,12 @@ fn write_trial(
         Source::Gait(drive) => drive,
         Source::Decay(decay) => {
             let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
-            write(&filmed(&scene, &decay.robot, &decay.coordinates, seed.clone()))?;
+            let poses = |frame: usize| {
+                let (pose, phi_rad) = &decay.frames[frame];
+                let [links, _] = decay.robot.poses(*pose, phi_rad);
+                links
+            };
+            write(&cameras::film(&scene, decay.frames.len(), poses, seed.clone()))?;
             return Ok(None);
         }
     };
