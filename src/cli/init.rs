@@ -6,7 +6,7 @@ use trilink_tables::config::CONFIG_FILE;
 use super::output::{note, write_json, write_text};
 use super::table::Table;
 use super::{Failure, Outcome, check_not_below_project};
-use crate::init::{Findings, FoundFile, InitError, JointSwing, Request, init};
+use crate::init::{Findings, FoundFile, InitError, JointSwing, Request, init, link_names};
 
 /// Write a first pipeline.toml and trials.toml from marker files alone.
 #[derive(clap::Args)]
@@ -49,7 +49,7 @@ impl Init {
 
 /// Prints a table of the files and a summary of the findings.
 fn print_findings(found: &Findings, request: &Request) -> Result<(), Failure> {
-    let hidden = Table::new(&found.files)
+    let table = Table::new(&found.files)
         .left("file", path)
         .left("campaign or kind", |file| {
             or_dash(file.campaign.clone().or_else(|| file.kind.map(|kind| kind.to_string())))
@@ -57,9 +57,13 @@ fn print_findings(found: &Findings, request: &Request) -> Result<(), Failure> {
         .right("omega_rad_s", |file| or_dash(file.omega_rad_s.map(|omega| format!("{omega:.4}"))))
         .right("frames", |file| file.frames.to_string())
         .right("rate_hz", |file| or_dash(file.rate_hz.map(|rate_hz| rate_hz.to_string())))
-        .right("labels", |file| file.labels.to_string())
-        .left("joint1_deg", |file| or_dash(file.joints.map(|joints| swing(joints[0]))))
-        .left("joint2_deg", |file| or_dash(file.joints.map(|joints| swing(joints[1]))))
+        .right("labels", |file| file.labels.to_string());
+    let joints = 1..found.links.len();
+    let table = joints.fold(table, |table, joint| {
+        let joint_deg = |file: &FoundFile| Some(swing(*file.joints.as_ref()?.get(joint - 1)?));
+        table.left(&format!("joint{joint}_deg"), |file| or_dash(joint_deg(file)))
+    });
+    let hidden = table
         .left("subject", |file| {
             or_dash(Some(file.subjects.join(", ")).filter(|text| !text.is_empty()))
         })
@@ -78,7 +82,8 @@ fn print_findings(found: &Findings, request: &Request) -> Result<(), Failure> {
     } else {
         format!(" -c {}", request.out.join(CONFIG_FILE).display())
     };
-    let text = json!({ "left_out": left_out, "found": found, "config": config });
+    let names = link_names(found.links.len());
+    let text = json!({ "left_out": left_out, "names": names, "found": found, "config": config });
     write_text(include_str!("text/init.txt"), &text)
 }
 

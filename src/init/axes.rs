@@ -34,15 +34,18 @@ impl VerticalAxis {
         }
         let mut turned = file.clone();
         turned.turn_up(axis);
-        let shows_links = clusters::links(&turned).is_ok();
+        // In a wrong plane, two groups of markers may seem to have a joint by chance.
+        let links =
+            clusters::links(&turned).ok().map(|links| links.len()).filter(|count| *count > 2);
         let height = mean(positions(&turned, 2));
         let sign = if height < 0.0 { "-" } else { "" };
         let name = ["x", "y"][axis];
-        let motion = if shows_links {
-            "the other two coordinates show three moving links"
-        } else {
-            "the z coordinates rise and fall"
+        let motion = match links {
+            Some(3) => "the other two coordinates show three moving links",
+            Some(_) => "the other two coordinates show moving links",
+            None => "the z coordinates rise and fall",
         };
+        let shows_links = links.is_some();
         Some(Self { shows_links, sentence: axis_up_message(&format!("{sign}{name}"), motion) })
     }
 }

@@ -10,6 +10,10 @@ use trilink_statistics::{extremes, median};
 
 /// Maximum difference between motions of a commanded joint that count as equal, degrees.
 const MAX_SAME_DEG: f64 = 5.0;
+/// Maximum difference between motions of a joint of a chain that count as equal, relative to the amplitude.
+const MAX_SAME_PART: f64 = 0.25;
+/// Difference between motions of a joint of a chain that always count as equal, degrees.
+const MIN_SAME_DEG: f64 = 1.0;
 /// Maximum relative difference between frequencies that count as equal.
 const MAX_SAME_FREQUENCY: f64 = 0.02;
 /// Maximum value of the following ratio for a joint's motion to count as changing steadily with frequency: the sum of
@@ -47,11 +51,12 @@ impl JointSwing {
     }
 }
 
-/// Measured gait in a file: the motions of joints 1 and 2.
+/// Measured gait in a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MeasuredGait {
     pub omega_rad_s: f64,
-    pub joints: [JointSwing; 2],
+    /// Motions of the joints from front to rear.
+    pub joints: Vec<JointSwing>,
     /// Words in the file's name, or the campaign named in the list of trials.
     pub name: String,
     /// Whether the name is that of a campaign in a list of trials.
@@ -65,9 +70,9 @@ pub(super) struct Group {
     /// Indices of the files in order of frequency.
     pub files: Vec<usize>,
     /// Joint motions: medians over the files.
-    pub joints: [JointSwing; 2],
-    /// Index of the passive joint; `None` if both joints are commanded.
-    pub passive: Option<usize>,
+    pub joints: Vec<JointSwing>,
+    /// Indices of the passive joints.
+    pub passive: Vec<usize>,
     /// Sentence that explains why it is in doubt whether a joint is passive; `None` if there is no doubt.
     pub doubt: Option<String>,
 }
@@ -82,7 +87,7 @@ pub(super) fn groups(files: &[MeasuredGait]) -> Vec<Group> {
     for ((name, is_listed), mut indices) in by_name {
         indices.sort_by(|&a, &b| files[a].omega_rad_s.total_cmp(&files[b].omega_rad_s));
         let parts =
-            if is_listed { vec![new_group(files, indices)] } else { split(files, &indices) };
+            if is_listed { vec![listed_group(files, indices)] } else { split(files, &indices) };
         let count = parts.len();
         for (i, part) in parts.into_iter().enumerate() {
             let name = match (name, count) {
@@ -120,17 +125,31 @@ fn clusters(files: &[usize], swing: impl Fn(usize) -> JointSwing) -> Vec<Vec<usi
 
 /// Splits files with the same name, sorted by frequency, into groups with the same gait.
 fn split(files: &[MeasuredGait], indices: &[usize]) -> Vec<Group> {
-    // The commanded joint is the one with fewer distinct motions or, in a tie, with the smaller spread.
-    let [(first, first_deg), (second, second_deg)] = [0, 1].map(|joint| {
+    let commanded = commanded_joint(files, indices);
+    let swing = |i: usize| files[i].joints[commanded].without_phase();
+    let is_chain = files[indices[0]].joints.len() != 2;
+    if is_chain && changes_steadily(files, indices, swing) {
+        return vec![chain_group(files, indices.to_vec())];
+    }
+    let groups = clusters(indices, swing).into_iter().flat_map(|cluster| match is_chain {
+        false => split_by_other(files, cluster, commanded),
+        true => vec![chain_group(files, cluster)],
+    });
+    groups.collect()
+}
+
+/// Returns the joint with the fewest distinct motions or, in a tie, with the smallest spread: it is commanded.
+fn commanded_joint(files: &[MeasuredGait], indices: &[usize]) -> usize {
+    let of_joint = |joint: usize| {
         let swing = |i: usize| files[i].joints[joint].without_phase();
         let [low, high] = extremes(indices.iter().map(|&i| swing(i).offset_deg));
         let offset_spread_deg = high - low;
         let [low, high] = extremes(indices.iter().map(|&i| swing(i).amplitude_deg));
-        (clusters(indices, swing), offset_spread_deg + (high - low))
-    });
-    let is_first = (first.len(), first_deg) <= (second.len(), second_deg);
-    let (commanded, clusters) = if is_first { (0, first) } else { (1, second) };
-    clusters.into_iter().flat_map(|cluster| split_by_other(files, cluster, commanded)).collect()
+        (clusters(indices, swing).len(), offset_spread_deg + (high - low))
+    };
+    let joints = (0..files[indices[0]].joints.len()).map(|joint| (joint, of_joint(joint)));
+    let fewest = joints.reduce(|one, other| if other.1 < one.1 { other } else { one });
+    fewest.map_or(0, |(joint, _)| joint)
 }
 
 /// Splits the files `rest`, in which the motion of joint `commanded` is the same, into groups in which the motion of
@@ -159,11 +178,20 @@ fn relative(file: &MeasuredGait, joint: usize) -> JointSwing {
     JointSwing { phase_deg, ..file.joints[joint] }
 }
 
-/// Returns whether a joint seems passive, that is, whether its motion changes steadily with frequency. `by_frequency`
-/// are indices of files, sorted by frequency.
+/// Returns whether a joint of two seems passive, that is, whether its motion changes steadily with frequency.
+/// `by_frequency` are indices of files, sorted by frequency.
 fn is_passive(files: &[MeasuredGait], by_frequency: &[usize], joint: usize) -> bool {
-    let apart =
-        |a: usize, b: usize| relative(&files[a], joint).distance_deg(&relative(&files[b], joint));
+    changes_steadily(files, by_frequency, |i| relative(&files[i], joint))
+}
+
+/// Returns whether a motion of the files changes steadily with frequency. `by_frequency` are indices of files, sorted by
+/// frequency.
+fn changes_steadily(
+    files: &[MeasuredGait],
+    by_frequency: &[usize],
+    swing: impl Fn(usize) -> JointSwing,
+) -> bool {
+    let apart = |a: usize, b: usize| swing(a).distance_deg(&swing(b));
     let mut path_deg = 0.0;
     let mut extent = 0.0_f64;
     for (i, &file) in by_frequency.iter().enumerate() {
@@ -177,6 +205,82 @@ fn is_passive(files: &[MeasuredGait], by_frequency: &[usize], joint: usize) -> b
         path_deg += apart(file, next);
     }
     extent > MAX_SAME_DEG && path_deg <= MAX_STEADY_RATIO * extent
+}
+
+/// Creates the group of the files that a list of trials assigns to one campaign, sorted by frequency.
+fn listed_group(files: &[MeasuredGait], indices: Vec<usize>) -> Group {
+    match files[indices[0]].joints.len() {
+        2 => new_group(files, indices),
+        _ => chain_group(files, indices),
+    }
+}
+
+/// Creates a group of files of a chain, which are sorted by frequency. The joints whose motion differs between
+/// frequencies are passive.
+fn chain_group(files: &[MeasuredGait], indices: Vec<usize>) -> Group {
+    let commanded = commanded_joint(files, &indices);
+    let joints = (0..files[indices[0]].joints.len()).map(|joint| {
+        let swings: Vec<JointSwing> = indices
+            .iter()
+            .map(|&i| {
+                let swing = files[i].joints[joint];
+                let phase_deg = swing.phase_deg - files[i].joints[commanded].phase_deg;
+                JointSwing { phase_deg, ..swing }
+            })
+            .collect();
+        let median = median_swing(&swings);
+        let max_deg = (MAX_SAME_PART * median.amplitude_deg).clamp(MIN_SAME_DEG, MAX_SAME_DEG);
+        (median, swings.iter().any(|swing| swing.distance_deg(&median) > max_deg))
+    });
+    let mut joints: Vec<(JointSwing, bool)> = joints.collect();
+    // Phases are relative to the first driven joint.
+    let first_deg = joints.iter().find(|(_, changes)| !changes).map_or(0.0, |(of, _)| of.phase_deg);
+    for (swing, _) in &mut joints {
+        let phase_rad = (swing.phase_deg - first_deg).to_radians();
+        swing.phase_deg = trilink_statistics::wrap(phase_rad).to_degrees();
+    }
+    let passive = joints.iter().enumerate().filter(|(_, (_, changes))| *changes);
+    let passive: Vec<usize> = passive.map(|(joint, _)| joint).collect();
+    let doubt = match (&passive[..], count_frequencies(files, &indices)) {
+        (all, _) if all.len() == joints.len() => Some(
+            "the motion of every joint changes with the frequency, so that none is driven; enter the torques, drives or \
+             rotors that move the robot"
+                .to_owned(),
+        ),
+        ([], 1) => Some(
+            "files of a single frequency do not show whether a joint is driven; change the kind of each joint that is \
+             not, and remove its line"
+                .to_owned(),
+        ),
+        ([_, ..], count) if count < MIN_CERTAIN => Some(format!(
+            "joints are taken as passive because their motions differ between the {count} frequencies; if the files \
+             show two gaits, make two campaigns of them"
+        )),
+        _ => None,
+    };
+    let joints = joints.into_iter().map(|(swing, _)| swing).collect();
+    Group { name: String::new(), files: indices, joints, passive, doubt }
+}
+
+/// Returns the number of different frequencies of files that are sorted by frequency.
+fn count_frequencies(files: &[MeasuredGait], indices: &[usize]) -> usize {
+    let mut frequencies: Vec<f64> = indices.iter().map(|&i| files[i].omega_rad_s).collect();
+    frequencies.dedup_by(|next, first| *next < (1.0 + MAX_SAME_FREQUENCY) * *first);
+    frequencies.len()
+}
+
+/// Returns the medians of the offsets, amplitudes and phases of a joint's motions.
+fn median_swing(swings: &[JointSwing]) -> JointSwing {
+    // The median is taken over differences from the first phase, because angles wrap at half a turn.
+    let first_deg = swings[0].phase_deg;
+    let wrapped_deg =
+        |phase_deg: f64| trilink_statistics::wrap(phase_deg.to_radians()).to_degrees();
+    let differences = swings.iter().map(|swing| wrapped_deg(swing.phase_deg - first_deg));
+    JointSwing {
+        offset_deg: median(swings.iter().map(|swing| swing.offset_deg).collect()),
+        amplitude_deg: median(swings.iter().map(|swing| swing.amplitude_deg).collect()),
+        phase_deg: wrapped_deg(first_deg + median(differences.collect())),
+    }
 }
 
 /// Creates a group from files that are sorted by frequency.
@@ -193,24 +297,12 @@ fn new_group(files: &[MeasuredGait], indices: Vec<usize>) -> Group {
     } else {
         None
     };
-    let mut frequencies: Vec<f64> = indices.iter().map(|&i| files[i].omega_rad_s).collect();
-    frequencies.dedup_by(|next, first| *next < (1.0 + MAX_SAME_FREQUENCY) * *first);
     let joints = [0, 1].map(|joint| {
         let swings: Vec<JointSwing> = indices.iter().map(|&i| relative(&files[i], joint)).collect();
-        // The median is taken over differences from the first phase, because angles wrap at half a turn.
-        let first_deg = swings[0].phase_deg;
-        let differences = swings.iter().map(|swing| {
-            trilink_statistics::wrap((swing.phase_deg - first_deg).to_radians()).to_degrees()
-        });
-        let phase_deg = first_deg + median(differences.collect());
-        let phase_deg = if joint == 0 || passive.is_some() { 0.0 } else { phase_deg };
-        JointSwing {
-            offset_deg: median(swings.iter().map(|swing| swing.offset_deg).collect()),
-            amplitude_deg: median(swings.iter().map(|swing| swing.amplitude_deg).collect()),
-            phase_deg: trilink_statistics::wrap(phase_deg.to_radians()).to_degrees(),
-        }
+        let median = median_swing(&swings);
+        if joint == 0 || passive.is_some() { median.without_phase() } else { median }
     });
-    let doubt = match (passive, frequencies.len()) {
+    let doubt = match (passive, count_frequencies(files, &indices)) {
         (None, 1) => Some(
             "files of a single frequency do not show whether a joint is passive; if a joint is \
              passive, remove its line"
@@ -223,6 +315,7 @@ fn new_group(files: &[MeasuredGait], indices: Vec<usize>) -> Group {
         )),
         _ => None,
     };
+    let (joints, passive) = (joints.into(), passive.into_iter().collect());
     Group { name: String::new(), files: indices, joints, passive, doubt }
 }
 
@@ -254,6 +347,7 @@ mod tests {
     }
 
     fn performed(name: &str, omega_rad_s: f64, joints: [JointSwing; 2]) -> MeasuredGait {
+        let joints = joints.into();
         MeasuredGait { omega_rad_s, joints, name: name.to_owned(), is_listed: false }
     }
 
@@ -274,9 +368,10 @@ mod tests {
             files.push(passive("trial", omega));
         }
         let found = groups(&files);
-        let sizes: Vec<_> = found.iter().map(|group| (group.files.len(), group.passive)).collect();
+        let sizes: Vec<_> =
+            found.iter().map(|group| (group.files.len(), &group.passive[..])).collect();
         assert_eq!(sizes.len(), 3, "{found:#?}");
-        assert!(sizes.contains(&(12, Some(0))) && sizes.contains(&(12, None)), "{sizes:?}");
+        assert!(sizes.contains(&(12, &[0])) && sizes.contains(&(12, &[])), "{sizes:?}");
         let names: Vec<&str> = found.iter().map(|group| group.name.as_str()).collect();
         assert_eq!(names, ["trial-1", "trial-2", "trial-3"]);
         assert!(found.iter().all(|group| group.doubt.is_none()));
@@ -287,10 +382,10 @@ mod tests {
     #[test]
     fn doubts_that_few_files_leave_are_reported() {
         let one = groups(&[performed("a", 2.0, [swing(0.0, 20.0, 0.0), swing(0.0, 20.0, 60.0)])]);
-        assert_eq!((one[0].name.as_str(), one[0].passive), ("a", None));
+        assert_eq!((one[0].name.as_str(), one[0].passive.first()), ("a", None));
         assert!(one[0].doubt.as_ref().unwrap().contains("a single frequency"));
         let two = groups(&[passive("a", 1.0), passive("a", 3.0)]);
-        assert_eq!((two.len(), two[0].passive), (1, Some(0)));
+        assert_eq!((two.len(), &two[0].passive[..]), (1, &[0][..]));
         assert!(two[0].doubt.as_ref().unwrap().contains("2 frequencies"));
     }
 

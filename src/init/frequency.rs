@@ -43,13 +43,13 @@ impl Swing {
 }
 
 /// Kind of a recording.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Recorded {
-    /// Gait, with the motions of the joint angles phi1 and phi2; their offsets are relative to link frames that the
-    /// file's markers define.
+    /// Gait, with the motions of the joint angles; their offsets are relative to link frames that the file's markers
+    /// define.
     Gait {
         omega_rad_s: f64,
-        swings: [Swing; 2],
+        swings: Vec<Swing>,
     },
     /// Release of a joint, by index.
     Release {
@@ -68,12 +68,13 @@ impl Recorded {
         }
     }
 
-    /// Classifies a motion in which link 1 is the front link; returns a message if it is of no known kind.
+    /// Classifies a motion; returns a message if it is of no known kind.
     pub(super) fn classify(motion: &Motion) -> Result<Self, String> {
         let ranges_deg = motion.ranges_deg();
-        let max_deg = ranges_deg[0].max(ranges_deg[1]);
+        let max_deg = ranges_deg.iter().copied().fold(f64::NAN, f64::max);
         if !max_deg.is_finite() {
-            return Err("the file does not show both joints".to_owned());
+            let joints = if ranges_deg.len() == 2 { "both joints" } else { "the joints" };
+            return Err(format!("the file does not show {joints}"));
         }
         let distance_m = motion.distance_m;
         if max_deg < MIN_RANGE_DEG {
@@ -84,12 +85,12 @@ impl Recorded {
                 "no joint turns by more than {max_deg:.1} degrees, and the robot stands still"
             ));
         }
-        let found = gait(motion, ranges_deg);
-        let joint = usize::from(ranges_deg[1] > ranges_deg[0]);
-        match found {
+        let still = ranges_deg.iter().filter(|range_deg| **range_deg < MIN_RANGE_DEG).count();
+        match gait(motion, &ranges_deg) {
             Some(gait) => Ok(gait),
-            None if distance_m < MIN_DISTANCE_M && ranges_deg[1 - joint] < MIN_RANGE_DEG => {
-                Ok(Self::Release { joint })
+            None if distance_m < MIN_DISTANCE_M && still + 1 == ranges_deg.len() => {
+                let joint = ranges_deg.iter().position(|range_deg| *range_deg == max_deg);
+                Ok(Self::Release { joint: joint.unwrap_or(0) })
             }
             None => Err("the joints turn, but not periodically".to_owned()),
         }
@@ -97,32 +98,32 @@ impl Recorded {
 }
 
 /// Returns the gait if the joints move periodically and without a decay in amplitude.
-fn gait(motion: &Motion, ranges_deg: [f64; 2]) -> Option<Recorded> {
-    let Motion { rate_hz, turns_rad: [front, rear], .. } = motion;
-    // Link 1 is turned by theta - phi1, link 2 by theta + phi2.
-    let phi_rad = [front.iter().map(|turn| -turn).collect(), rear.clone()];
-    let step = fundamental(&phi_rad, *rate_hz)?;
+fn gait(motion: &Motion, ranges_deg: &[f64]) -> Option<Recorded> {
+    let Motion { rate_hz, phi_rad, .. } = motion;
+    let step = fundamental(phi_rad, *rate_hz)?;
     // Placeholders: only the frequency and the set of joints that move are used.
-    let joints = ranges_deg
-        .map(|range_deg| (range_deg >= MIN_RANGE_DEG).then_some(JointCommand::new(0.0, 1e-6, 0.0)));
+    let is_moving = |range_deg: &f64| *range_deg >= MIN_RANGE_DEG;
+    let placeholder = JointCommand::new(0.0, 1e-6, 0.0);
+    let joints: Vec<Option<JointCommand>> =
+        ranges_deg.iter().map(|range_deg| is_moving(range_deg).then_some(placeholder)).collect();
     let command = CommandedGait {
         joints: &joints,
         omega_rad_s: step * rate_hz,
         rate_hz: *rate_hz,
         skip_cycles: 0,
     };
-    let found = command.estimate_phase(&phi_rad).ok()?;
+    let found = command.estimate_phase(phi_rad).ok()?;
     let fit = |joint: usize, range: Range<usize>| {
         Harmonics::fit(&phi_rad[joint], range, &found.phase, GAIT_HARMONICS)
     };
-    let whole = [fit(0, found.moving.clone())?, fit(1, found.moving.clone())?];
+    let whole: Vec<Harmonics> =
+        (0..phi_rad.len()).map(|joint| fit(joint, found.moving.clone())).collect::<Option<_>>()?;
     let third = found.moving.len() / 3;
     let parts = [
         found.moving.start..found.moving.start + third,
         found.moving.end - third..found.moving.end,
     ];
-    for (joint, whole) in whole.iter().enumerate().filter(|(i, _)| ranges_deg[*i] >= MIN_RANGE_DEG)
-    {
+    for (joint, whole) in whole.iter().enumerate().filter(|(i, _)| is_moving(&ranges_deg[*i])) {
         let fitted = whole.over(found.moving.clone(), &found.phase);
         let phi = &phi_rad[joint][found.moving.clone()];
         let middle = mean(seen(phi));
@@ -138,26 +139,27 @@ fn gait(motion: &Motion, ranges_deg: [f64; 2]) -> Option<Recorded> {
             return None;
         }
     }
-    let swings = whole.each_ref().map(|fit| Swing {
+    let swings = whole.iter().map(|fit| Swing {
         offset_rad: fit.offset(),
         amplitude_rad: fit.amplitude(1),
         phase_rad: wrap(fit.phase_rad()),
     });
-    Some(Recorded::Gait { omega_rad_s: found.omega_rad_s, swings })
+    Some(Recorded::Gait { omega_rad_s: found.omega_rad_s, swings: swings.collect() })
 }
 
 /// Estimates the frequency at which the joints have the largest amplitude, rad per frame; `None` if the recording is
 /// too short or no spectral line is found.
-fn fundamental(phi_rad: &[Vec<f64>; 2], rate_hz: f64) -> Option<f64> {
+fn fundamental(phi_rad: &[Vec<f64>], rate_hz: f64) -> Option<f64> {
     let all = phi_rad[0].len();
     let searched = all.min((MAX_SEARCHED_S * rate_hz) as usize);
     let start = (all - searched) / 2;
     // Subtract the means, because gaps would turn the offsets into spectral lines.
-    let series = phi_rad.each_ref().map(|phi| {
+    let series = phi_rad.iter().map(|phi| {
         let phi = &phi[start..start + searched];
         let middle = mean(seen(phi));
         phi.iter().step_by(STRIDE).map(|phi| phi - middle).collect::<Vec<f64>>()
     });
+    let series: Vec<Vec<f64>> = series.collect();
     let frames = series[0].len();
     let stride = STRIDE as f64;
     let lowest = MIN_PERIODS * TAU / frames as f64;
@@ -183,10 +185,11 @@ mod tests {
         };
         Motion {
             rate_hz: 60.0,
-            turns_rad: [angles(0).iter().map(|phi| -phi).collect(), angles(1)],
-            shapes: Default::default(),
+            phi_rad: vec![angles(0), angles(1)],
+            shapes: Vec::new(),
             distance_m,
             course_rad: 0.0,
+            middle: 1,
             heading_rad: 0.0,
             ahead_m: distance_m,
         }
@@ -199,9 +202,8 @@ mod tests {
                 [0.7 + 0.5 * (omega * t + 1.0).cos(), -0.2 + 0.4 * (omega * t - 0.3).cos()]
             };
             let found = Recorded::classify(&motion(40.0, 2.0, phi)).unwrap();
-            let Recorded::Gait { omega_rad_s, swings: [front, rear] } = found else {
-                panic!("{found:?}")
-            };
+            let Recorded::Gait { omega_rad_s, swings } = found else { panic!("{found:?}") };
+            let [front, rear] = swings[..] else { panic!("two joints") };
             assert!((omega_rad_s / omega - 1.0).abs() < 1e-6, "{omega_rad_s} for {omega}");
             assert!((front.offset_rad - 0.7).abs() < 1e-6 && (rear.offset_rad + 0.2).abs() < 1e-6);
             assert!((front.amplitude_rad - 0.5).abs() < 1e-6);

@@ -4,20 +4,20 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 use trilink_ingest::calibrate::calibrate_recording;
-use trilink_ingest::{Calibration, fit_rigid};
+use trilink_ingest::{Calibration, MarkerPosition, fit_rigid};
 use trilink_mocap::LengthUnit;
 use trilink_mocap::read_markers;
 use trilink_robot::{Gait, JointCommand, Robot, rotated};
 use trilink_statistics::{mean, seen, wrap};
 use trilink_tables::config::Markers;
 
-use super::clusters::Links;
+use super::clusters::{Links, by_number};
 use super::motion::{Motion, Shape};
 
 /// Maximum number of files from which the layout is tentatively estimated, starting with those whose joints move most.
-const MAX_TRIED: usize = 4;
+pub(super) const MAX_TRIED: usize = 4;
 /// Frame rate to which files are thinned for tentative estimates of the layout, Hz.
-const TRIED_HZ: f64 = 30.0;
+pub(super) const TRIED_HZ: f64 = 30.0;
 /// Maximum standard error of the side links' directions that are estimated from a gait, degrees; if it is exceeded, a
 /// coast-down determines the directions.
 const MAX_DIRECTION_SE_DEG: f64 = 0.5;
@@ -25,7 +25,7 @@ const MAX_DIRECTION_SE_DEG: f64 = 0.5;
 /// that were estimated from a gait are rejected.
 const MAX_BENT_DEG: f64 = 1.5;
 /// Maximum angle between the direction of travel and the middle link of a robot that coasts straight ahead, degrees.
-const MAX_COURSE_DEG: f64 = 3.0;
+pub(super) const MAX_COURSE_DEG: f64 = 3.0;
 /// Ratio l/h of the paper's robots, the default if the wheels do not determine l.
 const DEFAULT_L_OVER_H: f64 = 0.112 / 0.144;
 
@@ -50,7 +50,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Estimates the marker layout of `links`, given as middle, front and rear link. If no file determines the layout,
+    /// Estimates the marker layout of the three `links`. If no file determines the layout,
     /// returns the reason for each file tried.
     pub(super) fn find(
         links: &Links,
@@ -58,10 +58,7 @@ impl Layout {
         coasts: &[&Motion],
         l_m: Option<f64>,
     ) -> Result<Self, Vec<String>> {
-        let min_range =
-            |candidate: &Candidate| candidate.motion.ranges_deg().into_iter().fold(90.0, f64::min);
-        candidates.sort_by(|a, b| min_range(b).total_cmp(&min_range(a)));
-        candidates.truncate(MAX_TRIED);
+        choose(&mut candidates);
         let tried: Vec<_> = candidates
             .par_iter()
             .map(|candidate| calibrate(links, candidate, l_m.unwrap_or(0.1), Some(TRIED_HZ)))
@@ -95,11 +92,12 @@ impl Layout {
     /// friction, bias directions that are estimated from gaits.
     fn straighten(&mut self, coasts: &[&Motion]) {
         let bent = coasts.iter().filter_map(|motion| {
-            let [middle, ..] = self.constants_rad(motion)?;
+            let middle = *headings_rad(motion, &self.positions())?.get(1)?;
             let course = wrap(motion.course_rad - motion.heading_rad - middle);
             let course_deg =
                 course.abs().min((wrap(course + std::f64::consts::PI)).abs()).to_degrees();
-            (course_deg < MAX_COURSE_DEG).then(|| self.phi_rad(motion))?
+            let phi_rad = mean_angles_rad(motion, &self.positions())?;
+            (course_deg < MAX_COURSE_DEG).then_some([phi_rad[0], phi_rad[1]])
         });
         let size = |phi: &[f64; 2]| phi[0].abs().max(phi[1].abs());
         let Some([front, rear]) = bent.min_by(|a, b| size(a).total_cmp(&size(b))) else {
@@ -122,44 +120,54 @@ impl Layout {
         self.direction_se_deg = f64::NAN;
     }
 
-    /// Returns the heading of each link relative to the link frame that the motion's file defines, rad; `None` if the
-    /// file and the layout have too few markers in common.
-    fn constants_rad(&self, motion: &Motion) -> Option<[f64; 3]> {
-        let [middle, front, rear] = [0, 1, 2]
-            .map(|link| heading_rad(&motion.shapes[link], &positions(&self.calibration, link)));
-        Some([middle?, front?, rear?])
+    /// Returns the planar marker positions on the links from front to rear, mm.
+    pub(super) fn positions(&self) -> Vec<Shape> {
+        [1, 0, 2].map(|link| positions(&self.calibration.links[link])).into()
     }
+}
 
-    /// Returns the offsets (rad) that, added to phi1 and phi2 of a motion, refer them to this layout; `None` if the
-    /// motion's file and the layout have too few markers in common.
-    pub(super) fn offsets_rad(&self, motion: &Motion) -> Option<[f64; 2]> {
-        let [middle, front, rear] = self.constants_rad(motion)?;
-        Some([wrap(middle - front), wrap(rear - middle)])
-    }
+/// Keeps the candidates whose joints all move most, the best first.
+pub(super) fn choose(candidates: &mut Vec<Candidate>) {
+    let min_range =
+        |candidate: &Candidate| candidate.motion.ranges_deg().into_iter().fold(90.0, f64::min);
+    candidates.sort_by(|a, b| min_range(b).total_cmp(&min_range(a)));
+    candidates.truncate(MAX_TRIED);
+}
 
-    /// Returns the mean phi1 and phi2 of a motion, rad; `None` if its file and the layout have too few markers in
-    /// common.
-    fn phi_rad(&self, motion: &Motion) -> Option<[f64; 2]> {
-        let offsets = self.offsets_rad(motion)?;
-        let [front, rear] = motion.turns_rad.each_ref().map(|turns| mean(seen(turns)));
-        Some([wrap(offsets[0] - front), wrap(offsets[1] + rear)])
-    }
+/// Returns the headings of the links from front to rear relative to the link frames that the motion's file defines, rad,
+/// given the marker positions on the links; `None` if these and the file have too few markers in common.
+pub(super) fn headings_rad(motion: &Motion, positions: &[Shape]) -> Option<Vec<f64>> {
+    motion.shapes.iter().zip(positions).map(|(shape, own)| heading_rad(shape, own)).collect()
+}
+
+/// Returns the offsets of the joint angles, rad, that follow from [`headings_rad`].
+pub(super) fn offsets_rad(headings_rad: &[f64]) -> Vec<f64> {
+    headings_rad.windows(2).map(|pair| wrap(pair[1] - pair[0])).collect()
+}
+
+/// Returns the mean joint angles of a motion, rad, given the marker positions on the links; `None` if these and the file
+/// have too few markers in common.
+pub(super) fn mean_angles_rad(motion: &Motion, positions: &[Shape]) -> Option<Vec<f64>> {
+    let offsets = offsets_rad(&headings_rad(motion, positions)?);
+    let joints = motion.phi_rad.iter().zip(offsets);
+    Some(joints.map(|(phi_rad, offset)| wrap(offset + mean(seen(phi_rad)))).collect())
 }
 
 /// Estimates the standard deviation of a side link's direction among the layouts `all`, which include `layout`,
 /// degrees; 0 for a single layout.
 fn scatter_deg(layout: &Calibration, all: &[&Calibration], link: usize) -> f64 {
-    let own = positions(layout, link);
-    let squares =
-        all.iter().filter_map(|other| Some(heading_rad(&own, &positions(other, link))?.powi(2)));
+    let own = positions(&layout.links[link]);
+    let squares = all
+        .iter()
+        .filter_map(|other| Some(heading_rad(&own, &positions(&other.links[link]))?.powi(2)));
     // The variance of a difference is the sum of the variances of two directions.
     let count = 2 * all.len().saturating_sub(1).max(1);
     (squares.sum::<f64>() / count as f64).sqrt().to_degrees()
 }
 
 /// Returns the planar marker positions on a link, indexed by marker name, mm.
-fn positions(calibration: &Calibration, link: usize) -> Shape {
-    let markers = calibration.links[link].iter().map(|marker| {
+pub(super) fn positions(link: &[MarkerPosition]) -> Shape {
+    let markers = link.iter().map(|marker| {
         let [x, y, _] = marker.position_mm.map(|estimate| estimate.value);
         (marker.label.clone(), [x, y])
     });
@@ -187,8 +195,9 @@ fn calibrate(
     let file = read_markers(path, *unit).map_err(|error| error.to_string())?;
     let stride = thin_hz.map_or(1, |thin_hz| ((rate_hz / thin_hz) as usize).max(1));
     let file = file.thinned(stride);
+    let numbered: Vec<&Vec<String>> = by_number(links).collect();
     let [link0, link1, link2] =
-        links.each_ref().map(|names| names.iter().map(|name| (name.clone(), [0.0; 3])).collect());
+        [0, 1, 2].map(|link| numbered[link].iter().map(|name| (name.clone(), [0.0; 3])).collect());
     let markers = Markers { link0, link1, link2 };
     // Only l and the ratios of the skid coefficients of this robot are used.
     let robot = Robot { l_m: [l_m; 2], ..Robot::kinematic() };

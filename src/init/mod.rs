@@ -2,12 +2,13 @@
 //!
 //! Each file shows groups of markers that move rigidly together (`clusters`); the groups that most files show are the
 //! robot's links. The motion of the links (`motion`) determines the kind and the frequency of each recording
-//! (`frequency`), the best file the marker layout (`layout`), and all gaits together the campaigns (`campaigns`).
+//! (`frequency`), the best file the marker layout (`layout`, `chain`), and all gaits together the campaigns (`campaigns`).
 //! Everything unknown is marked in the files written (`write`).
 
 mod add;
 mod axes;
 mod campaigns;
+mod chain;
 mod clusters;
 mod frequency;
 mod layout;
@@ -31,9 +32,10 @@ use trilink_tables::config::ConfigError;
 use trilink_tables::trial::TrialKind;
 
 use campaigns::MeasuredGait;
+use chain::ChainLayout;
 use clusters::Links;
 use frequency::{Recorded, Swing};
-use layout::{Candidate, Layout};
+use layout::{Candidate, Layout, headings_rad, offsets_rad};
 use motion::Motion;
 use survey::Survey;
 
@@ -49,8 +51,8 @@ pub struct Request {
     /// Folder for pipeline.toml; each list of trials is written next to its marker files.
     #[arg(long, value_name = "DIR", default_value = ".", value_parser = parse_folder)]
     pub out: PathBuf,
-    /// Distance from joint to wheel of the side links, m, on which the marker layouts of these links depend
-    /// [default: estimated from the wheels' motion].
+    /// Distance from joint to wheel of the side links (of the end links of a chain), m, on which the marker layouts of
+    /// these links depend [default: estimated from the wheels' motion].
     #[arg(long, value_name = "M", value_parser = parse_length)]
     pub l_m: Option<f64>,
     /// Label of a marker on the front link [default: the front link is found from the markers' names or from the
@@ -101,13 +103,12 @@ pub enum InitError {
     )]
     NoFiles(String),
     #[error(
-        "no file shows three links in a chain; at least one file must show a motion of both \
-         joints:\n{0}"
+        "no file shows links in a chain; at least one file must show a motion of all joints:\n{0}"
     )]
     NoChain(String),
     #[error(
-        "the marker layout is not identifiable from any gait; in at least one file, both joints \
-         must turn by at least 20 degrees:\n{0}"
+        "the marker layout is not identifiable from any gait; in at least one file, both joints of three links must turn \
+         by at least 20 degrees, or all joints of another number of links by at least 5 degrees:\n{0}"
     )]
     NoLayout(String),
     #[error("--front: found `{found}`, needed a marker of a side link: {known}")]
@@ -136,8 +137,8 @@ pub struct FoundFile {
     pub kind: Option<TrialKind>,
     /// Measured frequency, rad/s, if the file shows a gait.
     pub omega_rad_s: Option<f64>,
-    /// Motions of phi1 and phi2, if the file shows a gait.
-    pub joints: Option<[JointSwing; 2]>,
+    /// Motions of the joints, if the file shows a gait.
+    pub joints: Option<Vec<JointSwing>>,
     pub campaign: Option<String>,
     /// If the file is not used, the reason.
     pub problem: Option<String>,
@@ -148,9 +149,12 @@ pub struct FoundFile {
 pub struct FoundCampaign {
     pub name: String,
     pub files: usize,
-    pub joints: [JointSwing; 2],
-    /// Number of the passive joint, 1 or 2, if one joint is passive.
+    pub joints: Vec<JointSwing>,
+    /// Number of the first passive joint, if one is passive.
     pub passive_joint: Option<usize>,
+    /// Numbers of all passive joints of a chain.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub passive_joints: Vec<usize>,
 }
 
 /// Line of a written file that the user has to review.
@@ -173,8 +177,8 @@ pub struct Findings {
     pub empty: Vec<PathBuf>,
     /// Name of the robot in `pipeline.toml`.
     pub robot: String,
-    /// Names of the markers on the middle, front and rear links.
-    pub links: [Vec<String>; 3],
+    /// Names of the markers on the links: of three links on the middle, front and rear one, of others from front to rear.
+    pub links: Vec<Vec<String>>,
     /// Labels of markers that are on none of the links.
     pub elsewhere: Vec<String>,
     pub campaigns: Vec<FoundCampaign>,
@@ -197,6 +201,33 @@ struct Described {
     recorded: Recorded,
 }
 
+/// Marker layout of the robot.
+enum RobotLayout {
+    ThreeLinks(Layout),
+    Chain(ChainLayout),
+}
+
+impl RobotLayout {
+    /// Returns the offsets (rad) that, added to the joint angles of a motion, refer them to this layout; `None` if the
+    /// motion's file and the layout have too few markers in common.
+    fn offsets_rad(&self, motion: &Motion) -> Option<Vec<f64>> {
+        let positions = match self {
+            Self::ThreeLinks(layout) => layout.positions(),
+            Self::Chain(layout) => layout.positions(),
+        };
+        Some(offsets_rad(&headings_rad(motion, &positions)?))
+    }
+}
+
+/// Returns the names of the links: of three links in the order of their numbers, of others from front to rear.
+pub fn link_names(links: usize) -> Vec<String> {
+    match links {
+        2 => ["front", "rear"].map(str::to_owned).into(),
+        3 => ["middle", "front", "rear"].map(str::to_owned).into(),
+        _ => (1..=links).map(|link| format!("link {link}")).collect(),
+    }
+}
+
 /// Callback that receives the name of each file once it has been read; an error cancels the reading of further files.
 pub type OnFile<'f> = &'f (dyn Fn(&str) -> Result<(), Cancelled> + Sync);
 
@@ -204,7 +235,7 @@ pub type OnFile<'f> = &'f (dyn Fn(&str) -> Result<(), Cancelled> + Sync);
 /// of each file that was read, from any thread.
 ///
 /// # Errors
-/// Returns an error if a file would be overwritten, a folder cannot be read, no file shows the robot's three links, or
+/// Returns an error if a file would be overwritten, a folder cannot be read, no file shows the robot's links, or
 /// nothing can be written. Files that cannot be used are findings, not errors.
 pub fn init(request: &Request, on_file: OnFile) -> Result<Findings, InitError> {
     let folders = survey::folders(request)?;
@@ -243,7 +274,7 @@ pub fn init(request: &Request, on_file: OnFile) -> Result<Findings, InitError> {
     })
 }
 
-/// Swaps the side links, if necessary, so that the front link precedes the rear link. The user's label of a marker on
+/// Reverses the links, if necessary, so that they are in the order from front to rear. The user's label of a marker on
 /// the front link decides, or else the markers' names, or else the direction of motion. Also returns the reason for
 /// doubt about the order; `None` if the user decided.
 fn put_front_first(
@@ -253,25 +284,27 @@ fn put_front_first(
 ) -> Result<(Links, Option<String>), InitError> {
     let gaits = described.iter().flatten().filter(|found| found.recorded.kind() == TrialKind::Gait);
     let ahead_m: Vec<f64> = gaits.map(|found| found.motion.ahead_m).collect();
-    let named =
-        [1, 2].into_iter().find(|&link| clusters::are_named(&links[link], &links[3 - link]));
+    let ends = [&links[0], &links[links.len() - 1]];
+    let [first, last] = ends;
+    let named = [(first, last), (last, first)]
+        .iter()
+        .position(|(front, rear)| clusters::are_named(front, rear));
     let is_exchanged = match (front, named) {
         (Some(label), _) => {
-            let [is_first, is_second] = [1, 2]
-                .map(|i| links[i].iter().any(|name| name == label || body::name(name) == label));
-            if !is_first && !is_second {
-                let [first, second] =
-                    [1, 2].map(|i| clusters::without_points(&links[i]).join(", "));
-                let known = format!("{first} or {second}");
+            let [is_first, is_last] =
+                ends.map(|link| link.iter().any(|name| name == label || body::name(name) == label));
+            if !is_first && !is_last {
+                let [first, last] = ends.map(|link| clusters::without_points(link).join(", "));
+                let known = format!("{first} or {last}");
                 return Err(InitError::Front { found: label.to_owned(), known });
             }
-            is_second
+            is_last
         }
-        (None, Some(link)) => link == 2,
+        (None, Some(order)) => order == 1,
         (None, None) => ahead_m.iter().sum::<f64>() < 0.0,
     };
     if is_exchanged {
-        links.swap(1, 2);
+        links.reverse();
         described.iter_mut().flatten().for_each(Described::exchange);
     }
     let sign = if is_exchanged { -1.0 } else { 1.0 };
@@ -290,15 +323,15 @@ fn put_front_first(
 }
 
 impl Described {
-    /// Swaps the front and rear links: the new phi1 is minus the old phi2, and the new phi2 is minus the old phi1.
+    /// Reverses the order of the links: the new phi1 is minus the old angle of the last joint, and so on.
     fn exchange(&mut self) {
         self.motion.exchange();
         match &mut self.recorded {
             Recorded::Gait { swings, .. } => {
-                swings.swap(0, 1);
-                *swings = swings.map(Swing::reversed);
+                swings.reverse();
+                swings.iter_mut().for_each(|swing| *swing = swing.reversed());
             }
-            Recorded::Release { joint } => *joint = 1 - *joint,
+            Recorded::Release { joint } => *joint = self.motion.phi_rad.len() - 1 - *joint,
             Recorded::CoastDown => {}
         }
     }
@@ -311,7 +344,7 @@ fn find_layout(
     described: &[Result<Described, String>],
     rate_hz: f64,
     request: &Request,
-) -> Result<Layout, InitError> {
+) -> Result<RobotLayout, InitError> {
     let mut candidates = Vec::new();
     let mut coasts = Vec::new();
     for (survey, found) in surveys.iter().zip(described) {
@@ -328,20 +361,23 @@ fn find_layout(
             Recorded::Release { .. } => {}
         }
     }
-    Layout::find(links, candidates, &coasts, request.l_m)
-        .map_err(|reasons| InitError::NoLayout(reasons.join("\n")))
+    let found = match links.len() {
+        3 => Layout::find(links, candidates, &coasts, request.l_m).map(RobotLayout::ThreeLinks),
+        _ => ChainLayout::find(links, candidates, &coasts, request.l_m).map(RobotLayout::Chain),
+    };
+    found.map_err(|reasons| InitError::NoLayout(reasons.join("\n")))
 }
 
 /// Returns the gait in a file, with joint offsets corrected by the marker layout; `None` if the file shows no gait or
 /// lacks markers of the layout.
-fn measured_gait(survey: &Survey, found: &Described, layout: &Layout) -> Option<MeasuredGait> {
-    let Recorded::Gait { omega_rad_s, swings } = found.recorded else { return None };
+fn measured_gait(survey: &Survey, found: &Described, layout: &RobotLayout) -> Option<MeasuredGait> {
+    let Recorded::Gait { omega_rad_s, swings } = &found.recorded else { return None };
     let offsets_rad = layout.offsets_rad(&found.motion)?;
     let first_rad = swings[0].phase_rad;
-    let joints = [0, 1].map(|i| {
-        let Swing { offset_rad, amplitude_rad, phase_rad } = swings[i];
+    let joints = swings.iter().zip(offsets_rad).map(|(swing, joint_rad)| {
+        let Swing { offset_rad, amplitude_rad, phase_rad } = *swing;
         let [offset, phase] =
-            [offset_rad + offsets_rad[i], phase_rad - first_rad].map(trilink_statistics::wrap);
+            [offset_rad + joint_rad, phase_rad - first_rad].map(trilink_statistics::wrap);
         JointSwing {
             offset_deg: offset.to_degrees(),
             amplitude_deg: amplitude_rad.to_degrees(),
@@ -350,8 +386,8 @@ fn measured_gait(survey: &Survey, found: &Described, layout: &Layout) -> Option<
     });
     let listed = survey.listed.as_ref().and_then(|trial| trial.campaign.clone());
     Some(MeasuredGait {
-        omega_rad_s,
-        joints,
+        omega_rad_s: *omega_rad_s,
+        joints: joints.collect(),
         is_listed: listed.is_some(),
         name: listed.unwrap_or_else(|| campaigns::words(&survey.stem())),
     })

@@ -21,18 +21,20 @@ pub(super) type Shape = Vec<(String, [f64; 2])>;
 pub(super) struct Motion {
     /// Sampling rate of the angles, Hz.
     pub rate_hz: f64,
-    /// Angles from the frame of the middle link to the frames of links 1 and 2, for every video frame, rad; NaN in
-    /// gaps.
-    pub turns_rad: [Vec<f64>; 2],
-    /// Marker positions on links 0, 1 and 2.
-    pub shapes: [Shape; 3],
+    /// Angles of the joints from front to rear, from the frame of the link ahead to that of the link behind, for every
+    /// video frame, rad; NaN in gaps.
+    pub phi_rad: Vec<Vec<f64>>,
+    /// Marker positions on the links from front to rear.
+    pub shapes: Vec<Shape>,
     /// Distance between the robot's first and last position, m.
     pub distance_m: f64,
     /// Direction from the robot's first to its last position in the camera system's frame, rad.
     pub course_rad: f64,
+    /// Index of the middle link from the front.
+    pub middle: usize,
     /// Mean heading of the middle link's frame, rad.
     pub heading_rad: f64,
-    /// Distance travelled along the middle link, positive towards link 1, m; 0 if the joints cannot be located.
+    /// Distance travelled along the middle link, positive towards the front, m; 0 if its joints cannot be located.
     pub ahead_m: f64,
 }
 
@@ -51,22 +53,24 @@ impl Motion {
         });
         let bodies = bodies.collect::<Result<Vec<Body>, String>>()?;
         let (first, frames) = frame_grid(&file.frames).map_err(|problem| problem.to_string())?;
-        let turns_rad = [1, 2].map(|side| {
-            let mut turns_rad = vec![f64::NAN; frames];
-            for (row, turn) in bodies[side].turns_to(&bodies[0]) {
-                turns_rad[(file.frames[row] - first) as usize] = turn;
+        let joints = bodies.windows(2).map(|pair| {
+            let mut phi_rad = vec![f64::NAN; frames];
+            for (row, turn) in pair[1].turns_to(&pair[0]) {
+                phi_rad[(file.frames[row] - first) as usize] = turn;
             }
-            unwrap(&mut turns_rad);
-            turns_rad
+            unwrap(&mut phi_rad);
+            phi_rad
         });
-        if turns_rad.iter().flatten().all(|turn| turn.is_nan()) {
+        let phi_rad: Vec<Vec<f64>> = joints.collect();
+        if phi_rad.iter().flatten().all(|phi| phi.is_nan()) {
             return Err("the file never shows two links together".to_owned());
         }
-        let shapes = [0, 1, 2].map(|link| {
-            let markers = bodies[link].markers.iter().zip(&links[link]);
+        let shapes = bodies.iter().zip(links).map(|(body, names)| {
+            let markers = body.markers.iter().zip(names);
             markers.map(|(marker, name)| (name.clone(), marker.local_position_mm)).collect()
         });
-        let poses: Vec<_> = bodies[0].fits.iter().filter_map(|fit| fit.pose()).collect();
+        let middle = (bodies.len() - 1) / 2;
+        let poses: Vec<_> = bodies[middle].fits.iter().filter_map(|fit| fit.pose()).collect();
         let (sin, cos) = poses.iter().fold((0.0, 0.0), |(sin, cos), pose| {
             (sin + pose.theta_rad.sin(), cos + pose.theta_rad.cos())
         });
@@ -74,11 +78,15 @@ impl Motion {
             (Some(from), Some(to)) => [0, 1].map(|i| to.origin_mm[i] - from.origin_mm[i]),
             _ => [0.0; 2],
         };
-        let [joint1, joint2] =
-            [1, 2].map(|side| locate_joint(&bodies[0], &bodies[side], &|_| true));
-        let ahead_mm = match (joint1, joint2) {
-            (Some((first, _)), Some((second, _))) => {
-                let [dx, dy] = [0, 1].map(|i| first.in_inner[i] - second.in_inner[i]);
+        let joint_mm = |other: usize| {
+            let (joint, _) = locate_joint(&bodies[middle], bodies.get(other)?, &|_| true)?;
+            Some(joint.in_inner)
+        };
+        // The front link of two has a joint behind its markers, whose centroid is the origin of its frame.
+        let before_mm = if middle == 0 { Some([0.0; 2]) } else { joint_mm(middle - 1) };
+        let ahead_mm = match (before_mm, joint_mm(middle + 1)) {
+            (Some(before), Some(behind)) => {
+                let [dx, dy] = [0, 1].map(|i| before[i] - behind[i]);
                 let steps = poses.windows(2).map(|pair| {
                     let step = [0, 1].map(|i| pair[1].origin_mm[i] - pair[0].origin_mm[i]);
                     let [along, across] = rotated(-pair[0].theta_rad, step);
@@ -90,28 +98,32 @@ impl Motion {
         };
         Ok(Self {
             rate_hz: rate_hz / stride as f64,
-            turns_rad,
-            shapes,
+            phi_rad,
+            shapes: shapes.collect(),
             distance_m: displacement_mm[0].hypot(displacement_mm[1]) / 1e3,
             course_rad: displacement_mm[1].atan2(displacement_mm[0]),
+            middle,
             heading_rad: sin.atan2(cos),
             ahead_m: ahead_mm / 1e3,
         })
     }
 
-    /// Returns the ranges (2 % to 98 % quantile) of the angles from the middle link to links 1 and 2, degrees.
-    pub(super) fn ranges_deg(&self) -> [f64; 2] {
-        self.turns_rad.each_ref().map(|turns_rad| {
-            let seen = trilink_statistics::seen(turns_rad).collect();
+    /// Returns the ranges (2 % to 98 % quantile) of the joint angles, degrees.
+    pub(super) fn ranges_deg(&self) -> Vec<f64> {
+        let ranges = self.phi_rad.iter().map(|phi_rad| {
+            let seen = trilink_statistics::seen(phi_rad).collect();
             let [low, high] = quantiles_low(seen, [0.02, 0.98]);
             (high - low).to_degrees()
-        })
+        });
+        ranges.collect()
     }
 
-    /// Swaps links 1 and 2, as if the robot faced the other way.
+    /// Reverses the order of the links, as if the robot faced the other way.
     pub(super) fn exchange(&mut self) {
-        self.turns_rad.swap(0, 1);
-        self.shapes.swap(1, 2);
+        self.phi_rad.reverse();
+        self.phi_rad.iter_mut().flatten().for_each(|phi| *phi = -*phi);
+        self.shapes.reverse();
+        self.middle = self.shapes.len() - 1 - self.middle;
         self.ahead_m = -self.ahead_m;
     }
 }

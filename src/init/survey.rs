@@ -156,7 +156,7 @@ fn read(index: usize, folder: &Folder, name: &str, unit: LengthUnit) -> Survey {
             let rate_hz = file.rate_hz.unwrap_or(RATE_HZ);
             let thinned = file.thinned((rate_hz / RATE_HZ) as usize);
             survey.links = clusters::links(&thinned);
-            if survey.links.is_err()
+            if survey.links.as_ref().map_or(0, Vec::len) < 3
                 && let Some(VerticalAxis { shows_links, sentence }) = VerticalAxis::detect(&thinned)
             {
                 if shows_links {

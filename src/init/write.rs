@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use trilink_base::files::name_in;
 use trilink_ingest::calibrate::layout_entries;
 use trilink_mocap::LengthUnit;
@@ -13,11 +13,15 @@ use trilink_tables::trial::{TrialKind, is_valid_id};
 
 use super::add::Existing;
 use super::campaigns::{Group, MeasuredGait, named_omega, words};
-use super::clusters::{Links, names, without_points};
+use super::chain::ChainLayout;
+use super::clusters::{Links, by_number, names, without_points};
 use super::frequency::Recorded;
 use super::layout::Layout;
 use super::survey::{Folder, Survey};
-use super::{Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request};
+use super::{
+    Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request, RobotLayout,
+    link_names,
+};
 use crate::template::fill;
 
 /// Start of the comment that marks a line for review.
@@ -37,9 +41,8 @@ pub(super) struct Written<'r> {
     pub gaits: Vec<(usize, MeasuredGait)>,
     /// Campaigns, as groups of file indices.
     pub groups: Vec<Group>,
-    /// Names of the markers on the middle, front and rear links.
     pub links: Links,
-    pub layout: Layout,
+    pub layout: RobotLayout,
     /// Reason for doubt about which link is in front; `None` if there is no doubt.
     pub front_doubt: Option<String>,
     pub rate_hz: f64,
@@ -88,17 +91,23 @@ pub(super) fn write(mut written: Written) -> Result<Findings, InitError> {
         marks: texts.iter().flat_map(|(path, text)| marks(path, text)).collect(),
         written: texts.into_iter().map(|(path, _)| path).collect(),
         kept,
-        links: written.links.each_ref().map(|names| without_points(names)),
+        links: match written.links.len() {
+            3 => by_number(&written.links).map(|names| without_points(names)).collect(),
+            _ => written.links.iter().map(|names| without_points(names)).collect(),
+        },
     })
 }
 
 /// Converts a group of files into the description of a campaign.
 fn found_campaign(group: &Group) -> FoundCampaign {
+    let passive = group.passive.iter().map(|joint| joint + 1);
+    let is_chain = group.joints.len() != 2;
     FoundCampaign {
         name: group.name.clone(),
         files: group.files.len(),
-        joints: group.joints,
-        passive_joint: group.passive.map(|joint| joint + 1),
+        joints: group.joints.clone(),
+        passive_joint: group.passive.first().map(|joint| joint + 1),
+        passive_joints: if is_chain { passive.collect() } else { Vec::new() },
     }
 }
 
@@ -168,7 +177,7 @@ impl Written<'_> {
     /// Returns the findings about a file.
     fn found(&self, i: usize) -> FoundFile {
         let survey = &self.surveys[i];
-        let recorded = self.described[i].as_ref().map(|found| found.recorded);
+        let recorded = self.described[i].as_ref().map(|found| &found.recorded);
         let gait = self.gaits.iter().find(|(file, _)| *file == i).map(|(_, gait)| gait);
         FoundFile {
             folder: self.folders[survey.folder].path.clone(),
@@ -177,9 +186,9 @@ impl Written<'_> {
             labels: survey.markers(),
             rate_hz: survey.rate_hz,
             frames: survey.frames,
-            kind: recorded.as_ref().ok().map(Recorded::kind),
+            kind: recorded.ok().map(Recorded::kind),
             omega_rad_s: gait.map(|gait| gait.omega_rad_s),
-            joints: gait.map(|gait| gait.joints),
+            joints: gait.map(|gait| gait.joints.clone()),
             campaign: self.campaign(i).map(|group| group.name.clone()),
             problem: recorded.err().map(|reason| remark(reason)),
         }
@@ -207,19 +216,16 @@ impl Written<'_> {
         elsewhere: &[String],
         existing: Option<&Existing>,
     ) -> Result<String, InitError> {
-        let Self { request, layout, .. } = self;
+        let Self { request, .. } = self;
         let measured = [TrialKind::CoastDown, TrialKind::JointRelease];
         let measured = measured.into_iter().filter(|kind| self.has(*kind)).map(TrialKind::name);
-        let calibration = &layout.calibration;
-        let links = calibration.links.each_ref().map(|markers| layout_entries(markers));
         let campaigns = self
             .groups
             .iter()
             .map(|group| json!({ "of": found_campaign(group), "doubt": group.doubt }));
-        let passive = self.groups.iter().find_map(|group| Some(group.joints[group.passive?]));
         let rates: BTreeSet<u64> =
             self.usable().filter_map(|survey| Some(survey.rate_hz?.to_bits())).collect();
-        let values = json!({
+        let mut values = json!({
             "files": self.surveys.len(),
             "raw": self.raw(),
             "added": existing.is_some(),
@@ -234,19 +240,86 @@ impl Written<'_> {
             "has_coast": self.has(TrialKind::CoastDown),
             "has_release": self.has(TrialKind::JointRelease),
             "robot": robot,
+            "l_is_given": request.l_m.is_some(),
+            "front_doubt": self.front_doubt,
+            "campaigns": campaigns.collect::<Vec<_>>(),
+            "chain": matches!(self.layout, RobotLayout::Chain(_)),
+        });
+        let (text, own) = match &self.layout {
+            RobotLayout::ThreeLinks(layout) => (
+                concat!(include_str!("head.txt"), include_str!("three-links.txt")),
+                self.of_three_links(layout),
+            ),
+            RobotLayout::Chain(layout) => (
+                concat!(include_str!("head.txt"), include_str!("chain.txt")),
+                self.of_chain(layout),
+            ),
+        };
+        if let (Value::Object(values), Value::Object(own)) = (&mut values, own) {
+            values.extend(own);
+        }
+        Ok(fill(text, &values)?)
+    }
+
+    /// Returns the values that describe a robot of three links in `pipeline.toml`.
+    fn of_three_links(&self, layout: &Layout) -> Value {
+        let calibration = &layout.calibration;
+        let passive =
+            self.groups.iter().find_map(|group| Some(group.joints[*group.passive.first()?]));
+        json!({
             "h_mm": [calibration.h_mm.value, calibration.h_mm.se],
             "layout_file": remark(&layout.path.display().to_string()),
             "l_m": layout.l_m,
-            "l_is_given": request.l_m.is_some(),
             "wheels_mm": calibration.l_mm.each_ref().map(|estimate| estimate.value),
             "rest_deg": passive.map(|joint| joint.offset_deg),
             "direction_se_deg": layout.direction_se_deg,
             "is_direction_doubtful": layout.direction_se_deg > MAX_DIRECTION_SE_DEG,
-            "front_doubt": self.front_doubt,
-            "campaigns": campaigns.collect::<Vec<_>>(),
-            "links": links,
+            "links": calibration.links.each_ref().map(|markers| layout_entries(markers)),
+        })
+    }
+
+    /// Returns the values that describe a chain in `pipeline.toml`.
+    fn of_chain(&self, layout: &ChainLayout) -> Value {
+        let last = layout.links.len() - 1;
+        let names = link_names(layout.links.len());
+        let links = layout.links.iter().zip(names).enumerate().map(|(i, (link, name))| {
+            let [front_m, rear_m] = link.joints_mm.map(|joint| Some(joint?.value / 1e3));
+            let end = [0, last].iter().position(|end| *end == i);
+            let se_mm = link.joints_mm[0].map(|joint| joint.se).filter(|se_mm| se_mm.is_finite());
+            json!({
+                "name": name,
+                "front_joint_m": front_m,
+                "rear_joint_m": rear_m,
+                "se_mm": se_mm,
+                "is_end": end.is_some(),
+                "is_rolling": end.is_some_and(|end| layout.is_rolling[end]),
+                "markers": layout_entries(&link.markers),
+            })
         });
-        Ok(fill(include_str!("pipeline.txt"), &values)?)
+        let released: BTreeSet<usize> = self
+            .described
+            .iter()
+            .flatten()
+            .filter_map(|found| match found.recorded {
+                Recorded::Release { joint } => Some(joint),
+                _ => None,
+            })
+            .collect();
+        let joints = (0..last).map(|joint| {
+            let passive = self.groups.iter().find(|group| group.passive.contains(&joint));
+            json!({
+                "rest_deg": passive.map(|group| group.joints[joint].offset_deg),
+                "is_released": released.contains(&joint),
+            })
+        });
+        let directions_deg = [0, last].map(|end| layout.links[end].direction_se_deg);
+        json!({
+            "layout_file": remark(&layout.path.display().to_string()),
+            "is_straightened": layout.is_straightened,
+            "direction_se_deg": directions_deg[0].max(directions_deg[1]),
+            "links": links.collect::<Vec<_>>(),
+            "joints": joints.collect::<Vec<_>>(),
+        })
     }
 
     /// Renders the list of trials for a folder.

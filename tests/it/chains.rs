@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 use trilink_robot::Model;
 use trilink_statistics::Estimate;
+use trilink_tables::trial::TrialKind;
 use trilink_tables::{Columns as _, FitRow, Table, TrialRow, TrialStatus};
 
 use crate::common::{succeed, text, trilink};
@@ -209,13 +210,14 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     assert!(check.contains(campaign), "{check}");
 }
 
-/// Returns the row and the true values of each trial in `raw/practice` of a folder, which are ingested.
+/// Returns the row and the true values of each gait trial in `raw/practice` of a folder, which are ingested.
 fn ingested(folder: &Path) -> Vec<(TrialRow, Value)> {
     succeed(folder, &["ingest", "raw/practice"]);
     let table = Table::read(&folder.join("derived/trials.parquet")).expect("a table");
     let truth = std::fs::read(folder.join("raw/practice/truth.json")).expect("a file");
     let truth: Value = serde_json::from_slice(&truth).expect("JSON");
     let rows = TrialRow::from_table(&table).expect("trials").into_iter();
+    let rows = rows.filter(|row| row.kind == TrialKind::Gait);
     rows.map(|row| (row.clone(), truth["trials"][&row.id].clone())).collect()
 }
 
@@ -379,7 +381,9 @@ fn mistakes_in_trials_of_chains_are_named() {
     let list = "[[trial]]\nid = \"a\"\nfile = \"twistcar-4.00-r1.csv\"\n";
     let gait = format!("{list}kind = \"gait\"\ncampaign = \"twistcar\"\nomega_rad_s = 4.0\n");
     let bare = text.split("[layout").next().expect("a text").to_owned();
-    let coast = format!("{list}kind = \"coast-down\"\nrobot = \"twistcar\"\n");
+    let release = format!("{list}kind = \"joint-release\"\nrobot = \"twistcar\"\n");
+    let coast = release.replace("joint-release", "coast-down");
+    let steered = text.replacen("wheel_m = 0.0", "wheel_m = 0.0\nsteer_deg = 5.0", 1);
     let unknown = gait.replace("campaign = \"twistcar\"", "campaign = \"twistcat\"");
     let other = text.replace("R1 = ", "X1 = ");
     for (configuration, list, expected) in [
@@ -389,7 +393,12 @@ fn mistakes_in_trials_of_chains_are_named() {
             "key `campaign`: found `twistcar`, needed a robot whose marker layout is configured: the positions of the \
              markers of robot `twistcar` in [layout.twistcar.front], [layout.twistcar.rear]",
         ),
-        (&text, &coast, "trials of kind coast-down are not supported for chains yet"),
+        (
+            &text,
+            &release,
+            "key `robot`: found `twistcar`, needed a robot with a joint that is not driven",
+        ),
+        (&steered, &coast, "key `robot`: found `twistcar`, needed a robot without steered wheels"),
         (&text, &unknown, "did you mean `twistcar`?"),
         (&other, &gait, "no marker `X1`, which layout.twistcar.rear of pipeline.toml requires"),
     ] {

@@ -501,6 +501,81 @@ fn a_passive_joint_is_found_and_its_parameters_are_measured() {
     succeed(path, &["-q", "check"]);
 }
 
+/// Returns the draft of a chain's configuration with numbers for those that no camera sees; a link whose wheel the files
+/// do not show has none.
+fn filled(draft: &str) -> String {
+    let mut has_wheel = true;
+    let lines = draft.lines().filter_map(|line| {
+        has_wheel = !line.starts_with("wheel_m = nan") && (has_wheel || line.is_empty());
+        let key = line.split(" = ").next().unwrap_or_default();
+        let value = match key {
+            "com_m" => "0.0",
+            "mass_kg" => "0.3",
+            "inertia_kg_m2" => "1e-3",
+            "stiffness_nm_rad" => "0.1",
+            "damping_nm_s_rad" => "0.01",
+            _ => return has_wheel.then(|| line.to_owned()),
+        };
+        Some(format!("{key} = {value}"))
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn the_links_of_chains_are_found_in_their_order_and_their_trials_can_be_processed() {
+    let gallery = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/robots");
+    // The first letters of the labels of each link's markers, from front to rear, and the passive joints.
+    for (robot, letters, passive) in [
+        ("twistcar.toml", "FR", &[][..]),
+        ("passive-snake.toml", "HBTN", &[2, 3]),
+        ("driven-snake.toml", "ABCDEFG", &[]),
+    ] {
+        let mut settings = read(&gallery, robot);
+        let links = letters.len();
+        // Labels that do not show the order of the links.
+        let names = |link: usize| [1, 2, 3].map(|i| format!("K{}{i}", (3 * link + 4) % 10));
+        for (link, letter) in letters.chars().enumerate() {
+            for (i, name) in (1..).zip(names(link)) {
+                settings = settings.replace(&format!("{letter}{i} = ["), &format!("{name} = ["));
+            }
+        }
+        let folder = recorded(&settings, "3,4,5", |_| true);
+        let path = folder.path();
+        let rear = names(links - 1)[0].clone();
+        found(path, &["raw", "--front", &rear], 0);
+        let found = found(path, &["raw", "--front", &names(0)[0], "--force"], 0);
+        let expected: Vec<[String; 3]> = (0..links).map(names).collect();
+        assert_eq!(found["links"], serde_json::json!(expected), "{robot}");
+        let [campaign] = &found["campaigns"].as_array().unwrap()[..] else { panic!("{robot}") };
+        let known = campaign["passive_joints"].as_array().cloned().unwrap_or_default();
+        assert_eq!(known, passive, "{robot}");
+
+        let truth: Value = serde_json::from_str(&read(path, "truth.json")).unwrap();
+        let of_trials = truth["trials"].as_object().unwrap();
+        let gait = of_trials.values().next().unwrap()["gait"].as_array().unwrap();
+        for (joint, driven) in gait.iter().enumerate().filter(|(_, driven)| !driven.is_null()) {
+            let found = &campaign["joints"][joint];
+            for key in ["offset", "amplitude", "phase"] {
+                let number = |of: &Value, unit: &str| of[format!("{key}_{unit}")].as_f64().unwrap();
+                let off_deg = number(found, "deg") - number(driven, "rad").to_degrees();
+                let off_deg = (off_deg + 180.0).rem_euclid(360.0) - 180.0;
+                assert!(off_deg.abs() < 1.0, "{robot} joint {}: {key} {off_deg}", joint + 1);
+            }
+        }
+        std::fs::write(path.join("pipeline.toml"), filled(&read(path, "pipeline.toml"))).unwrap();
+        succeed(path, &["-q", "ingest"]);
+        let table = Table::read(&path.join("derived/trials.parquet")).unwrap();
+        for row in TrialRow::from_table(&table).unwrap() {
+            assert!(row.status.has_metrics(), "{robot}: {}", row.message);
+            let Some(d_m) = of_trials.get(&row.id).map(|of| of["d_m"].as_f64().unwrap()) else {
+                continue;
+            };
+            let off = (row.metrics.d_m / d_m - 1.0).abs();
+            assert!(off < 0.01, "{robot}: {} {d_m}", row.metrics.d_m);
+        }
+    }
+}
+
 #[test]
 fn a_coast_down_determines_directions_that_gaits_with_offsets_bias() {
     let kept = |name: &str| name.starts_with("hook") || name.contains("coast");

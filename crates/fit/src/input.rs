@@ -66,16 +66,54 @@ pub struct FitCampaign {
     pub free: Option<Free>,
 }
 
-/// Robot parameter, and the function that reads its estimate from a row for joint-release or coast-down trials.
-type MeasuredParameter = (Parameter, fn(&RobotParameterRow) -> Estimate);
+/// Function that reads the estimate of a quantity from a row for joint-release or coast-down trials.
+type ReadEstimate = fn(&RobotParameterRow) -> Estimate;
 
-/// Parameters that joint-release and coast-down trials measure.
-const MEASURED: [MeasuredParameter; 4] = [
-    (Quantity::Stiffness.one(), |row| row.stiffness_nm_rad),
-    (Quantity::Damping.one(), |row| row.damping_nm_s_rad),
-    (Quantity::Roll.sum(), |row| row.roll_sum_kg_s),
-    (Quantity::RollDry.sum(), |row| row.roll_dry_sum_n),
+/// Quantities of a joint that its releases measure.
+const OF_JOINT: [(Quantity, ReadEstimate); 2] = [
+    (Quantity::Stiffness, |row| row.stiffness_nm_rad),
+    (Quantity::Damping, |row| row.damping_nm_s_rad),
 ];
+
+/// Quantities whose sums over the wheels coast-downs measure.
+const OF_WHEELS: [(Quantity, ReadEstimate); 2] =
+    [(Quantity::Roll, |row| row.roll_sum_kg_s), (Quantity::RollDry, |row| row.roll_dry_sum_n)];
+
+/// Robot parameter that joint-release or coast-down trials measure.
+struct MeasuredParameter {
+    parameter: Parameter,
+    /// Number of the joint whose releases measure the parameter; `None` if every trial may measure it.
+    joint: Option<i64>,
+    estimate: ReadEstimate,
+}
+
+impl MeasuredParameter {
+    /// Returns the parameters of a robot that its trials can measure.
+    fn all(robot: &AnyRobot) -> Vec<Self> {
+        let joints = (0..robot.joints()).map(|joint| (joint, Some(joint as i64 + 1)));
+        let joints: Vec<_> = match robot.three_links() {
+            Some(_) => vec![(0, None)],
+            None => joints.collect(),
+        };
+        let of_joints = OF_JOINT.into_iter().flat_map(|(quantity, estimate)| {
+            joints.iter().map(move |&(index, joint)| Self {
+                parameter: robot.of_free_joint(quantity, index),
+                joint,
+                estimate,
+            })
+        });
+        let of_wheels = OF_WHEELS.map(|(quantity, estimate)| Self {
+            parameter: quantity.sum(),
+            joint: None,
+            estimate,
+        });
+        of_joints.chain(of_wheels).collect()
+    }
+
+    fn is_of(&self, row: &RobotParameterRow) -> bool {
+        self.joint.is_none_or(|joint| joint == row.joint)
+    }
+}
 
 impl FitInput {
     /// Returns the inputs for all models of all campaigns, in the order of the configuration.
@@ -223,9 +261,13 @@ impl FitInput {
 
     /// Returns a hash of everything that the fit reads from the measured robot parameters.
     pub fn robots(&self, data: &FitData) -> String {
-        let rows: Vec<(Option<DecayLaw>, i64, [Estimate; 4])> = self
+        let rows: Vec<(Option<DecayLaw>, [i64; 2], [Estimate; 2], [Estimate; 2])> = self
             .robot_rows(data)
-            .map(|row| (row.law, row.pooled_trials, MEASURED.map(|(_, estimate)| estimate(row))))
+            .map(|row| {
+                let [of_joint, of_wheels] =
+                    [OF_JOINT, OF_WHEELS].map(|all| all.map(|(_, estimate)| estimate(row)));
+                (row.law, [row.pooled_trials, row.joint], of_joint, of_wheels)
+            })
             .collect();
         hash(format!("{rows:?}").as_bytes())
     }
@@ -254,15 +296,16 @@ impl FitInput {
         if self.fit.robot_parameters == ParameterSource::Configured {
             return (robot, measured);
         }
-        for (parameter, estimate) in MEASURED {
-            let values = self.applicable_rows(data).map(|row| estimate(row).value);
+        for of in MeasuredParameter::all(&robot) {
+            let rows = self.applicable_rows(data).filter(|row| of.is_of(row));
+            let values = rows.map(|row| (of.estimate)(row).value);
             let mut values: Vec<f64> =
                 values.filter(|value| *value > 0.0 && value.is_finite()).collect();
             // Sort, so that the mean does not depend on the order of the trials.
             values.sort_by(f64::total_cmp);
             if !values.is_empty() {
-                robot.set(parameter, mean(values));
-                measured.push(parameter);
+                robot.set(of.parameter, mean(values));
+                measured.push(of.parameter);
             }
         }
         (robot, measured)
@@ -342,17 +385,17 @@ impl FitInput {
             FitRobot::Chain(_) => Vec::new(),
         };
         if self.fit.robot_parameters == ParameterSource::Measured {
-            for (parameter, estimate) in MEASURED {
+            for of in MeasuredParameter::all(robot) {
                 // Trials whose parameter was estimated jointly have the same error.
-                let estimates = self
-                    .applicable_rows(data)
-                    .map(|row| (estimate(row), row.pooled_trials.max(1) as f64));
+                let rows = self.applicable_rows(data).filter(|row| of.is_of(row));
+                let estimates =
+                    rows.map(|row| ((of.estimate)(row), row.pooled_trials.max(1) as f64));
                 let estimates = estimates.filter(|(of, _)| of.value > 0.0 && of.se > 0.0);
                 let squares: Vec<f64> =
                     estimates.map(|(of, pooled)| pooled * of.se.powi(2)).collect();
                 let error = squares.iter().sum::<f64>().sqrt() / squares.len() as f64;
                 if error > 0.0 {
-                    errors.push(vec![(parameter, error)]);
+                    errors.push(vec![(of.parameter, error)]);
                 }
             }
         }
@@ -630,5 +673,33 @@ mod tests {
         let [roll, roll_dry] = [robot.roll_kg_s, robot.roll_dry_n].map(|of| of.iter().sum::<f64>());
         assert!(measured.contains(&Quantity::RollDry.sum()), "{measured:?}");
         assert!((roll - 0.8).abs() < 1e-12 && (roll_dry - 0.3).abs() < 1e-12, "{roll} {roll_dry}");
+    }
+
+    #[test]
+    fn releases_of_a_chain_measure_the_spring_of_their_joint() {
+        let gallery = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/robots/elastic-snake.toml");
+        let mut config = Config::load(Path::new(gallery)).unwrap();
+        config.fit.robot_parameters = ParameterSource::Measured;
+        let input = FitInput::new(&config, "elastic", Model::SKID_ROLL).unwrap();
+        let of_joint = |joint: i64, stiffness_nm_rad: f64| RobotParameterRow {
+            kind: TrialKind::JointRelease,
+            robot: "elastic".to_owned(),
+            law: Some(DecayLaw::Viscous),
+            joint,
+            stiffness_nm_rad: Estimate::new(stiffness_nm_rad, 0.01),
+            ..RobotParameterRow::blank()
+        };
+        let robots = vec![of_joint(2, 0.6), of_joint(1, 0.3), of_joint(1, 0.5)];
+        let data = FitData { robots, ..FitData::default() };
+        let (robot, measured) = input.measured_robot(&data);
+        let springs = [1, 2].map(|joint| Quantity::Stiffness.parameter(joint));
+        assert_eq!(measured, springs);
+        assert_eq!(springs.map(|one| robot.value(one)), [0.4, 0.6]);
+        let perturbed = input.perturbed_robots(&robot, &data);
+        let changes = perturbed.iter().map(|one| springs.map(|of| one.value(of) - robot.value(of)));
+        for (change, expected) in changes.zip([[0.01 / 2_f64.sqrt(), 0.0], [0.0, 0.01]]) {
+            assert!((0..2).all(|i| (change[i] - expected[i]).abs() < 1e-12), "{change:?}");
+        }
+        assert_eq!(perturbed.len(), 2);
     }
 }

@@ -96,6 +96,11 @@ pub enum Problem {
         .found_deg, .needed_deg
     )]
     NotReleased { found_deg: f64, needed_deg: f64 },
+    #[error(
+        "joint {joint} moves farthest, but it is driven: release a joint of the kind `spring`, `elastic` or `torque`, and \
+         hold the others"
+    )]
+    ReleasedDriven { joint: usize },
     #[error("found {} decaying swings of the joint above the noise, but at least {} are needed", .found, .needed)]
     FewSwings { found: usize, needed: usize },
     #[error("the robot reaches only {:.3} m/s: push it to {} m/s or more", .found_m_s, .needed_m_s)]

@@ -7,7 +7,8 @@ use serde::Serialize;
 use trilink_mocap::Recording;
 use trilink_robot::{Gait, Joint, Robot};
 use trilink_tables::config::{
-    ChainGait, ChainRobot, Config, GaitConfig, Ingest, MarkerLayout, NamedEntry, RobotConfig, Vicon,
+    ChainCampaign, ChainGait, ChainRobot, Config, GaitConfig, Ingest, MarkerLayout, NamedEntry,
+    RobotConfig, Vicon,
 };
 use trilink_tables::trial::{Trial, TrialError, TrialKind};
 
@@ -47,7 +48,8 @@ enum Setup {
     },
     Chain {
         robot: NamedEntry<ChainRobot>,
-        gait: Box<NamedEntry<ChainGait>>,
+        /// `None` unless the trial's kind is `gait`.
+        gait: Option<Box<NamedEntry<ChainGait>>>,
     },
 }
 
@@ -96,12 +98,15 @@ impl IngestInput {
         let name = trial.robot_name(config)?.to_owned();
         let markers = config.marker_layout(&name)?;
         let campaign = trial.campaign.as_ref();
-        let setup = if let Some(chain) = campaign.and_then(|of| config.chains.campaign.get(of)) {
-            let gait = config.chain_gait(&chain.gait)?;
-            Setup::Chain {
-                robot: NamedEntry::find(&config.chains.robot, &name)?,
-                gait: Box::new(NamedEntry { name: chain.gait.clone(), value: gait }),
-            }
+        let setup = if let Some(robot) = NamedEntry::find(&config.chains.robot, &name) {
+            let gait = match campaign.and_then(|of| config.chains.campaign.get(of)) {
+                Some(ChainCampaign { gait, .. }) => Some(Box::new(NamedEntry {
+                    name: gait.clone(),
+                    value: config.chain_gait(gait)?,
+                })),
+                None => None,
+            };
+            Setup::Chain { robot, gait }
         } else {
             let mut robot = NamedEntry::find(&config.robot, &name)?;
             // Parameter deviations are read only by fits.
@@ -152,18 +157,22 @@ impl IngestInput {
                     command: joints
                         .zip(trial.omega_rad_s)
                         .map(|(joints, omega_rad_s)| Command { joints, omega_rad_s }),
-                    robot: Some(robot),
+                    robot: robot.into(),
                 }
             }
             Setup::Chain { robot, gait } => {
-                let chain = robot.value.to_chain(&gait.value);
-                let joints = chain.joints.iter().map(|joint| match joint {
-                    Joint::Driven(command) => Some(*command),
-                    Joint::Free(_) => None,
+                let at_rest = ChainGait::default();
+                let gait = gait.as_ref().map(|gait| &gait.value);
+                let chain = robot.value.to_chain(gait.unwrap_or(&at_rest));
+                let command = gait.map(|_| {
+                    let joints = chain.joints.iter().map(|joint| match joint {
+                        Joint::Driven(command) => Some(*command),
+                        Joint::Free(_) => None,
+                    });
+                    let omega_rad_s = trial.omega_rad_s.unwrap_or(f64::NAN);
+                    Command { joints: joints.collect(), omega_rad_s }
                 });
-                let omega_rad_s = trial.omega_rad_s.unwrap_or(f64::NAN);
-                let command = Command { joints: joints.collect(), omega_rad_s };
-                Subject { geometry: Geometry::new(&chain), command: Some(command), robot: None }
+                Subject { geometry: Geometry::new(&chain), command, robot: chain.into() }
             }
         }
     }

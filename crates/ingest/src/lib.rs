@@ -83,7 +83,7 @@ pub use survey::{FileSurvey, Gaps, MarkerCoverage, RecordingSurvey, survey};
 
 use trilink_mocap::Recording;
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{JointCommand, Robot};
+use trilink_robot::{AnyRobot, JointCommand};
 use trilink_statistics::Estimate;
 use trilink_tables::config::{Config, Smoothing, SmoothingWindow};
 use trilink_tables::trial::{Trial, TrialKind};
@@ -113,8 +113,7 @@ struct Subject {
     geometry: Geometry,
     /// `None` unless the trial's kind is `gait`.
     command: Option<Command>,
-    /// The robot if it has the three links of the paper's; only its parameters can be identified.
-    robot: Option<Robot>,
+    robot: AnyRobot,
 }
 
 /// Commanded motion of the joints.
@@ -342,10 +341,7 @@ fn process_markers(
         findings.extend(summary::gait_checks(row, &data, &cycles, &steady));
         cycle_rows = summary::cycle_rows(trial, &cycles, &steady, rate_hz);
     }
-    let parameters = match robot {
-        Some(robot) => robot_parameters(trial, robot, &tracked, &motion, rate_hz, findings)?,
-        None => None,
-    };
+    let parameters = robot_parameters(trial, robot, &tracked, &motion, rate_hz, findings)?;
     let failed = findings.iter().filter(|finding| !finding.holds());
     let warnings: Vec<&str> = failed.map(|finding| finding.message.as_str()).collect();
     row.status = if warnings.is_empty() { TrialStatus::Ok } else { TrialStatus::Flagged };
@@ -527,7 +523,7 @@ fn measure_gait(
 /// `gait`.
 fn robot_parameters(
     trial: &Trial,
-    robot: &Robot,
+    robot: &AnyRobot,
     tracked: &Tracked,
     motion: &SmoothedMotion,
     rate_hz: f64,
@@ -537,7 +533,10 @@ fn robot_parameters(
         TrialKind::Gait => return Ok(None),
         TrialKind::JointRelease => release::measure(robot, &tracked.seen, rate_hz)?,
         TrialKind::CoastDown => {
-            coast::measure(robot, &tracked.seen, &motion.wheels.roll_m_s[0], rate_hz)?
+            // All wheels roll at the same speed.
+            let wheel = robot.roll_kg_s().iter().position(|roll_kg_s| !roll_kg_s.is_nan());
+            let speed_m_s = &motion.wheels.roll_m_s[wheel.unwrap_or(0)];
+            coast::measure(robot, &tracked.seen, speed_m_s, rate_hz)?
         }
     };
     findings.extend(checks);

@@ -159,6 +159,46 @@ impl AnyRobot {
         }
     }
 
+    /// Returns the parameter that a quantity of a free joint is, given the index of the joint: the same for each joint of
+    /// a robot of three links.
+    pub fn of_free_joint(&self, quantity: Quantity, joint: usize) -> Parameter {
+        match self {
+            Self::ThreeLinks(_) => quantity.one(),
+            Self::Chain(_) => quantity.parameter(joint + 1),
+        }
+    }
+
+    /// Returns the angle at which the spring of a free joint is relaxed on average, rad.
+    pub fn rest_angle_rad(&self, joint: usize) -> f64 {
+        match self {
+            Self::ThreeLinks(robot) => robot.rest_angle_rad,
+            Self::Chain(chain) => chain.mean_angle_rad(joint),
+        }
+    }
+
+    /// Returns the mass, kg.
+    pub fn mass_kg(&self) -> f64 {
+        match self {
+            Self::ThreeLinks(robot) => robot.mass_kg.iter().sum(),
+            Self::Chain(chain) => chain.links.iter().map(|link| link.mass_kg).sum(),
+        }
+    }
+
+    /// Returns the viscous rolling resistances of the wheels, kg/s, by link; NaN for a link without a wheel.
+    pub fn roll_kg_s(&self) -> Vec<f64> {
+        let wheels = 0..=self.joints();
+        wheels.map(|wheel| self.value(Quantity::Roll.parameter(wheel))).collect()
+    }
+
+    /// Returns the moment of inertia about a joint, given its index, of all links that it separates from link 0, kg m^2.
+    /// The other joints have the angles `phi_rad`.
+    pub fn inertia_about_joint_kg_m2(&self, joint: usize, phi_rad: &[f64]) -> f64 {
+        match self {
+            Self::ThreeLinks(robot) => robot.inertia_about_joint_kg_m2(joint + 1),
+            Self::Chain(chain) => chain.inertia_about_joint_kg_m2(joint, phi_rad),
+        }
+    }
+
     /// Returns whether, under the given laws, the motion of the robot with the given gait depends on a parameter; for a
     /// chain, whether it does with some gait.
     pub fn depends_on(&self, parameter: Parameter, laws: Laws, gait: &AnyGait) -> bool {
@@ -312,5 +352,31 @@ mod tests {
         let command = JointCommand::new(0.1, 0.2, 0.3);
         let gait = AnyGait { joints: [Some(command); MAX_JOINTS] };
         assert_eq!(changed.with_gait(&gait).gait().joints[..2], [None, Some(command)]);
+    }
+
+    #[test]
+    fn the_links_beyond_a_joint_swing_about_it_together() {
+        let robot = Robot::semi_passive();
+        let mut chain = chain();
+        let of = |chain: &Chain, joint: usize, phi_rad: &[f64]| {
+            AnyRobot::from(chain.clone()).inertia_about_joint_kg_m2(joint, phi_rad)
+        };
+        for joint in [0, 1] {
+            let known = robot.inertia_about_joint_kg_m2(joint + 1);
+            assert!((of(&chain, joint, &[0.4, -0.2]) - known).abs() < 1e-15);
+        }
+        // With the front link as reference, the middle and the rear link swing about joint 1, here at a right angle.
+        chain.reference = 0;
+        let [h_m, b_m] = [robot.h_m, robot.b_m];
+        let square_m2 = (h_m[0] + h_m[1]).powi(2) + b_m[1].powi(2);
+        let known = robot.inertia_kg_m2[0]
+            + robot.mass_kg[0] * h_m[0].powi(2)
+            + robot.inertia_kg_m2[2]
+            + robot.mass_kg[2] * square_m2;
+        let right_rad = std::f64::consts::FRAC_PI_2;
+        assert!((of(&chain, 0, &[0.3, right_rad]) - known).abs() < 1e-12);
+        let angle = JointCommand::new(0.0, 0.0, 0.0);
+        chain.links[2].rotor = Some(crate::Rotor { inertia_kg_m2: 0.01, angle });
+        assert!((of(&chain, 0, &[0.3, -right_rad]) - known - 0.01).abs() < 1e-12);
     }
 }

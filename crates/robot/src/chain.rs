@@ -527,6 +527,22 @@ impl Chain {
         link.wheel.map_or(link.com_m, |wheel| wheel.place_m)
     }
 
+    /// Returns the moment of inertia about a joint of all links that it separates from the reference link, kg m^2, with
+    /// the other joints held at the angles `phi_rad` and the rotors at rest on their links.
+    pub fn inertia_about_joint_kg_m2(&self, joint: usize, phi_rad: &[f64]) -> f64 {
+        let poses = self.link_poses(Pose::default(), phi_rad);
+        let pivot = poses[joint].ahead(-self.links[joint].rear_joint_m);
+        let outer = if joint < self.reference { 0..joint + 1 } else { joint + 1..self.links.len() };
+        let inertia = outer.map(|i| {
+            let Link { com_m, mass_kg, inertia_kg_m2, rotor, .. } = &self.links[i];
+            let com = poses[i].ahead(*com_m);
+            let square_m2 = (com.x_m - pivot.x_m).powi(2) + (com.y_m - pivot.y_m).powi(2);
+            let of_rotor = rotor.map_or(0.0, |rotor| rotor.inertia_kg_m2);
+            inertia_kg_m2 + of_rotor + mass_kg * square_m2
+        });
+        inertia.sum()
+    }
+
     /// Returns the angle of a joint before the motion begins, rad: that of its command at phase 0, or that at which its
     /// spring is then relaxed.
     pub fn rest_angle_rad(&self, joint: usize) -> f64 {

@@ -5,8 +5,9 @@ use std::f64::consts::PI;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+use trilink_mechanics::Posture;
 use trilink_robot::decay::Coast;
-use trilink_robot::{GRAVITY_M_S2, Robot};
+use trilink_robot::{AnyRobot, GRAVITY_M_S2, MAX_JOINTS, Pose, Quantity};
 
 /// Range of the passive joint's initial deflection from its rest angle, rad.
 const RELEASED_RAD: std::ops::Range<f64> = 0.45..0.55;
@@ -31,11 +32,15 @@ const MAX_DAMPING_RATIO: f64 = 0.4;
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct DecayTruth {
     pub robot: String,
+    /// Released joint of a chain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint: Option<usize>,
     pub stiffness_nm_rad: Option<f64>,
     pub damping_nm_s_rad: Option<f64>,
     pub natural_rad_s: Option<f64>,
     pub damping_ratio: Option<f64>,
-    pub roll_kg_s: Option<[f64; 3]>,
+    /// By link; NaN, which is written as null, for a link without a wheel.
+    pub roll_kg_s: Option<Vec<f64>>,
     pub roll_sum_kg_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roll_dry_sum_n: Option<f64>,
@@ -65,27 +70,30 @@ impl Slope {
     }
 }
 
-/// Simulated motion of a robot in a joint release or a coast-down: the coordinates `(x, y, theta, phi1, phi2)` in every
-/// frame, m and rad, and the true parameters with which they were computed.
+/// Simulated motion of a robot in a joint release or a coast-down, and the true parameters with which it was computed.
 pub(super) struct Decay {
-    pub robot: Robot,
-    pub coordinates: Vec<[f64; 5]>,
+    pub robot: AnyRobot,
+    pub frames: Vec<Posture>,
     pub truth: DecayTruth,
 }
 
-/// Returns the motion of the passive joint (index 0 or 1) when it is deflected from its rest angle and released while
-/// the robot is lifted and clamped; `None` if the joint would barely swing.
+/// Returns the motion of a free joint, given its index, when it is deflected from its rest angle and released while the
+/// robot is lifted and clamped; `None` if the joint would barely swing. The other joints of a chain are held at the
+/// angles at which their springs are relaxed.
 pub(super) fn released(
     name: &str,
-    robot: &Robot,
+    robot: &AnyRobot,
     joint: usize,
     rate_hz: f64,
     random: &mut ChaCha8Rng,
 ) -> Option<Decay> {
-    let link = joint + 1;
-    let inertia = robot.inertia_about_joint_kg_m2(link);
-    let stiffness = robot.stiffness_nm_rad;
-    let damping = robot.damping_nm_s_rad;
+    let is_chain = robot.three_links().is_none();
+    let held_rad = |joint: usize| if is_chain { robot.rest_angle_rad(joint) } else { 0.0 };
+    let mut held = [0.0; MAX_JOINTS];
+    held.iter_mut().take(robot.joints()).enumerate().for_each(|(i, angle)| *angle = held_rad(i));
+    let inertia = robot.inertia_about_joint_kg_m2(joint, &held);
+    let [stiffness, damping] = [Quantity::Stiffness, Quantity::Damping]
+        .map(|quantity| robot.value(robot.of_free_joint(quantity, joint)));
     let natural_rad_s = (stiffness / inertia).sqrt();
     let damping_ratio = damping / (2.0 * inertia * natural_rad_s);
     if !(damping_ratio > 0.0 && damping_ratio < MAX_DAMPING_RATIO) {
@@ -99,15 +107,16 @@ pub(super) fn released(
         let t = (frame as f64 / rate_hz - HELD_S).max(0.0);
         let (sin, cos) = (damped * t).sin_cos();
         let swing = swing_rad * (-decay * t).exp() * (cos + decay / damped * sin);
-        let mut coordinates = [0.0; 5];
-        coordinates[3 + joint] = robot.rest_angle_rad + swing;
-        coordinates
+        let mut phi_rad = held;
+        phi_rad[joint] = robot.rest_angle_rad(joint) + swing;
+        (Pose::default(), phi_rad)
     };
     Some(Decay {
         robot: robot.clone(),
-        coordinates: (0..(duration_s * rate_hz) as usize).map(at).collect(),
+        frames: (0..(duration_s * rate_hz) as usize).map(at).collect(),
         truth: DecayTruth {
             robot: name.to_owned(),
+            joint: is_chain.then_some(joint + 1),
             stiffness_nm_rad: Some(stiffness),
             damping_nm_s_rad: Some(damping),
             natural_rad_s: Some(natural_rad_s),
@@ -122,14 +131,14 @@ pub(super) fn released(
 /// before a robot that gravity has stopped rolls back.
 pub(super) fn coasting(
     name: &str,
-    robot: &Robot,
+    robot: &AnyRobot,
     rate_hz: f64,
     floor: Option<(Slope, f64)>,
     random: &mut ChaCha8Rng,
 ) -> Option<Decay> {
-    let roll_sum_kg_s: f64 = robot.roll_kg_s.iter().sum();
-    let roll_dry_sum_n: f64 = robot.roll_dry_n.iter().sum();
-    let mass_kg: f64 = robot.mass_kg.iter().sum();
+    let roll_sum_kg_s = robot.value(Quantity::Roll.sum());
+    let roll_dry_sum_n = robot.value(Quantity::RollDry.sum());
+    let mass_kg = robot.mass_kg();
     let speed = random.random_range(PUSHED_M_S);
     let gravity_m_s2 = floor.map_or(0.0, |(slope, heading)| slope.deceleration_m_s2(heading));
     let dry_m_s2 = roll_dry_sum_n / mass_kg;
@@ -146,14 +155,14 @@ pub(super) fn coasting(
         let pushed = (t - REST_S).clamp(0.0, PUSH_S);
         let coasted = (t - begin_s).max(0.0);
         let path_m = 0.5 * speed / PUSH_S * pushed * pushed + coast.path_m(coasted).0;
-        [path_m, 0.0, 0.0, 0.0, 0.0]
+        (Pose { x_m: path_m, ..Pose::default() }, [0.0; MAX_JOINTS])
     };
     Some(Decay {
         robot: robot.clone(),
-        coordinates: (0..(duration_s * rate_hz) as usize).map(at).collect(),
+        frames: (0..(duration_s * rate_hz) as usize).map(at).collect(),
         truth: DecayTruth {
             robot: name.to_owned(),
-            roll_kg_s: Some(robot.roll_kg_s),
+            roll_kg_s: Some(robot.roll_kg_s()),
             roll_sum_kg_s: Some(roll_sum_kg_s),
             roll_dry_sum_n: Some(roll_dry_sum_n).filter(|dry| *dry > 0.0),
             heading_rad: floor.map(|(_, heading_rad)| heading_rad),
@@ -165,6 +174,7 @@ pub(super) fn coasting(
 #[cfg(test)]
 mod tests {
     use rand::SeedableRng;
+    use trilink_robot::Robot;
 
     use super::*;
 
@@ -172,10 +182,10 @@ mod tests {
     fn a_robot_with_dry_wheels_coasts_until_it_stops() {
         let of = |roll_kg_s, roll_dry_n| {
             let robot = Robot { roll_kg_s, roll_dry_n, ..Robot::kinematic() };
-            coasting("ours", &robot, 120.0, None, &mut ChaCha8Rng::seed_from_u64(1))
+            coasting("ours", &robot.into(), 120.0, None, &mut ChaCha8Rng::seed_from_u64(1))
         };
         let decay = of([0.0; 3], [0.4, 0.2, 0.2]).expect("it is resisted");
-        let path_m: Vec<f64> = decay.coordinates.iter().map(|state| state[0]).collect();
+        let path_m: Vec<f64> = decay.frames.iter().map(|(pose, _)| pose.x_m).collect();
         // The robot is pushed to a speed over 0.5 s; friction then stops it over twice that distance.
         let pushed_m = path_m[108];
         let speed_m_s = 2.0 * pushed_m / PUSH_S;

@@ -1,8 +1,8 @@
 //! Synthetic trials with known true values, as files of a motion-capture system.
 //!
 //! The motion follows a model (`skid-roll` by default) with known coefficients, from rest, with servos that do not
-//! follow their commands exactly. For each robot there are also a coast-down and, if the robot has a passive joint, a
-//! joint release. The cameras add noise, vibration, tilt and dropouts. The true values are written to `truth.json`,
+//! follow their commands exactly. For each robot there are also a coast-down and, if the robot has passive joints, a
+//! release of each. The cameras add noise, vibration, tilt and dropouts. The true values are written to `truth.json`,
 //! which is read only when the report compares results with them.
 //!
 //! [`synthesise`] writes a trial folder from a [`Recipe`]. Its steps are, in order:
@@ -43,10 +43,10 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trilink_base::cancel::Cancelled;
 use trilink_base::files;
-use trilink_mechanics::MotionError;
+use trilink_mechanics::{MotionError, Posture};
 pub use trilink_mocap::Format;
 use trilink_mocap::{Recording, csv_bytes};
-use trilink_robot::{Model, Pose, Robot};
+use trilink_robot::{AnyRobot, MAX_JOINTS, Model, Pose, Robot};
 use trilink_tables::config::{Config, ConfigError, MarkerLayout};
 use trilink_tables::trial::{TRIALS_FILE, TRUTH_FILE, Trial, TrialKind, TrialList, is_valid_id};
 use trilink_tables::{StoreError, remove_unfinished, write_bytes};
@@ -249,8 +249,8 @@ fn has_passive_joint(config: &Config, robot: &str) -> bool {
 }
 
 /// Writes a trial folder and returns its trials: every campaign in the configuration at every frequency of the recipe,
-/// a coast-down of every robot of three links in these campaigns, and a release of every passive joint of these. The same seed gives identical
-/// files, and the same motion and noise in every format. `on_trial` is called with the id of each trial once it is
+/// and, where the robots in these campaigns permit them, a coast-down of each and a release of every passive joint. The
+/// same seed gives identical files, and the same motion and noise in every format. `on_trial` is called with the id of each trial once it is
 /// complete.
 ///
 /// # Errors
@@ -353,7 +353,7 @@ fn write_trial(
         Source::Gait(drive) => drive,
         Source::Decay(decay) => {
             let scene = Scene { heading_rad: decay.truth.heading_rad, ..scene };
-            write(&filmed(&scene, &decay.robot, &decay.coordinates, seed.clone()))?;
+            write(&filmed(&scene, &decay.robot, &decay.frames, seed.clone()))?;
             return Ok(None);
         }
     };
@@ -361,12 +361,7 @@ fn write_trial(
     let problem = drive.servo.reached(&drive.problem).map_err(failed)?;
     let motion = planted::from_rest(&problem, drive.variation, &drive.cycles, rate_hz);
     let (frames, metrics) = motion.map_err(failed)?;
-    let poses = |frame: usize| {
-        let (reference, phi_rad) = &frames[frame];
-        let [links, _] = problem.robot.poses(*reference, phi_rad);
-        links
-    };
-    let film = cameras::film(&scene, frames.len(), poses, seed.clone());
+    let film = filmed(&scene, &problem.robot, &frames, seed.clone());
     write(&film)?;
     Ok(Some(TrialTruth {
         omega_rad_s: problem.omega_rad_s,
@@ -378,14 +373,14 @@ fn write_trial(
     }))
 }
 
-/// Simulates the recording of a robot of three links, whose motion is given as `(x, y, theta, phi1, phi2)` for every
-/// frame, m and rad.
-fn filmed(scene: &Scene, robot: &Robot, coordinates: &[[f64; 5]], random: ChaCha8Rng) -> Film {
+/// Simulates the recording of a motion, given for every frame.
+fn filmed(scene: &Scene, robot: &AnyRobot, frames: &[Posture], random: ChaCha8Rng) -> Film {
     let poses = |frame: usize| {
-        let [x_m, y_m, theta_rad, phi_rad @ ..] = coordinates[frame];
-        robot.link_poses(Pose { x_m, y_m, theta_rad }, phi_rad).to_vec()
+        let (reference, phi_rad) = &frames[frame];
+        let [links, _] = robot.poses(*reference, phi_rad);
+        links
     };
-    cameras::film(scene, coordinates.len(), poses, random)
+    cameras::film(scene, frames.len(), poses, random)
 }
 
 /// Encodes the recorded markers of a trial, or the poses of the links that a camera system fits to them.
@@ -408,7 +403,13 @@ pub fn export(config: &Config, robot: &Robot, coordinates: &[[f64; 5]], seed: u6
         heading_rad: None,
         as_bodies: false,
     };
-    csv_bytes(&filmed(&scene, robot, coordinates, plan::random(seed, 0)).markers)
+    let frames = coordinates.iter().map(|[x_m, y_m, theta_rad, angles_rad @ ..]| {
+        let mut phi_rad = [0.0; MAX_JOINTS];
+        phi_rad[..2].copy_from_slice(angles_rad);
+        (Pose { x_m: *x_m, y_m: *y_m, theta_rad: *theta_rad }, phi_rad)
+    });
+    let frames: Vec<Posture> = frames.collect();
+    csv_bytes(&filmed(&scene, &robot.clone().into(), &frames, plan::random(seed, 0)).markers)
 }
 
 /// Checks that no user file would be overwritten, and removes the folder's trial list so that the folder is not taken

@@ -1,14 +1,14 @@
 //! Plans the trials, with robots and laws drawn from the seed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
 use trilink_mechanics::{AnyProblem, ChainProblem, Laws, Problem};
-use trilink_robot::Model;
-use trilink_tables::config::{ChainCampaign, Config, one_of};
+use trilink_robot::{AnyRobot, Joint, Model};
+use trilink_tables::config::{ChainCampaign, ChainGait, Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
 use super::decay::{self, Decay};
@@ -288,10 +288,18 @@ fn unusual(law: Option<(Model, Laws)>) -> Option<Law> {
     law.map(|(model, Laws { skid, roll })| Law { model, skid, roll })
 }
 
-/// Returns the plans of the trials without a gait: for every robot named by a campaign, a coast-down (on a sloping
-/// floor one in each direction of [`Slope::HEADINGS_RAD`]) and, if the robot has a passive joint, a release of that
-/// joint.
-pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
+/// Robot of the trials without a gait.
+struct DecayRobot<'c> {
+    name: &'c str,
+    robot: AnyRobot,
+    /// Indices of the joints that are released, with the names that the ids of these trials have for the releases.
+    released: Vec<(usize, String)>,
+    is_coasting: bool,
+}
+
+/// Returns the robots named by a campaign, with the resistances of the laws that the recipe assigns to them; without a
+/// law, a robot has all its configured resistances.
+fn decaying_robots<'c>(config: &'c Config, recipe: &Recipe) -> Vec<DecayRobot<'c>> {
     // The passive joint of each robot is that of the first of its campaigns to have one.
     let mut robots: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     for (name, campaign) in &config.campaign {
@@ -299,43 +307,89 @@ pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
         let known = robots.entry(&campaign.robot).or_default();
         *known = known.or(passive);
     }
+    let release = TrialKind::JointRelease.name();
+    let laws = |name: &str| named_laws(config, recipe, name).map(|(_, laws)| laws);
+    let of_three = robots.into_iter().filter_map(|(name, passive)| {
+        let robot = config.robot.get(name)?.to_robot();
+        let robot = laws(name).map_or(robot.clone(), |laws| laws.effective(&robot));
+        let released = passive.map(|joint| (joint, release.to_owned()));
+        Some(DecayRobot {
+            name,
+            robot: robot.into(),
+            released: released.into_iter().collect(),
+            is_coasting: true,
+        })
+    });
+    let chains: BTreeSet<&str> =
+        config.chains.campaign.values().map(|campaign| campaign.robot.as_str()).collect();
+    let chains = chains.into_iter().filter_map(|name| {
+        let configured = config.chains.robot.get(name)?;
+        let mut chain = configured.to_chain(&ChainGait::default());
+        if let Some(laws) = laws(name) {
+            chain::change_friction(&mut chain, |_, friction| *friction = friction.effective(laws));
+        }
+        let free = chain.joints.iter().enumerate();
+        let free = free.filter(|(_, joint)| matches!(joint, Joint::Free(_)));
+        let released = free.map(|(joint, _)| (joint, format!("joint{}-release", joint + 1)));
+        Some(DecayRobot {
+            name,
+            released: released.collect(),
+            is_coasting: configured.check_kind(TrialKind::CoastDown).is_ok(),
+            robot: chain.into(),
+        })
+    });
+    of_three.chain(chains).collect()
+}
+
+/// Returns the plans of the trials without a gait: for every robot named by a campaign, a release of each passive joint
+/// and, unless the robot cannot coast, a coast-down (on a sloping floor one in each direction of
+/// [`Slope::HEADINGS_RAD`]).
+pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
+    let rate_hz = config.vicon.rate_hz;
     let mut plans = Vec::new();
-    for (i, (name, passive)) in (0..).zip(robots) {
-        let Some(robot) = config.robot.get(name).map(|robot| robot.to_robot()) else { continue };
-        // If the recipe assigns no law, the robot has all its configured resistances.
-        let robot = match named_laws(config, recipe, name) {
-            Some((_, laws)) => laws.effective(&robot),
-            None => robot,
-        };
-        let rate_hz = config.vicon.rate_hz;
+    for (i, DecayRobot { name, robot, released, is_coasting }) in
+        (0..).zip(decaying_robots(config, recipe))
+    {
+        let stream = DECAY_STREAMS + 2 * i;
+        for (repeat, (joint, label)) in (0..).zip(released) {
+            let mut seed = random(recipe.seed, stream + REPEAT_STREAMS * repeat);
+            let decay = decay::released(name, &robot, joint, rate_hz, &mut seed);
+            let id = format!("{name}-{label}-r1");
+            plans.extend(decay_plan(recipe, id, TrialKind::JointRelease, decay, seed));
+        }
         let floors: Vec<Option<(Slope, f64)>> = match recipe.slope {
             Some(slope) => Slope::HEADINGS_RAD.map(|heading_rad| Some((slope, heading_rad))).into(),
             None => vec![None],
         };
-        let coasts = (1..).zip(floors).map(|(repeat, floor)| (TrialKind::CoastDown, repeat, floor));
-        for (kind, repeat, floor) in
-            std::iter::once((TrialKind::JointRelease, 1, None)).chain(coasts)
-        {
-            let stream = DECAY_STREAMS + 2 * i + u64::from(kind == TrialKind::CoastDown);
-            let mut seed = random(recipe.seed, stream + REPEAT_STREAMS * (repeat - 1));
-            let decay = match (kind, passive) {
-                (TrialKind::CoastDown, _) => {
-                    decay::coasting(name, &robot, rate_hz, floor, &mut seed)
-                }
-                (_, Some(joint)) => decay::released(name, &robot, joint, rate_hz, &mut seed),
-                _ => None,
-            };
-            let id = format!("{name}-{}-r{repeat}", kind.name());
-            let trial =
-                Trial { robot: Some(name.to_owned()), ..blank_trial(id, recipe.format, kind) };
-            if let Some(noise_seed) = recipe.noise_seed {
-                let position = seed.get_word_pos();
-                seed = random(noise_seed, seed.get_stream());
-                seed.set_word_pos(position);
-            }
-            let source = decay.map(|decay| Source::Decay(Box::new(decay)));
-            plans.extend(source.map(|source| Plan { trial, source, seed }));
+        for (repeat, floor) in (0..).zip(floors).filter(|_| is_coasting) {
+            let mut seed = random(recipe.seed, stream + 1 + REPEAT_STREAMS * repeat);
+            let decay = decay::coasting(name, &robot, rate_hz, floor, &mut seed);
+            let kind = TrialKind::CoastDown;
+            let id = format!("{name}-{}-r{}", kind.name(), repeat + 1);
+            plans.extend(decay_plan(recipe, id, kind, decay, seed));
         }
     }
     plans
+}
+
+/// Returns the plan of a trial without a gait; `None` without a motion. `seed` has drawn the motion.
+fn decay_plan(
+    recipe: &Recipe,
+    id: String,
+    kind: TrialKind,
+    decay: Option<Decay>,
+    mut seed: ChaCha8Rng,
+) -> Option<Plan> {
+    let decay = decay?;
+    let robot = Some(decay.truth.robot.clone());
+    if let Some(noise_seed) = recipe.noise_seed {
+        let position = seed.get_word_pos();
+        seed = random(noise_seed, seed.get_stream());
+        seed.set_word_pos(position);
+    }
+    Some(Plan {
+        trial: Trial { robot, ..blank_trial(id, recipe.format, kind) },
+        source: Source::Decay(Box::new(decay)),
+        seed,
+    })
 }

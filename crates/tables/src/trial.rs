@@ -261,15 +261,17 @@ impl Trial {
             let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
             return error("campaign", found, &one_of(name, &known, PIPELINE));
         }
-        if !is_gait && config.chains.robot.contains_key(name) {
-            let needed = format!(
-                "a robot with three links, because trials of kind {} are not supported for chains yet",
-                self.kind
-            );
-            return error("robot", found, &needed);
-        }
-        if !is_gait && !config.robot.contains_key(name) {
-            return error("robot", found, &one_of(name, &config.robot, PIPELINE));
+        if let Some(robot) = config.chains.robot.get(name).filter(|_| !is_gait) {
+            if !config.chains.layout.contains_key(name) {
+                return error("robot", found, &config.needed_layout(name));
+            }
+            if let Err(needed) = robot.check_kind(self.kind) {
+                return error("robot", found, needed);
+            }
+        } else if !is_gait && !config.robot.contains_key(name) {
+            let known = config.robot.keys().chain(config.chains.robot.keys());
+            let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
+            return error("robot", found, &one_of(name, &known, PIPELINE));
         }
         match self.omega_rad_s {
             Some(omega) if !OMEGA_RAD_S.contains(&omega) => {

@@ -142,7 +142,7 @@ impl JointMisfits {
 ///
 /// # Errors
 /// Returns an error if two bodies do not turn relative to each other or if the frame numbers jump implausibly.
-pub fn order_links(
+pub(super) fn order_links(
     file: &Recording,
     mut bodies: [Body; 3],
     command: Option<CommandedGait>,

@@ -14,6 +14,7 @@
 //! because the mean motion over a fraction of a cycle is not zero. The uncertainty from a wrong ratio of the configured
 //! skid coefficients, which enters through the force balance, is added.
 
+mod chain;
 mod estimate;
 mod links;
 mod rolling;
@@ -35,9 +36,10 @@ use super::error::{Problem, TrialFailure};
 use super::input::{IngestInput, IngestSettings};
 use super::markers::layout::{LinkMarker, locate, marker_name};
 use super::phase::CommandedGait;
+pub use chain::{LinkCalibration, LinkPlaces, calibrate_chain, wheel_distances_mm};
 use estimate::LayoutEstimate;
 pub use estimate::locate_joint;
-pub use links::{JointMisfits, order_links, rigid_groups};
+pub use links::{JointMisfits, rigid_groups};
 pub use shape::Body;
 
 /// Maximum number of trial segments for the jackknife standard errors.
@@ -249,7 +251,7 @@ pub fn calibrate_recording(
         bodies = links::order_links(file, bodies, command)?;
     }
     for side in 0..2 {
-        check_turn(side, &bodies[0], &bodies[1 + side])?;
+        check_turn(side, &bodies[0], &bodies[1 + side], MIN_TURN_DEG)?;
     }
     let parts = Parts::new(file, gait.map(|(_, omega_rad_s)| TAU / omega_rad_s * rate_hz));
     let estimate = |left_out: usize| {
@@ -274,10 +276,8 @@ pub fn calibrate_recording(
             .map(|(i, marker)| {
                 let label = file.labels[marker.column].as_str();
                 let name = marker_name(label);
-                let same_name = file.labels.iter().filter(|other| marker_name(other) == name);
-                let is_unique = same_name.count() == 1;
                 MarkerPosition {
-                    label: if is_unique { name } else { label }.to_owned(),
+                    label: short_label(file, marker.column).to_owned(),
                     position_mm: jackknife.position_mm(link, i, robot, turned_rad),
                     configured_mm: configured.get(label).or(configured.get(name)).copied(),
                 }
@@ -313,20 +313,22 @@ pub fn calibrate_recording(
 }
 
 /// Layout estimates from the whole trial and from the trial without each of its segments.
-struct Jackknife {
-    whole: LayoutEstimate,
-    partial: Vec<LayoutEstimate>,
+struct Jackknife<E> {
+    whole: E,
+    partial: Vec<E>,
 }
 
-impl Jackknife {
+impl<E> Jackknife<E> {
     /// Returns a quantity of the layout with its jackknife standard error.
-    fn estimate(&self, value: impl Fn(&LayoutEstimate) -> f64) -> Estimate {
+    fn estimate(&self, value: impl Fn(&E) -> f64) -> Estimate {
         let all = value(&self.whole);
         let squares: f64 = self.partial.iter().map(|part| (value(part) - all).powi(2)).sum();
         let count = self.partial.len() as f64;
         Estimate { value: all, se: ((count - 1.0) / count * squares).sqrt() }
     }
+}
 
+impl Jackknife<LayoutEstimate> {
     /// Returns the position of a marker, mm, with standard errors. For side links, these include the effect of
     /// `turned_rad`, the uncertainty of the link's direction that the jackknife does not show.
     fn position_mm(
@@ -346,6 +348,14 @@ impl Jackknife {
     }
 }
 
+/// Returns the label of a marker, without the subject if no other subject has a marker of that name.
+fn short_label(file: &Recording, column: usize) -> &str {
+    let label = file.labels[column].as_str();
+    let name = marker_name(label);
+    let same_name = file.labels.iter().filter(|other| marker_name(other) == name);
+    if same_name.count() == 1 { name } else { label }
+}
+
 fn labels(file: &Recording, columns: &[usize]) -> Vec<String> {
     columns.iter().map(|&column| file.labels[column].clone()).collect()
 }
@@ -357,7 +367,7 @@ fn fit_body(file: &Recording, columns: &[usize]) -> Result<Body, Problem> {
 }
 
 /// Checks that a joint turns far enough to be located.
-fn check_turn(side: usize, middle: &Body, outer: &Body) -> Result<(), Problem> {
+fn check_turn(side: usize, middle: &Body, outer: &Body, needed_deg: f64) -> Result<(), Problem> {
     let mut angles: Vec<f64> = outer.turns_to(middle).map(|(_, turn)| turn).collect();
     if angles.len() < MIN_ROWS {
         let found = angles.len();
@@ -368,8 +378,8 @@ fn check_turn(side: usize, middle: &Body, outer: &Body) -> Result<(), Problem> {
     angles.iter_mut().for_each(|angle| *angle = wrap(*angle - first));
     let [low, high] = quantiles_low(angles, [0.05, 0.95]);
     let found_deg = (high - low).to_degrees();
-    if found_deg < MIN_TURN_DEG {
-        return Err(Problem::LittleTurn { joint: side + 1, found_deg, needed_deg: MIN_TURN_DEG });
+    if found_deg < needed_deg {
+        return Err(Problem::LittleTurn { joint: side + 1, found_deg, needed_deg });
     }
     Ok(())
 }

@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use serde_json::Value;
 use trilink_base::Named as _;
-use trilink_robot::JointCommand;
-use trilink_tables::config::Config;
+use trilink_robot::{AnyRobot, JointCommand};
+use trilink_tables::config::{ChainGait, Config};
 use trilink_tables::trial::{ListedTrial, Trial, TrialFolder, TrialFolders, TrialKind};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats, without_file};
 
@@ -32,7 +32,7 @@ pub struct FolderInput {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     ignored: Vec<IgnoredTrial>,
     /// Configured roll resistances of every robot, kg/s.
-    roll_kg_s: BTreeMap<String, [f64; 3]>,
+    roll_kg_s: BTreeMap<String, Vec<f64>>,
 }
 
 /// Commanded gait of a campaign.
@@ -65,8 +65,13 @@ impl FolderInput {
         });
         let gaits = of_robots.chain(of_chains);
         let unlisted = folders.iter().map(|folder| (folder.name.clone(), unlisted_files(folder)));
-        let roll_kg_s =
-            config.robot.iter().map(|(name, robot)| (name.clone(), robot.to_robot().roll_kg_s));
+        let of_three = config.robot.iter().map(|(name, robot)| (name, robot.to_robot().into()));
+        let chains = config.chains.robot.iter();
+        let chains =
+            chains.map(|(name, robot)| (name, robot.to_chain(&ChainGait::default()).into()));
+        let roll_kg_s = of_three
+            .chain(chains)
+            .map(|(name, robot): (_, AnyRobot)| (name.clone(), robot.roll_kg_s()));
         let ignored = ignored.iter().map(|ListedTrial { folder, id, trial }| IgnoredTrial {
             folder: folders[*folder].name.clone(),
             id: id.clone(),

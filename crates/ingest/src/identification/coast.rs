@@ -9,8 +9,8 @@
 use std::ops::Range;
 
 use nalgebra::SVector;
-use trilink_robot::Robot;
 use trilink_robot::decay::{Coast, DecayLaw, RELEASED, coasting};
+use trilink_robot::{AnyRobot, Quantity};
 use trilink_statistics::Estimate;
 use trilink_statistics::{mean, seen};
 use trilink_tables::{Columns as _, Coordinates, DecayFit, RobotParameterRow, SlopeStatus};
@@ -43,12 +43,12 @@ pub(super) const WORDS: Words = Words {
 };
 
 /// Identifies the robot's parameters from a trial of kind `coast-down` and checks the trial. `speed_m_s` is the
-/// smoothed roll velocity of wheel 0.
+/// smoothed roll velocity of a wheel.
 ///
 /// # Errors
 /// Returns an error if the robot was not pushed or its speed does not decay.
 pub(crate) fn measure(
-    robot: &Robot,
+    robot: &AnyRobot,
     coordinates: &Coordinates,
     speed_m_s: &[f64],
     rate_hz: f64,
@@ -57,7 +57,7 @@ pub(crate) fn measure(
     if max_m_s < MIN_SPEED_M_S {
         return Err(Problem::NotPushed { found_m_s: max_m_s, needed_m_s: MIN_SPEED_M_S });
     }
-    let Range { start, end } = coasting(speed_m_s, robot.transition_m_s);
+    let Range { start, end } = coasting(speed_m_s, robot.value(Quantity::Transition.one()));
     let start = start.min(speed_m_s.len() - 1);
     let Some(fall) = first_below(speed_m_s, start, MIN_FALL * max_m_s) else {
         return Err(no_decay(&speed_m_s[start..], max_m_s));
@@ -94,8 +94,8 @@ fn no_decay(speed_m_s: &[f64], max_m_s: f64) -> Problem {
 }
 
 /// Returns the row of robot parameters that follow from the fitted laws.
-fn parameters(robot: &Robot, laws: &Laws<4>) -> RobotParameterRow {
-    let mass_kg: f64 = robot.mass_kg.iter().sum();
+fn parameters(robot: &AnyRobot, laws: &Laws<4>) -> RobotParameterRow {
+    let mass_kg = robot.mass_kg();
     let fits = DecayLaw::ALL.map(|law| {
         laws.fit(law, |curve| DecayFit {
             misfit_m: curve.misfit,
@@ -110,13 +110,13 @@ fn parameters(robot: &Robot, laws: &Laws<4>) -> RobotParameterRow {
     });
     let mut row = RobotParameterRow {
         mass_kg,
-        roll_sum_configured_kg_s: robot.roll_kg_s.iter().sum(),
-        roll_dry_sum_configured_n: robot.roll_dry_n.iter().sum(),
+        roll_sum_configured_kg_s: robot.value(Quantity::Roll.sum()),
+        roll_dry_sum_configured_n: robot.value(Quantity::RollDry.sum()),
         roll_correlation: correlation,
         ..laws.row(fits)
     };
     let [viscous, dry] = own_resistance(&row);
-    set_resistance(&mut row, robot.roll_kg_s, viscous, dry);
+    set_resistance(&mut row, &robot.roll_kg_s(), viscous, dry);
     row
 }
 
@@ -130,19 +130,23 @@ pub(super) fn own_resistance(row: &RobotParameterRow) -> [Estimate; 2] {
 }
 
 /// Sets the sums of the viscous coefficients, kg/s, and of the dry friction, N, and what follows from them. The viscous
-/// sum is divided among the wheels in proportion to `roll_kg_s`.
+/// sum is divided among the wheels in proportion to `roll_kg_s`, by link, NaN for a link without a wheel.
 pub(super) fn set_resistance(
     row: &mut RobotParameterRow,
-    roll_kg_s: [f64; 3],
+    roll_kg_s: &[f64],
     viscous: Estimate,
     dry: Estimate,
 ) {
     let times = |factor: f64| Estimate::new(viscous.value * factor, viscous.se * factor);
     // NaN if the configured sum is zero.
-    let configured: f64 = roll_kg_s.iter().sum();
+    let configured: f64 = seen(roll_kg_s).sum();
     row.roll_sum_kg_s = viscous;
     row.decay_1_s = times(1.0 / row.mass_kg);
-    row.roll_kg_s = roll_kg_s.map(|of_wheel| times(of_wheel / configured));
+    let share = |link: usize| {
+        roll_kg_s.get(link).map_or(Estimate::MISSING, |of_wheel| times(of_wheel / configured))
+    };
+    row.roll_kg_s = [0, 1, 2].map(share);
+    row.more_roll_kg_s = (3..roll_kg_s.len()).map(share).collect();
     row.roll_dry_sum_n = dry;
 }
 

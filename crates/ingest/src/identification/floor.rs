@@ -38,7 +38,7 @@ const SCATTER_TAIL: f64 = 0.01;
 /// standard errors of all robot parameters to the scatter between repeats. `roll_kg_s` has the configured roll
 /// resistances of each robot. Of an earlier call with other trials only the findings `W029` remain, which
 /// [`crate::without_diagnosis`] removes.
-pub(crate) fn estimate_slopes(rows: &mut Ingested, roll_kg_s: &BTreeMap<String, [f64; 3]>) {
+pub(crate) fn estimate_slopes(rows: &mut Ingested, roll_kg_s: &BTreeMap<String, Vec<f64>>) {
     let folders: BTreeMap<String, String> = rows
         .trials
         .iter()
@@ -80,7 +80,7 @@ pub(crate) fn forget_slopes(rows: &mut Ingested) {
 }
 
 /// Sets the parameters of a row to those that follow from its recording alone.
-fn reset(row: &mut RobotParameterRow, roll_kg_s: &BTreeMap<String, [f64; 3]>) {
+fn reset(row: &mut RobotParameterRow, roll_kg_s: &BTreeMap<String, Vec<f64>>) {
     let preferred = preferred(row);
     row.law = preferred.ok();
     row.status = preferred.err().unwrap_or(LawStatus::Ok);
@@ -100,9 +100,9 @@ fn reset(row: &mut RobotParameterRow, roll_kg_s: &BTreeMap<String, [f64; 3]>) {
     }
 }
 
-/// Returns the configured roll resistances of the robot's wheels, kg/s; NaN for an unknown robot.
-fn shares(row: &RobotParameterRow, roll_kg_s: &BTreeMap<String, [f64; 3]>) -> [f64; 3] {
-    roll_kg_s.get(&row.robot).copied().unwrap_or([f64::NAN; 3])
+/// Returns the configured roll resistances of the robot's wheels, kg/s; none for an unknown robot.
+fn shares<'r>(row: &RobotParameterRow, roll_kg_s: &'r BTreeMap<String, Vec<f64>>) -> &'r [f64] {
+    roll_kg_s.get(&row.robot).map_or(&[], Vec::as_slice)
 }
 
 /// What a coast-down contributes to the estimate of the slope.
@@ -307,7 +307,7 @@ impl Resistance {
 fn describe_floor(
     rows: &mut [RobotParameterRow],
     indices: &[usize],
-    roll_kg_s: &BTreeMap<String, [f64; 3]>,
+    roll_kg_s: &BTreeMap<String, Vec<f64>>,
 ) -> Vec<(usize, Vec<Finding>)> {
     let mut robots: Vec<&str> = indices.iter().map(|&index| rows[index].robot.as_str()).collect();
     robots.sort_unstable();
@@ -499,7 +499,7 @@ fn replace_findings(rows: &mut Ingested, index: usize, findings: &[Finding]) {
 fn include_scatter(
     rows: &mut [RobotParameterRow],
     folders: &BTreeMap<String, String>,
-    roll_kg_s: &BTreeMap<String, [f64; 3]>,
+    roll_kg_s: &BTreeMap<String, Vec<f64>>,
 ) {
     let mut classes: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (index, row) in rows.iter().enumerate() {

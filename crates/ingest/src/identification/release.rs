@@ -1,18 +1,19 @@
 //! Identifies stiffness, damping (eq. 11) and dry friction of the passive joint, released from rest (Fig. 8b).
 //!
-//! The robot is lifted so that no wheel touches the floor, its middle link and its actuated joint are held, and the
-//! passive joint is turned away from its rest angle and released. The link then swings about the joint:
+//! The robot is lifted so that no wheel touches the floor, its reference link (of three links the middle one) and all
+//! other joints are held, and a passive joint is turned away from its rest angle and released. The links beyond the joint
+//! then swing about it:
 //! `J phi'' + c_tau phi' + T sign(phi') + k_tau (phi - gamma) = 0`
-//! with the link's moment of inertia about the joint, `J = I + m b^2`, and damping, dry friction, or both ([`Swing`]).
-//! (With its wheel on the floor the link would not swing, because the wheel would have to skid.) The standard errors
+//! with their moment of inertia about the joint, `J = I + m b^2` for a single link, and damping, dry friction, or both
+//! ([`Swing`]). (With its wheel on the floor a link would not swing, because the wheel would have to skid.) The standard errors
 //! reflect the noise of the recording; J is taken from the configuration.
 
 use std::f64::consts::PI;
 use std::ops::Range;
 
 use nalgebra::SVector;
-use trilink_robot::Robot;
 use trilink_robot::decay::{DecayLaw, Swing};
+use trilink_robot::{AnyRobot, Joint, Quantity};
 use trilink_statistics::{Estimate, extremes, mean, median_high, seen};
 use trilink_tables::{Columns as _, Coordinates, DecayFit, RobotParameterRow};
 
@@ -61,22 +62,33 @@ const MIN_NOISE_RAD: f64 = 1e-4;
 /// # Errors
 /// Returns an error if no joint was released or if the released joint swings too few times.
 pub(crate) fn measure(
-    robot: &Robot,
+    robot: &AnyRobot,
     coordinates: &Coordinates,
     rate_hz: f64,
 ) -> Result<(RobotParameterRow, Vec<Finding>), Problem> {
-    let ranges = [0, 1].map(|joint| extremes(seen(&coordinates.phi_rad[joint])));
-    // The joint that moves less is the held one.
-    let joint = usize::from(ranges[1][1] - ranges[1][0] > ranges[0][1] - ranges[0][0]);
-    let release = Release::new(&coordinates.phi_rad[joint], rate_hz)?;
-    let inertia_kg_m2 = robot.inertia_about_joint_kg_m2(joint + 1);
+    let phi_rad = &coordinates.phi_rad;
+    let ranges = phi_rad.iter().map(|phi| extremes(seen(phi))).map(|[low, high]| high - low);
+    // The joints that move less are held.
+    let farther =
+        |one: (usize, f64), other: (usize, f64)| if other.1 > one.1 { other } else { one };
+    let joint = ranges.enumerate().reduce(farther).map_or(0, |(joint, _)| joint);
+    if let AnyRobot::Chain(chain) = robot
+        && let Some(Joint::Driven(_)) = chain.joints.get(joint)
+    {
+        return Err(Problem::ReleasedDriven { joint: joint + 1 });
+    }
+    let release = Release::new(&phi_rad[joint], rate_hz)?;
+    let held_rad: Vec<f64> =
+        phi_rad.iter().map(|phi| mean(seen(&phi[release.frames.clone()]))).collect();
+    let inertia_kg_m2 = robot.inertia_about_joint_kg_m2(joint, &held_rad);
+    let configured = |quantity| robot.value(robot.of_free_joint(quantity, joint));
     let mut checks = vec![held_check(coordinates, joint, &release)];
     let row = RobotParameterRow {
         joint: joint as i64 + 1,
         inertia_kg_m2,
-        rest_angle_configured_rad: robot.rest_angle_rad,
-        stiffness_configured_nm_rad: robot.stiffness_nm_rad,
-        damping_configured_nm_s_rad: robot.damping_nm_s_rad,
+        rest_angle_configured_rad: robot.rest_angle_rad(joint),
+        stiffness_configured_nm_rad: configured(Quantity::Stiffness),
+        damping_configured_nm_s_rad: configured(Quantity::Damping),
         ..release.parameters(inertia_kg_m2)
     };
     checks.extend(laws::checks(&row, &WORDS, DecayLaw::Viscous));
@@ -98,9 +110,10 @@ pub(super) fn set_parameters(
 
 /// Checks that the held links do not move while the joint swings.
 fn held_check(coordinates: &Coordinates, joint: usize, release: &Release) -> Finding {
-    let moved = [&coordinates.theta_rad, &coordinates.phi_rad[1 - joint]]
+    let others = coordinates.phi_rad.iter().enumerate().filter(|(other, _)| *other != joint);
+    let moved = std::iter::once(&coordinates.theta_rad)
+        .chain(others.map(|(_, phi)| phi))
         .map(|series| deviation(&series[release.frames.clone()]))
-        .into_iter()
         .fold(0.0, f64::max);
     let message = format!("the clamped links move by {:.2} degrees (RMS)", moved.to_degrees());
     Finding::at_most(Check::HeldLinks, moved / release.largest_rad, message)

@@ -1,15 +1,22 @@
 //! Robots of two to eight links: recordings of simulated steady motions, whose metrics must be found again.
 
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
 use trilink_mechanics::{ChainProblem, REFERENCE_ACCURACY};
+use trilink_robot::decay::DecayLaw;
 use trilink_robot::{
     Chain, Drag, FreeJoint, Joint, JointCommand, Laws, Link, Pose, TorqueCommand, Wheel,
     WheelFriction, in_world,
 };
+use trilink_synth::{Recipe, synthesise};
 use trilink_tables::config::Smoothing;
+use trilink_tables::trial::TrialKind;
 
 use super::*;
 use crate::calibrate::{Body, JointMisfits, rigid_groups};
 use crate::geometry::Geometry;
+use crate::identification::floor::estimate_slopes;
 use crate::markers::layout::LinkMarker;
 
 const RATE_HZ: f64 = 120.0;
@@ -163,7 +170,7 @@ impl Case {
         let command = Some(Command { joints: joints.collect(), omega_rad_s });
         let mut trial = gait_trial("a", "chain", omega_rad_s);
         trial.smoothing_window = smoothing_window;
-        let subject = Subject { geometry, command, robot: None };
+        let subject = Subject { geometry, command, robot: self.chain.clone().into() };
         let mut partial = PartialResult::new(&trial);
         process_markers(recording, &labels, &trial, &subject, &mut partial).unwrap()
     }
@@ -270,4 +277,125 @@ fn the_order_of_the_links_is_found_from_the_motion_of_their_markers() {
         }
         assert_eq!(found, (0..links).collect::<Vec<_>>(), "{name}");
     }
+}
+
+/// Returns the configuration of a robot of the gallery.
+fn gallery(robot: &str) -> Config {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/robots");
+    Config::load(&folder.join(robot).with_extension("toml")).unwrap()
+}
+
+/// Synthesises trials of a configuration and returns those of all kinds but `gait` or, with a frequency, of all kinds,
+/// with the rows of each.
+fn synthetic(config: &Config, seed: u64, omega_rad_s: Option<f64>) -> Vec<(Trial, Ingested)> {
+    let folder = tempfile::tempdir().unwrap();
+    let omegas_rad_s = omega_rad_s.into_iter().collect();
+    let recipe = Recipe { omegas_rad_s, ..Recipe::new(seed) };
+    let trials = synthesise(config, folder.path(), &recipe, &|_| Ok(())).unwrap();
+    let rows = trials.iter().map(|trial| check_trial(folder.path(), trial, config));
+    trials.iter().cloned().zip(rows).collect()
+}
+
+#[test]
+fn releases_and_coast_downs_of_chains_give_back_the_planted_numbers() {
+    let mut deviations: Vec<(String, f64)> = Vec::new();
+    let mut released = BTreeSet::new();
+    for robot in ["twistcar", "elastic-snake", "passive-snake", "driven-snake", "rotor-car"] {
+        let mut config = gallery(robot);
+        if let Some(chain) = config.chains.robot.get_mut("passive") {
+            // The last joint swings as well.
+            chain.joints[2].damping_nm_s_rad = Some(0.002);
+        }
+        for seed in 1..=3 {
+            for (trial, rows) in synthetic(&config, seed, None) {
+                let name = &trial.id;
+                assert_eq!(rows.trials[0].status, TrialStatus::Ok, "{}", rows.trials[0].message);
+                let [row] = &rows.parameters[..] else { panic!("{name}: no parameters") };
+                assert_eq!(row.law, Some(DecayLaw::Viscous), "{name}");
+                let joint = usize::try_from(row.joint).unwrap();
+                let mut add = |what: &str, Estimate { value, se }: Estimate, truth: f64| {
+                    assert!((value / truth - 1.0).abs() < 0.03, "{name}: {what} {value} {truth}");
+                    deviations.push((format!("{name} {seed}: {what}"), (value - truth) / se));
+                };
+                let chain = &config.chains.robot[trial.robot.as_ref().unwrap()];
+                if trial.kind == TrialKind::JointRelease {
+                    assert!(trial.id.contains(&format!("joint{joint}")), "{name}: joint {joint}");
+                    released.insert((robot, joint));
+                    let joint = &chain.joints[joint - 1];
+                    add("k", row.stiffness_nm_rad, joint.stiffness_nm_rad.unwrap());
+                    add("c", row.damping_nm_s_rad, joint.damping_nm_s_rad.unwrap());
+                } else {
+                    let of_wheels = chain.links.iter().filter_map(|link| link.roll_kg_s);
+                    add("roll", row.roll_sum_kg_s, of_wheels.sum());
+                    let shares = row.roll_kg_s.iter().chain(&*row.more_roll_kg_s);
+                    let shares: Vec<f64> = shares.map(|of| of.value).collect();
+                    let has_wheel = chain.links.iter().filter(|link| link.wheel_m.is_some());
+                    assert_eq!(shares.iter().filter(|x| !x.is_nan()).count(), has_wheel.count());
+                }
+            }
+        }
+    }
+    let all = [("elastic-snake", 1), ("elastic-snake", 2), ("passive-snake", 2)];
+    assert_eq!(released, all.into_iter().chain([("passive-snake", 3), ("rotor-car", 1)]).collect());
+    let squares: f64 = deviations.iter().map(|(_, z)| z * z).sum();
+    let rms = (squares / deviations.len() as f64).sqrt();
+    let worst = deviations.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).unwrap();
+    assert!(worst.1.abs() < 4.0 && rms < 1.4, "{rms} {worst:?}");
+}
+
+#[test]
+fn a_slope_is_told_from_the_dry_friction_of_a_chain() {
+    let mut config = gallery("driven-snake");
+    for link in &mut config.chains.robot.get_mut("snake").unwrap().links {
+        link.roll_dry_n = Some(0.02);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let slope = Some(trilink_synth::Slope { slope_deg: 0.3, direction_deg: 30.0 });
+    let recipe = Recipe { omegas_rad_s: Vec::new(), slope, ..Recipe::new(4) };
+    let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
+    let mut all = Ingested::default();
+    for trial in &trials {
+        let Ingested { trials, checks, parameters } = check_trial(folder.path(), trial, &config);
+        all.trials.extend(trials);
+        all.checks.extend(checks);
+        all.parameters.extend(parameters);
+    }
+    let robots = config.chains.robot.iter();
+    let roll_kg_s = robots.map(|(name, robot)| {
+        (name.clone(), AnyRobot::from(robot.to_chain(&Default::default())).roll_kg_s())
+    });
+    estimate_slopes(&mut all, &roll_kg_s.collect());
+    let row = &all.parameters[0];
+    assert_eq!((row.law, row.pooled_trials), (Some(DecayLaw::CoulombViscous), 4));
+    for (Estimate { value, se }, truth) in [
+        (row.roll_sum_kg_s, 2.1),
+        (row.roll_dry_sum_n, 0.14),
+        (row.slope_x_rad, 0.3_f64.to_radians() * 30_f64.to_radians().cos()),
+    ] {
+        assert!(
+            (value - truth).abs() < 4.0 * se && se < 0.05 * truth,
+            "{value} +- {se}, not {truth}"
+        );
+    }
+    let last = row.more_roll_kg_s.last().expect("seven wheels");
+    assert_eq!(row.more_roll_kg_s.len(), 4);
+    assert!((7.0 * last.value - row.roll_sum_kg_s.value).abs() < 1e-9);
+}
+
+#[test]
+fn a_release_of_a_driven_joint_is_refused() {
+    let mut config = gallery("passive-snake");
+    for joint in &mut config.chains.robot.get_mut("passive").unwrap().joints[1..] {
+        joint.stiffness_nm_rad = Some(5.0);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = Recipe { omegas_rad_s: vec![4.0], ..Recipe::new(1) };
+    let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
+    let gait = trials.into_iter().find(|trial| trial.kind == TrialKind::Gait).unwrap();
+    let robot = Some("passive".to_owned());
+    let kind = TrialKind::JointRelease;
+    let trial = Trial { kind, robot, campaign: None, omega_rad_s: None, ..gait };
+    let row = &check_trial(folder.path(), &trial, &config).trials[0];
+    assert_eq!(row.status, TrialStatus::Failed);
+    assert!(row.message.contains("joint 1 moves farthest, but it is driven"), "{}", row.message);
 }

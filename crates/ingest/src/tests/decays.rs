@@ -68,7 +68,7 @@ fn coasting([roll_kg_s, dry_n]: [f64; 2], speed_m_s: f64, noise_m: f64, seed: u6
     let speed = signals::derivative(&signals::moving_average(&x_m, 9), RATE_HZ);
     let phi_rad = [still.clone(), still.clone()].into();
     let coordinates = Coordinates { y_m: still.clone(), theta_rad: still, phi_rad, x_m };
-    coast::measure(&robot, &coordinates, &speed, RATE_HZ)
+    coast::measure(&robot.into(), &coordinates, &speed, RATE_HZ)
         .unwrap_or_else(|e| panic!("{roll_kg_s} {dry_n} {speed_m_s} {e}"))
 }
 
@@ -96,7 +96,7 @@ fn released(
         theta_rad: still.clone(),
         phi_rad: [phi, still].into(),
     };
-    release::measure(&robot, &coordinates, RATE_HZ).expect("it swings")
+    release::measure(&robot.into(), &coordinates, RATE_HZ).expect("it swings")
 }
 
 const COASTS: [(DecayLaw, [f64; 2]); 3] =

@@ -97,7 +97,7 @@ impl Push {
         let phi_rad = [still.clone(), still].into();
         let coordinates = Coordinates { x_m, y_m, theta_rad, phi_rad };
         let (row, mut findings) =
-            coast::measure(&robot(), &coordinates, &speed, RATE_HZ).expect("it coasts");
+            coast::measure(&robot().into(), &coordinates, &speed, RATE_HZ).expect("it coasts");
         findings.push(against_configured(&row));
         (row, findings)
     }
@@ -133,8 +133,8 @@ fn compared(pushes: &[Push]) -> Ingested {
     rows
 }
 
-fn shares() -> BTreeMap<String, [f64; 3]> {
-    BTreeMap::from([("ours".to_owned(), robot().roll_kg_s)])
+fn shares() -> BTreeMap<String, Vec<f64>> {
+    BTreeMap::from([("ours".to_owned(), robot().roll_kg_s.to_vec())])
 }
 
 fn there_and_back(push: Push, seed: u64) -> [Push; 2] {

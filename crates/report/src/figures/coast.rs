@@ -13,18 +13,21 @@ use crate::recording::Recording;
 const POINTS: usize = 200;
 
 /// Returns the figure of a coast-down; `None` if no law was identified. `transition_m_s` is the transition speed of the
-/// robot's dry friction.
+/// robot's dry friction; `links` are the names of the links by number.
 pub(super) fn figure(
     stem: &str,
     row: &RobotParameterRow,
     recording: &Recording,
     transition_m_s: f64,
+    links: &[String],
 ) -> Option<Figure> {
     let law = row.law?;
     let (_, fit) = row.laws().into_iter().find(|(of, _)| *of == law)?;
     let term = |value: f64| if value.is_finite() { value / row.mass_kg } else { 0.0 };
     let [viscous_1_s, dry_m_s2] = [fit.roll_sum_kg_s.value, fit.roll_dry_sum_n.value].map(term);
-    let roll_m_s = recording.roll_m_s.first()?;
+    let rolls = |roll_m_s: &Vec<f64>| roll_m_s.iter().any(|v| v.is_finite());
+    let link = recording.roll_m_s.iter().position(rolls)?;
+    let roll_m_s = &recording.roll_m_s[link];
     let speed = roll_m_s.iter().map(|of| of.abs());
     let measured: Vec<(f64, f64)> = recording.time_s.iter().copied().zip(speed).collect();
     let coasting = &measured[coasting(roll_m_s, transition_m_s)];
@@ -57,7 +60,9 @@ pub(super) fn figure(
         Layer::new("measured", measured, looks::RECORDED),
         Layer::new("fitted law", fitted, looks::FITTED),
     ];
-    let panel = Panel::new("Speed of the middle wheel", "Time (s)", "Speed (mm/s)", layers);
+    let title =
+        format!("Speed of the {} wheel", links.get(link).map_or("measured", String::as_str));
+    let panel = Panel::new(title, "Time (s)", "Speed (mm/s)", layers);
     let values = context! {
         trial => &row.trial,
         law => law.name(),
@@ -94,13 +99,13 @@ mod tests {
         let roll = time_s.iter().map(|t| -speed(*t)).collect();
         let roll_m_s = vec![roll];
         let recording = Recording { time_s, roll_m_s, ..Recording::default() };
-        let figure = figure("coast", &row, &recording, 0.0).expect("it coasts");
+        let figure = figure("coast", &row, &recording, 0.0, &[]).expect("it coasts");
         let curve = &figure.panels[0].layers[1].points;
         assert!(curve.len() > 100 && curve[0].x > 1.0);
         for point in curve {
             assert!((point.y - 1e3 * speed(point.x)).abs() < 1e-6, "{point:?}");
         }
         let none = RobotParameterRow { law: None, ..row };
-        assert!(super::figure("coast", &none, &recording, 0.0).is_none());
+        assert!(super::figure("coast", &none, &recording, 0.0, &[]).is_none());
     }
 }

@@ -23,7 +23,7 @@ pub(crate) use common::{link_noun, subscripted};
 pub(crate) use texts::texts;
 
 use trilink_plot::Figure;
-use trilink_robot::{AnyGait, Gait, JointCommand};
+use trilink_robot::{AnyGait, AnyRobot, Gait, JointCommand, Quantity};
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{Reader, RobotParameterRow, StoreError, TrialRow};
 
@@ -32,7 +32,7 @@ use super::tables::Tables;
 use super::truth::Truth;
 use crate::series::Source;
 use crate::simulated;
-use crate::{ReportInput, optimum};
+use crate::{ReportInput, optimum, parameters};
 
 pub(crate) const SKEWED: &str = "kinematic-skewed";
 pub(crate) const SYMMETRIC: &str = "kinematic-symmetric";
@@ -158,8 +158,13 @@ pub(crate) fn decay(
 ) -> Option<Figure> {
     match row.kind {
         TrialKind::CoastDown => {
-            let transition_m_s = input.robot(&row.robot)?.transition_m_s;
-            coast::figure("coast", row, recording, transition_m_s)
+            let robot = input.any_robot(&row.robot)?;
+            let names = match &robot {
+                AnyRobot::ThreeLinks(_) => parameters::WHEELS.map(str::to_owned).into(),
+                AnyRobot::Chain(chain) => chain.names_by_number(),
+            };
+            let transition_m_s = robot.value(Quantity::Transition.one());
+            coast::figure("coast", row, recording, transition_m_s, &names)
         }
         _ => release::figure("release", row, recording),
     }

@@ -16,6 +16,7 @@ use trilink_robot::{
 pub(super) use split::take_chains;
 
 use super::{Config, Free, GaitConfig, JointConfig, LinkMarkers, Weights};
+use crate::trial::TrialKind;
 
 /// Chains in the configuration, with the gaits, campaigns and marker layouts that belong to chains alone.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
@@ -272,6 +273,38 @@ impl ChainRobot {
         };
         let links = (1..).zip(&self.links);
         links.map(|(number, link)| link.name.clone().unwrap_or_else(|| default(number))).collect()
+    }
+
+    /// Checks that trials of a kind are possible with the robot.
+    ///
+    /// # Errors
+    /// Returns which robot is needed.
+    pub fn check_kind(&self, kind: TrialKind) -> Result<(), &'static str> {
+        let is_not_zero = |value: Option<f64>| value.is_some_and(|value| value != 0.0);
+        match kind {
+            TrialKind::Gait => Ok(()),
+            TrialKind::JointRelease
+                if self.joints.iter().all(|of| of.kind == JointKind::Driven) =>
+            {
+                Err("a robot with a joint that is not driven, which can be released")
+            }
+            TrialKind::JointRelease => Ok(()),
+            TrialKind::CoastDown if self.links.iter().all(|link| link.wheel_m.is_none()) => {
+                Err("a robot with wheels, whose rolling resistance a coast-down measures")
+            }
+            TrialKind::CoastDown if self.links.iter().any(|link| is_not_zero(link.steer_deg)) => {
+                Err(
+                    "a robot without steered wheels (steer_deg), because all wheels must roll when it is straight",
+                )
+            }
+            TrialKind::CoastDown if self.links.iter().any(|of| is_not_zero(of.drag_along_kg_s)) => {
+                Err(
+                    "a robot without drag along its links (drag_along_kg_s), which a coast-down does not \
+                     distinguish from rolling resistance",
+                )
+            }
+            TrialKind::CoastDown => Ok(()),
+        }
     }
 
     /// Converts the robot and its gait to SI units. A joint or rotor without a command stands still.

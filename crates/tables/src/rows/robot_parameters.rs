@@ -5,8 +5,9 @@ use trilink_robot::Quantity;
 use trilink_robot::decay::{DecayLaw, Swing};
 use trilink_statistics::Estimate;
 
+use super::trials::is_empty;
 use crate::trial::TrialKind;
-use crate::{LawStatus, SlopeStatus, rows};
+use crate::{LawStatus, Numbered, SlopeStatus, rows};
 
 rows! {
     /// Robot parameters measured by one trial of kind `joint-release` or `coast-down`: row of
@@ -20,9 +21,9 @@ rows! {
         /// Decay law that the recording follows; missing if none was identified. Parameters whose column
         /// names do not contain the name of a law are estimated with this law.
         pub law: Option<DecayLaw>,
-        /// Released joint, 1 or 2; 0 for a coast-down.
+        /// Released joint, counted from the front from 1 on; 0 for a coast-down.
         pub joint: i64,
-        /// Configured moment of inertia of the released link about its joint, kg m^2.
+        /// Configured moment of inertia of the swinging links about the released joint, kg m^2.
         pub inertia_kg_m2: f64,
         pub natural_rad_s: Estimate,
         /// Damping ratio from a fit of the whole decay.
@@ -53,9 +54,12 @@ rows! {
         /// Sum over the wheels of the coefficients c^R of viscous roll resistance (eq. 14 of the paper), kg/s.
         pub roll_sum_kg_s: Estimate,
         pub roll_sum_configured_kg_s: f64,
-        /// Coefficients of viscous rolling resistance of wheels 0, 1, 2, kg/s: the measured sum, divided among the
-        /// wheels in proportion to their configured coefficients.
+        /// Coefficients of viscous rolling resistance of the wheels of links 0, 1, 2, kg/s: the measured sum, divided
+        /// among the wheels in proportion to their configured coefficients.
         pub roll_kg_s: [Estimate; 3] as "roll{}_kg_s{}",
+        /// Coefficients of viscous rolling resistance of the wheels of further links, kg/s.
+        #[serde(skip_serializing_if = "is_empty")]
+        pub more_roll_kg_s: Numbered<Estimate, 3> as "roll{}_kg_s{}",
         /// Sum of the dry rolling friction over the wheels, N.
         pub roll_dry_sum_n: Estimate,
         pub roll_dry_sum_configured_n: f64,

@@ -9,7 +9,7 @@ use crate::config::SigmaKind;
 use crate::trial::TrialKind;
 use crate::{Columns as _, Numbered, Severity, TrialStatus, rows};
 
-fn is_empty<T, const FIRST: usize>(values: &Numbered<T, FIRST>) -> bool {
+pub(super) fn is_empty<T, const FIRST: usize>(values: &Numbered<T, FIRST>) -> bool {
     values.0.is_empty()
 }
 

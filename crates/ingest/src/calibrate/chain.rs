@@ -1,0 +1,238 @@
+//! Calibrates the marker layouts of the links of a chain from a trial in which all joints move.
+//!
+//! The joints are located as for three links. A link between two joints points from one to the other. Of the first and
+//! last link only one joint is known: their direction is that in which the wheel skids least, at a given distance from
+//! the joint. The bias of this direction in gaits in which the wheel skids to one side on average is not corrected.
+
+use trilink_mocap::Recording;
+use trilink_robot::rotated;
+use trilink_statistics::{Estimate, wrap};
+
+use super::estimate::locate_joint;
+use super::shape::Body;
+use super::{Jackknife, MarkerPosition, Parts, check_turn, fit_body, rolling, short_label};
+use crate::error::Problem;
+
+/// Minimum range of a joint angle, degrees; joints on springs may turn little.
+const MIN_TURN_DEG: f64 = 5.0;
+
+/// Places on a link, mm from its origin. Of a link between two joints, the proportion of the two distances is used.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LinkPlaces {
+    /// Distance forwards to the joint with the link ahead; 0 for the first link.
+    pub front_joint_mm: f64,
+    /// Distance backwards to the joint with the link behind; 0 for the last link.
+    pub rear_joint_mm: f64,
+    /// Place of the wheel, positive ahead.
+    pub wheel_mm: f64,
+}
+
+/// Marker layout and places of the joints of a link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkCalibration {
+    pub markers: Vec<MarkerPosition>,
+    /// Distances from the origin forwards to the joint ahead and backwards to the joint behind, mm, with standard
+    /// errors; as given, without a standard error, on the first and last link, and `None` where there is no joint.
+    pub joints_mm: [Option<Estimate>; 2],
+    /// Standard error of the direction of the link, degrees.
+    pub direction_se_deg: f64,
+}
+
+/// Layout of a chain estimated from a subset of a trial's rows, by link from front to rear.
+struct ChainEstimate {
+    positions_mm: Vec<Vec<[f64; 3]>>,
+    joints_mm: Vec<[Option<f64>; 2]>,
+    direction_rad: Vec<f64>,
+}
+
+/// Rigid bodies of the links from front to rear with the positions of the joints in their frames.
+struct Jointed<'b> {
+    bodies: &'b [Body],
+    /// Positions of the joints ahead and behind on each link, mm; `None` where there is no joint.
+    joints: Vec<[Option<[f64; 2]>; 2]>,
+}
+
+impl<'b> Jointed<'b> {
+    fn new(bodies: &'b [Body], is_used: &dyn Fn(usize) -> bool) -> Option<Self> {
+        let mut joints = vec![[None; 2]; bodies.len()];
+        for (link, pair) in bodies.windows(2).enumerate() {
+            let (joint, _) = locate_joint(&pair[0], &pair[1], is_used)?;
+            joints[link][1] = Some(joint.in_inner);
+            joints[link + 1][0] = Some(joint.in_outer);
+        }
+        Some(Self { bodies, joints })
+    }
+
+    /// Returns the direction from the joint behind to the joint ahead, rad; `None` for the first and last link.
+    fn axis_rad(&self, link: usize) -> Option<f64> {
+        let [Some(ahead), Some(behind)] = self.joints[link] else { return None };
+        Some((ahead[1] - behind[1]).atan2(ahead[0] - behind[0]))
+    }
+
+    /// Returns the direction of the first or last link if it is on average aligned with its neighbour or, with two
+    /// links, if its markers surround its axis.
+    fn aligned_rad(&self, link: usize) -> f64 {
+        let inner = if link == 0 { 1 } else { link - 1 };
+        let Some(axis_rad) = self.axis_rad(inner) else {
+            // The origin of the body's frame is the centroid of its markers.
+            let [x, y] = match self.joints[link] {
+                [None, Some([x, y])] => [-x, -y],
+                [joint, _] => joint.unwrap_or([1.0, 0.0]),
+            };
+            return y.atan2(x);
+        };
+        let turns = self.bodies[inner].turns_to(&self.bodies[link]);
+        let (sin, cos) =
+            turns.fold((0.0, 0.0), |(sin, cos), (_, turn)| (sin + turn.sin(), cos + turn.cos()));
+        axis_rad + f64::atan2(sin, cos)
+    }
+
+    /// Returns the velocities of the only joint of the first or last link.
+    fn end_velocities(
+        &self,
+        link: usize,
+        file: &Recording,
+        rate_hz: f64,
+        is_used: &dyn Fn(usize) -> bool,
+    ) -> Option<Vec<rolling::Velocity>> {
+        let [ahead, behind] = self.joints[link];
+        let mut found =
+            rolling::velocities(&self.bodies[link], ahead.or(behind)?, &file.frames, rate_hz);
+        found.retain(|velocity| is_used(velocity.row));
+        Some(found)
+    }
+}
+
+impl ChainEstimate {
+    /// Estimates the layout; `None` if the rows do not determine the joints or the rolling directions.
+    fn new(
+        file: &Recording,
+        bodies: &[Body],
+        places: &[LinkPlaces],
+        rate_hz: f64,
+        is_used: &dyn Fn(usize) -> bool,
+    ) -> Option<Self> {
+        let bodies: Vec<Body> = bodies.iter().map(|body| body.refined(file, is_used)).collect();
+        let jointed = Jointed::new(&bodies, is_used)?;
+        let mut found =
+            Self { positions_mm: Vec::new(), joints_mm: Vec::new(), direction_rad: Vec::new() };
+        for (link, (body, places)) in bodies.iter().zip(places).enumerate() {
+            let LinkPlaces { front_joint_mm, rear_joint_mm, wheel_mm } = *places;
+            let (direction_rad, joints_mm) = match jointed.joints[link] {
+                [Some(ahead), Some(behind)] => {
+                    let length_mm = (ahead[0] - behind[0]).hypot(ahead[1] - behind[1]);
+                    let front_mm = length_mm * front_joint_mm / (front_joint_mm + rear_joint_mm);
+                    (jointed.axis_rad(link)?, [Some(front_mm), Some(length_mm - front_mm)])
+                }
+                [ahead, behind] => {
+                    let velocities = jointed.end_velocities(link, file, rate_hz, is_used)?;
+                    let lever_mm = match ahead {
+                        Some(_) => wheel_mm - front_joint_mm,
+                        None => wheel_mm + rear_joint_mm,
+                    };
+                    let guess_rad = jointed.aligned_rad(link);
+                    let direction_rad = rolling::direction(&velocities, lever_mm, guess_rad)?;
+                    let joints_mm = [ahead.map(|_| front_joint_mm), behind.map(|_| rear_joint_mm)];
+                    (direction_rad, joints_mm)
+                }
+            };
+            let (joint, joint_mm) = match (jointed.joints[link], joints_mm) {
+                ([Some(ahead), _], [Some(front_mm), _]) => (ahead, front_mm),
+                ([_, Some(behind)], [_, Some(rear_mm)]) => (behind, -rear_mm),
+                _ => return None,
+            };
+            let markers = body.markers.iter().map(|marker| {
+                let from_joint = [0, 1].map(|axis| marker.local_position_mm[axis] - joint[axis]);
+                let [x, y] = rotated(-direction_rad, from_joint);
+                [x + joint_mm, y, marker.height_mm]
+            });
+            found.positions_mm.push(markers.collect());
+            found.joints_mm.push(joints_mm);
+            found.direction_rad.push(direction_rad);
+        }
+        Some(found)
+    }
+}
+
+/// Fits the rigid bodies of the links, given the columns of their markers from front to rear, and checks that the joints
+/// turn.
+fn bodies(file: &Recording, groups: &[Vec<usize>]) -> Result<Vec<Body>, Problem> {
+    let bodies: Vec<Body> =
+        groups.iter().map(|group| fit_body(file, group)).collect::<Result<_, _>>()?;
+    for (joint, pair) in bodies.windows(2).enumerate() {
+        check_turn(joint, &pair[0], &pair[1], MIN_TURN_DEG)?;
+    }
+    Ok(bodies)
+}
+
+/// Returns the distances from their joint at which the wheels of the first and last link skid least, mm. `None` where
+/// the motion does not determine a plausible distance. `groups` are the columns of the links' markers from front to
+/// rear.
+///
+/// # Errors
+/// Returns an error if a joint turns too little or the markers of a link are not visible together.
+pub fn wheel_distances_mm(
+    file: &Recording,
+    groups: &[Vec<usize>],
+    rate_hz: f64,
+) -> Result<[Option<f64>; 2], Problem> {
+    let bodies = bodies(file, groups)?;
+    let jointed = Jointed::new(&bodies, &|_| true).ok_or(Problem::NoLayout)?;
+    Ok([0, bodies.len() - 1].map(|link| {
+        let [x, y] = jointed.joints[link].into_iter().flatten().next()?;
+        let to_markers_mm = x.hypot(y);
+        let sign = if link == 0 { 1.0 } else { -1.0 };
+        let velocities = jointed.end_velocities(link, file, rate_hz, &|_| true)?;
+        let guess_rad = jointed.aligned_rad(link);
+        let found_mm = sign * rolling::lever_mm(&velocities, guess_rad, sign * to_markers_mm)?;
+        (0.2..5.0).contains(&(found_mm / to_markers_mm)).then_some(found_mm)
+    }))
+}
+
+/// Estimates the marker layouts of a chain. `groups` are the columns of the links' markers and `places` the places on the
+/// links, from front to rear; `cycle_frames` is the length of a cycle of the gait.
+///
+/// # Errors
+/// Returns an error if a joint turns too little, if the markers of a link are not visible together, or if the motion does
+/// not determine the joints.
+pub fn calibrate_chain(
+    file: &Recording,
+    groups: &[Vec<usize>],
+    places: &[LinkPlaces],
+    rate_hz: f64,
+    cycle_frames: Option<f64>,
+) -> Result<Vec<LinkCalibration>, Problem> {
+    let bodies = bodies(file, groups)?;
+    let parts = Parts::new(file, cycle_frames);
+    let estimate = |left_out: usize| {
+        let is_used = |row: usize| parts.part_of(file, row).is_some_and(|part| part != left_out);
+        ChainEstimate::new(file, &bodies, places, rate_hz, &is_used).ok_or(Problem::NoLayout)
+    };
+    let whole = estimate(parts.count)?;
+    let partial = (0..parts.count).map(estimate).collect::<Result<_, _>>()?;
+    let jackknife = Jackknife { whole, partial };
+    let links = bodies.iter().enumerate().map(|(link, body)| {
+        let markers = body.markers.iter().enumerate().map(|(i, marker)| MarkerPosition {
+            label: short_label(file, marker.column).to_owned(),
+            position_mm: [0, 1, 2].map(|axis| {
+                jackknife.estimate(|part: &ChainEstimate| part.positions_mm[link][i][axis])
+            }),
+            configured_mm: None,
+        });
+        let is_inner = jackknife.whole.joints_mm[link].iter().all(Option::is_some);
+        let joints_mm = [0, 1].map(|side| {
+            let given = jackknife.whole.joints_mm[link][side]?;
+            let measured =
+                || jackknife.estimate(|part| part.joints_mm[link][side].unwrap_or(f64::NAN));
+            Some(if is_inner { measured() } else { Estimate::new(given, f64::NAN) })
+        });
+        let direction_rad = jackknife.whole.direction_rad[link];
+        let direction = jackknife.estimate(|part| wrap(part.direction_rad[link] - direction_rad));
+        LinkCalibration {
+            markers: markers.collect(),
+            joints_mm,
+            direction_se_deg: direction.se.to_degrees(),
+        }
+    });
+    Ok(links.collect())
+}
