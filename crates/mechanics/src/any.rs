@@ -1,5 +1,7 @@
 //! Steady-state motions of robots of any number of links behind one interface.
 
+mod sample;
+
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_robot::{
     AnyGait, AnyRobot, ChainNumber, CommandNumber, Gait, Laws, MAX_JOINTS, Parameter,
@@ -10,6 +12,8 @@ use super::reduced::COMMAND_SIZE;
 use super::{
     Attractor, FORCES_ACCURACY, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver,
 };
+
+pub use sample::AnySample;
 
 /// Robot of any number of links with given friction laws and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +35,12 @@ enum Kind {
 impl From<Problem> for AnyProblem {
     fn from(Problem { robot, gait, laws, omega_rad_s }: Problem) -> Self {
         Self { robot: robot.into(), gait: gait.into(), laws, omega_rad_s }
+    }
+}
+
+impl From<ChainProblem> for AnyProblem {
+    fn from(ChainProblem { chain, laws, omega_rad_s }: ChainProblem) -> Self {
+        Self { gait: chain.gait(), robot: chain.into(), laws, omega_rad_s }
     }
 }
 

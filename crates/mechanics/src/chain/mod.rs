@@ -27,7 +27,7 @@ use self::model::Model;
 use crate::cycle::Cycle;
 use crate::method::{Collocation, work_and_loss_j};
 use crate::orbit::PeriodicOrbit;
-use crate::{MotionError, Result, trajectory};
+use crate::{MotionError, Result, SteadyMotion, trajectory};
 
 /// Chain with given friction laws at one frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,6 +85,17 @@ impl ChainMotion {
     pub fn status(&self) -> MotionStatus {
         MotionStatus::new(self.floquet, self.is_symmetry_broken)
     }
+
+    /// Returns the motion with the metrics by the numbers of the links.
+    pub(crate) fn by_number(&self, chain: &Chain) -> SteadyMotion {
+        let Self { metrics, floquet, work_j, is_symmetry_broken, .. } = self;
+        SteadyMotion {
+            metrics: metrics.by_number(chain),
+            floquet: *floquet,
+            work_j: *work_j,
+            is_symmetry_broken: *is_symmetry_broken,
+        }
+    }
 }
 
 /// Motion of a chain that is reached from rest.
@@ -120,6 +131,11 @@ struct Settle {
 }
 
 struct Sampled {
+    accuracy: f64,
+    samples: usize,
+}
+
+struct SettleAndSample {
     accuracy: f64,
     samples: usize,
 }
@@ -165,12 +181,22 @@ impl Task for Settle {
         let first = method.find(false, self.accuracy);
         let is_solved = first.is_ok();
         let first = first.and_then(|(cycle, _)| motion_of(&method.model, method.orbit, &cycle));
-        let reached = method.reach(is_solved, self.accuracy);
-        let attractor = reached.and_then(|(cycle, cycles, is_found_by_solve)| {
-            let motion = motion_of(&method.model, method.orbit, &cycle)?;
-            Ok(ChainAttractor { motion, cycles, is_found_by_solve })
-        });
-        Ok((first, attractor))
+        Ok((first, attractor_of(&mut method, is_solved, self.accuracy)))
+    }
+}
+
+impl Task for SettleAndSample {
+    type Output = (ChainAttractor, Vec<ChainSample>);
+
+    fn run<const N: usize, const C: usize, const D: usize>(
+        self,
+        model: Model<N, C, D>,
+    ) -> Result<Self::Output> {
+        let mut orbit = PeriodicOrbit::default();
+        let mut method = Collocation { model, orbit: &mut orbit };
+        let is_solved = method.find(false, self.accuracy).is_ok();
+        let attractor = attractor_of(&mut method, is_solved, self.accuracy)?;
+        Ok((attractor, trajectory::cycle(&method.model, &method.orbit.mesh, self.samples)?))
     }
 }
 
@@ -210,6 +236,18 @@ fn solved<const N: usize, const C: usize, const D: usize>(
     let mut method = Collocation { model, orbit: &mut orbit };
     let (cycle, _) = method.find(false, accuracy)?;
     Ok((method.model, orbit, cycle))
+}
+
+/// Returns the attractor reached from rest; `is_solved` says whether the solution that [`ChainProblem::solve`] finds is
+/// the last one.
+fn attractor_of<const N: usize, const C: usize, const D: usize>(
+    method: &mut Collocation<'_, N, Model<N, C, D>>,
+    is_solved: bool,
+    accuracy: f64,
+) -> Result<ChainAttractor> {
+    let (cycle, cycles, is_found_by_solve) = method.reach(is_solved, accuracy)?;
+    let motion = motion_of(&method.model, method.orbit, &cycle)?;
+    Ok(ChainAttractor { motion, cycles, is_found_by_solve })
 }
 
 /// Returns the motion of the last solution, given its measurements.
@@ -293,6 +331,18 @@ impl ChainProblem {
     /// Returns an error as [`ChainProblem::solve`] does.
     pub fn cycle(&self, accuracy: f64, samples: usize) -> Result<Vec<ChainSample>> {
         self.with(Sampled { accuracy, samples })
+    }
+
+    /// Returns the result of [`ChainProblem::settle`] and one cycle of that motion, sampled as by [`ChainProblem::cycle`].
+    ///
+    /// # Errors
+    /// Returns an error as [`ChainProblem::settle`] does.
+    pub(crate) fn settled_cycle(
+        &self,
+        accuracy: f64,
+        samples: usize,
+    ) -> Result<(ChainAttractor, Vec<ChainSample>)> {
+        self.with(SettleAndSample { accuracy, samples })
     }
 
     /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the end.
