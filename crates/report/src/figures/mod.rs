@@ -81,7 +81,7 @@ const KINDS: [Kind; 17] = [
 /// Name of the figure that compares fitted values with the true values of synthetic trials.
 pub(crate) const TRUTH: &str = "truth";
 /// Name of the figure that shows the actuators' work.
-const WORK: &str = "work";
+pub(crate) const WORK: &str = "work";
 
 impl Kind {
     /// Returns the stem of the figure's file names: that of the corresponding figure in the paper or, if there is none,
