@@ -122,8 +122,8 @@ pub(super) fn links(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<Vec
     Some(points.map(|pose| (pose.x_m, pose.y_m)).collect())
 }
 
-/// Returns an arrow that is drawn beside a path and points in the direction of travel.
-pub(super) fn travel(path: &[(f64, f64)]) -> Layer {
+/// Returns an arrow that is drawn beside a path and the points `beside`, and points in the direction of travel.
+pub(super) fn travel(path: &[(f64, f64)], beside: &[(f64, f64)]) -> Layer {
     const LENGTH: f64 = 0.35;
     const ASIDE: f64 = 0.1;
     let (from, to) = match path {
@@ -136,6 +136,7 @@ pub(super) fn travel(path: &[(f64, f64)]) -> Layer {
     let length = along.hypot(up);
     let lowest = path
         .iter()
+        .chain(beside)
         .map(|point| ((point.1 - from.1) * along - (point.0 - from.0) * up) / length)
         .fold(0.0, f64::min);
     let aside = lowest / length - ASIDE;
@@ -180,8 +181,10 @@ mod tests {
     #[test]
     fn the_arrow_points_in_the_direction_of_travel_beside_the_path() {
         let path = [(0.0, 0.0), (1.0, -0.2), (2.0, 0.1), (3.0, 0.0)];
-        let [from, to] = travel(&path).points[..] else { panic!("an arrow") };
+        let [from, to] = travel(&path, &[]).points[..] else { panic!("an arrow") };
         assert!(to.x > from.x && (to.y - from.y).abs() < 1e-12);
         assert!(from.y < -0.2);
+        let [from, _] = travel(&path, &[(0.5, -0.7)]).points[..] else { panic!("an arrow") };
+        assert!(from.y < -0.7);
     }
 }

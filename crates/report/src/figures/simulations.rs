@@ -238,7 +238,7 @@ fn gait_and_path(
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
     let path = simulated::repeat(cycle, PATH_CYCLES, start);
     let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
-    let arrow = travel(&path);
+    let arrow = travel(&path, &[]);
     let at_start =
         links_at_start(links(&problem.robot, start, &cycle[0].phi_rad).unwrap_or_default());
     let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);

@@ -60,11 +60,14 @@ pub(super) fn figure(
     let seen = |i: usize| position((recording.x_m[i], recording.y_m[i]));
     let first = shown.start.min(recording.time_s.len().saturating_sub(1));
     let at_start: Vec<f64> = recording.phi_rad.iter().map(|phi_rad| phi_rad[first]).collect();
-    let at_start = links(&robot, start, &at_start)?;
+    let at_start: Vec<(f64, f64)> =
+        links(&robot, start, &at_start)?.into_iter().map(position).collect();
+    // Chains can be longer than their paths and travel with their rear link ahead.
+    let beside = if config.is_chain(&trial.campaign) { &at_start[..] } else { &[] };
     let positions = shown.clone().map(seen).filter(|(x, y)| (x + y).is_finite());
     let mut path = vec![
-        links_at_start(at_start.into_iter().map(position)),
-        travel(&positions.collect::<Vec<_>>()),
+        links_at_start(at_start.iter().copied()),
+        travel(&positions.collect::<Vec<_>>(), beside),
         measured(&seen),
     ];
     let mut add = |name: &str, look: Look, poses: Vec<(f64, Pose)>| {

@@ -141,7 +141,7 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
             links(&robot, pose, phi_rad.get(..recording.phi_rad.len())?)
         });
     if let Some(links) = links {
-        layers.extend([links_at_start(links), travel(&seen)]);
+        layers.extend([links_at_start(links), travel(&seen, &[])]);
     }
     layers.push(Layer::new("measured", all, looks::RECORDED));
     let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });

@@ -368,6 +368,11 @@ fn the_report_page_describes_chains_beside_a_robot_with_three_links() {
     let head = amplitudes.lines().next().expect("a head");
     assert!(head.contains("alpha2_deg") && head.contains("alpha3_deg"), "{head}");
     assert!(!head.contains("alpha1_deg"), "{head}");
+    let residuals = read(&folder.join("passive-residuals.csv"));
+    assert!(residuals.contains(",α₂,") && !residuals.contains(",α₁,"), "{residuals}");
+    let profiles = read(&folder.join("passive-profiles.csv"));
+    let head = profiles.lines().next().expect("a head");
+    assert!(head.contains("skid_tail_kg_s") && !head.contains("skid2_kg_s"), "{head}");
     let simulated = read(&folder.join("passive-simulated.csv"));
     assert!(simulated.contains("wheel 2 (tail)") && !simulated.contains("wheel 3"));
     let work = read(&folder.join("work.csv"));
@@ -383,8 +388,13 @@ fn a_report_on_one_chain_has_only_its_wheels() {
     tables.trials.retain(|row| row.campaign == TWISTCAR);
     tables.fits.retain(|row| row.campaign == TWISTCAR);
     tables.predictions.retain(|row| row.campaign == TWISTCAR);
+    tables.fits[0].free.push(Quantity::Roll.sum());
     write(&tables, &folder.path().join("derived"));
     let page = read(&report(&config).expect("reports").page);
+    // With several campaigns, the figure of the work is among the comparisons.
+    assert!(section(&page, "campaign-1").contains("id=\"fig-work\""));
+    let latex = read(&folder.path().join("reports/coefficients.tex"));
+    assert!(latex.contains("$c^R_0 + c^R_1$ (kg/s)"), "{latex}");
     assert!(page.contains("<h1>Trials of a wheeled robot</h1>"));
     let trials = section(&page, "trials");
     assert!(trials.contains(
