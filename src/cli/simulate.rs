@@ -128,7 +128,9 @@ impl Simulate {
             context.say(&trajectory::write(path, &solved, self.from_rest, self.samples as usize)?);
         }
         if let (Some(path), [(setup, answer)]) = (&self.page, &solved[..]) {
-            context.say(&page::write(path, campaign, setup, answer)?);
+            let names = (campaign.as_str(), setup.model.name());
+            let problem = setup.problem(answer.omega_rad_s);
+            context.say(&page::write(path, names, problem, answer.cycles_to_settle, answer)?);
         }
         let answers: Vec<&Answer> = solved.iter().map(|(_, answer)| answer).collect();
         let rows: Vec<SimulationRow> = answers.iter().map(|answer| answer.row()).collect();

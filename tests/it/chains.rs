@@ -163,6 +163,54 @@ fn the_transient_of_a_chain_comes_before_its_steady_cycle() {
 }
 
 #[test]
+fn a_page_animates_a_chain_from_rest_with_the_values_of_its_trajectory() {
+    let folder = folder_of("passive-snake.toml");
+    let stiff = ["--set", "joint2.stiffness_nm_rad=0.4"];
+    let simulate = ["simulate", "passive", "--model", "skid-roll", "--omega", "4"];
+    let simulate = [&simulate[..], &stiff].concat();
+    succeed(folder.path(), &[&simulate[..], &["--page", "motion.html"]].concat());
+    let page = std::fs::read_to_string(folder.path().join("motion.html")).expect("a page");
+    for text in [
+        "<th scope=\"row\">σ₂, wheel 2 (tail)</th>",
+        "<th scope=\"row\">α₃</th>",
+        "<th scope=\"row\">joint2.stiffness_nm_rad</th><td class=\"n\">0.4</td>",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(!page.contains("wheel 3"));
+    let replay = super::simulate::replay_of(&page);
+    assert_eq!(replay["names"], serde_json::json!(["body", "head", "tail", "fin"]));
+    let settled = replay["time"].as_array().map_or(0, Vec::len);
+    let rest = ["--from-rest", "--samples", "296", "--trajectory", "rest.parquet"];
+    succeed(folder.path(), &[&simulate[..], &rest].concat());
+    let table = Table::read(&folder.path().join("rest.parquet")).expect("a table");
+    let quantity = |name: &str| {
+        let all = replay["quantities"].as_array().expect("quantities");
+        all.iter().find(|of| of["name"] == name).unwrap_or_else(|| panic!("{name}")).clone()
+    };
+    let torque = quantity("Torque of joints 1 to 3");
+    assert_eq!(torque["values"].as_array().map(Vec::len), Some(3));
+    let [skid, across] = ["Skid velocity", "Skid friction"].map(quantity);
+    assert!(skid["values"][3].as_array().expect("frames").iter().all(Value::is_null));
+    for (shown, column) in [
+        (&replay["motions"][0]["phi"][2], "phi3_rad"),
+        (&skid["values"][0], "skid0_m_s"),
+        (&across["values"][2], "lateral2_n"),
+        (&torque["values"][1], "torque2_nm"),
+        (&quantity("Power of the actuators")["values"][0], "power_w"),
+    ] {
+        let known = table.values::<f64>(column).expect("numbers");
+        // The page has 74 frames per cycle.
+        let known: Vec<f64> = known.into_iter().step_by(4).collect();
+        let shown = super::simulate::sums(shown);
+        assert!(known.len() < shown.len() && shown.len() == settled, "{column}");
+        for (shown, known) in shown.iter().zip(&known) {
+            assert!((shown - known).abs() < 0.50001e-4, "{column}: {shown} {known}");
+        }
+    }
+}
+
+#[test]
 fn options_and_commands_that_do_not_support_chains_say_so() {
     let folder = folder_of("twistcar.toml");
     let refused = |arguments: &[&str], expected: &str| {
@@ -174,7 +222,6 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
     let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4"];
     for (options, named) in [
         (&["--fitted", "--bands"][..], "--bands"),
-        (&["--page", "motion.html"], "--page"),
         (&["--sensitivities", "--monte-carlo"], "--monte-carlo"),
     ] {
         let message = format!(

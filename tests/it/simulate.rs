@@ -579,14 +579,14 @@ fn a_trajectory_that_cannot_be_written_is_an_error_and_leaves_nothing() {
 }
 
 /// Returns the data of the replay script in a page written by `simulate --page`.
-fn replay_of(page: &str) -> Value {
+pub(crate) fn replay_of(page: &str) -> Value {
     let start = "<script type=\"application/json\">";
     let from = page.find(start).expect("a replay") + start.len();
     serde_json::from_str(&page[from..][..page[from..].find("</script>").unwrap()]).expect("JSON")
 }
 
 /// Returns the running sums of integers, converted from units of 1e-4 to SI units.
-fn sums(differences: &Value) -> Vec<f64> {
+pub(crate) fn sums(differences: &Value) -> Vec<f64> {
     let mut sum = 0;
     let mut add = |step: &Value| {
         sum += step.as_i64().expect("a whole number");

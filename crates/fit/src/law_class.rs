@@ -5,8 +5,8 @@
 //! the factor e changes every metric by less than a trial's noise, the wheels are effectively constrained.
 
 use trilink_mechanics::{AnySolver, FIT_ACCURACY, MotionError};
-use trilink_robot::{AnyRobot, Quantity};
-use trilink_tables::{LINEAR_PART, LawKind, LawLike};
+use trilink_robot::{AnyRobot, Quantity, Robot};
+use trilink_tables::{LINEAR_PART, LawKind, LawLike, Numbered};
 
 use super::fitted_point::FittedPoint;
 use super::objective::Objective;
@@ -28,7 +28,12 @@ pub(super) fn law_is_like(point: &FittedPoint, variation: &Variation) -> Option<
         let dry = if has_static { Quantity::SkidStatic } else { Quantity::SkidDry };
         let is_insensitive = is_insensitive(point, variation);
         let kind = if is_insensitive { LawKind::Constrained } else { LawKind::Viscous };
-        LawLike { kind, viscous_kg_s: dry.of_each().map(|of| robot.value(of) / transition_m_s) }
+        let value = |wheel| robot.value(dry.parameter(wheel)) / transition_m_s;
+        LawLike {
+            kind,
+            viscous_kg_s: [0, 1, 2].map(value),
+            more_viscous_kg_s: Numbered((Robot::LINKS..=robot.joints()).map(value).collect()),
+        }
     })
 }
 
@@ -40,7 +45,8 @@ fn max_skid_velocity_m_s(objective: &Objective, robot: &AnyRobot) -> Result<f64,
         let problem = objective.problem_of(robot, condition)?;
         solver.forget();
         solver.solve(&problem, FIT_ACCURACY)?;
-        for skid_m_s in solver.skid_m_s(SAMPLES)? {
+        // The skid velocity of a link without a wheel is NaN, which the maximum ignores.
+        for skid_m_s in solver.cycle(SAMPLES)?.into_iter().flat_map(|sample| sample.skid_m_s) {
             max_m_s = max_m_s.max(skid_m_s.abs());
         }
     }

@@ -9,19 +9,21 @@ use trilink_tables::{NoPrecisionReason, PrecisionRow};
 
 use super::measurement::Measurement;
 
-/// Returns the precision of each metric that a fit can use; that of alpha_1 only if the `gait` has a passive joint.
+/// Returns the precision of each metric that a fit can use; that of the amplitude of a joint only if the `gait` does not
+/// command its angle.
 /// `measurements` are those of the campaign, sorted by [`Measurement::order`].
 pub(super) fn rows(
     campaign: &str,
     gait: &AnyGait,
     measurements: &[Measurement],
 ) -> Vec<PrecisionRow> {
-    let is_passive = gait.joints[0].is_none();
-    let metrics = Metric::FITTED.into_iter();
-    let metrics = metrics.filter(|metric| match metric {
-        Metric::Alpha1 => is_passive,
-        metric if metric.is_of_three_links() => true,
-        metric => measurements.iter().any(|of| of.metrics[*metric].is_finite()),
+    let is_driven = |metric| {
+        let joint = Metric::ALPHA.iter().position(|alpha| *alpha == metric);
+        joint.is_some_and(|joint| gait.joints[joint].is_some())
+    };
+    let is_measured = |metric| measurements.iter().any(|of| of.metrics[metric].is_finite());
+    let metrics = Metric::FITTED.into_iter().filter(|metric| {
+        !is_driven(*metric) && (metric.is_of_three_links() || is_measured(*metric))
     });
     metrics.map(|metric| row(campaign, measurements, metric)).collect()
 }

@@ -1,5 +1,7 @@
 //! Steady-state motions of robots of any number of links behind one interface.
 
+mod sample;
+
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 use trilink_robot::{
     AnyGait, AnyRobot, ChainError, ChainNumber, CommandNumber, FreeJoint, Gait, Joint,
@@ -12,6 +14,8 @@ use super::transient::{Frames, Posture};
 use super::{
     Attractor, FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Solver, SteadyMotion,
 };
+
+pub use sample::AnySample;
 
 /// Robot of any number of links with given friction laws and a gait at one frequency.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,15 +83,9 @@ impl AnyProblem {
     /// # Errors
     /// Returns an error if the problem has no steady-state motion, or if the transient does not settle.
     pub fn settle(&self, accuracy: f64) -> Result<Attractor> {
-        match self.kind() {
-            Kind::ThreeLinks(problem) => Solver::default().settle(&problem, accuracy),
-            Kind::Chain(problem) => {
-                let ChainAttractor { motion, cycles, is_found_by_solve } =
-                    problem.settle(accuracy)?;
-                let motion = motion.by_number(&problem.chain);
-                Ok(Attractor { motion, cycles, is_found_by_solve })
-            }
-        }
+        let mut solver = AnySolver::default();
+        let first = solver.solve(self, accuracy);
+        solver.attractor(self, first, accuracy)
     }
 
     pub(super) fn kind(&self) -> Kind {
@@ -265,23 +263,32 @@ impl AnySolver {
         }
     }
 
+    /// Integrates the transient from rest and solves for the steady-state motion that it reaches, given `first`, the result
+    /// of [`AnySolver::solve`] for this problem. The next solution starts from that motion.
+    ///
+    /// # Errors
+    /// Returns an error if the transient cannot be integrated or does not settle.
+    pub fn attractor(
+        &mut self,
+        problem: &AnyProblem,
+        first: Result<GaitMetrics>,
+        accuracy: f64,
+    ) -> Result<Attractor> {
+        match problem.kind() {
+            Kind::ThreeLinks(problem) => self.three_links.attractor(&problem, first, accuracy),
+            Kind::Chain(problem) => {
+                let ChainAttractor { motion, cycles, is_found_by_solve } =
+                    self.chain.attractor(&problem, first.is_ok(), accuracy)?;
+                let motion = motion.by_number(&problem.chain);
+                Ok(Attractor { motion, cycles, is_found_by_solve })
+            }
+        }
+    }
+
     /// Returns whether the last solution, that of `problem` with the given metrics, is reached from rest. The motion that
     /// is reached becomes the last solution.
     pub fn from_rest(&mut self, problem: &AnyProblem, metrics: GaitMetrics) -> FromRest {
-        match problem.kind() {
-            Kind::ThreeLinks(problem) => {
-                let solver = &mut self.three_links;
-                Attractor::from_rest(&solver.attractor(&problem, Ok(metrics), REFERENCE_ACCURACY))
-            }
-            Kind::Chain(problem) => {
-                let is_solved = self.chain.last() == Some(&problem);
-                match self.chain.attractor(&problem, is_solved, REFERENCE_ACCURACY) {
-                    Ok(attractor) if attractor.is_found_by_solve => FromRest::Reached,
-                    Ok(_) => FromRest::Another,
-                    Err(_) => FromRest::Unsettled,
-                }
-            }
-        }
+        Attractor::from_rest(&self.attractor(problem, Ok(metrics), REFERENCE_ACCURACY))
     }
 
     /// Returns the derivatives of the last solution's metrics with respect to the given parameters, in their order.
@@ -350,22 +357,6 @@ impl AnySolver {
         Ok(derivatives)
     }
 
-    /// Returns the torques of the joints, followed by zeros, at `samples + 1` times of a cycle of the last solution, N m.
-    ///
-    /// # Errors
-    /// Returns an error as [`AnySolver::status`] does.
-    pub fn torques_nm(&mut self, samples: usize) -> Result<Vec<[f64; MAX_JOINTS]>> {
-        let padded = |torques: &[f64]| {
-            std::array::from_fn(|joint| torques.get(joint).copied().unwrap_or(0.0))
-        };
-        if self.chain.last().is_none() {
-            let cycle = self.three_links.cycle(samples)?;
-            return Ok(cycle.iter().map(|sample| padded(&sample.forces.torque_nm)).collect());
-        }
-        let cycle = self.chain.cycle(samples)?;
-        Ok(cycle.iter().map(|sample| padded(&sample.torque_nm)).collect())
-    }
-
     /// Returns the derivatives of displacement and work of the last solution with respect to the frequency, per rad/s,
     /// and to numbers of the commands, in SI units and in their order. Of a robot of three links, these are numbers of the
     /// commands of its joints.
@@ -411,46 +402,25 @@ impl AnySolver {
     /// # Errors
     /// Returns an error as [`AnySolver::status`] does.
     pub fn largest_torque_nm(&mut self, gait: &AnyGait, samples: usize) -> Result<f64> {
-        let torques_nm: Vec<f64> = match self.chain.last().cloned() {
-            None => {
-                let cycle = self.three_links.cycle(samples)?;
-                let torques = cycle
-                    .iter()
-                    .flat_map(|sample| sample.forces.torque_nm.into_iter().zip(gait.joints));
-                torques.filter(|(_, command)| command.is_some()).map(|(torque, _)| torque).collect()
-            }
-            Some(problem) => {
-                let cycle = self.chain.cycle(samples)?;
-                let torques = cycle.iter().flat_map(|sample| {
-                    let joints = problem.chain.joints.iter().zip(&sample.torque_nm);
-                    joints.map(|(joint, torque_nm)| match joint {
-                        Joint::Free(FreeJoint { target, torque, .. })
-                            if target.half_range_rad() == 0.0 =>
-                        {
-                            torque.at(problem.omega_rad_s * sample.time_s)
-                        }
-                        Joint::Driven(_) | Joint::Free(_) => *torque_nm,
-                    })
-                });
-                torques.collect()
-            }
-        };
-        let finite = torques_nm.into_iter().map(f64::abs).filter(|torque| torque.is_finite());
+        let cycle = self.cycle(samples)?;
+        let chain = self.chain.last();
+        let torques_nm = cycle.iter().flat_map(|sample| {
+            sample.torque_nm.iter().enumerate().filter_map(move |(joint, torque_nm)| {
+                let Some(problem) = chain else {
+                    return gait.joints[joint].map(|_| *torque_nm);
+                };
+                match problem.chain.joints[joint] {
+                    Joint::Free(FreeJoint { target, torque, .. })
+                        if target.half_range_rad() == 0.0 =>
+                    {
+                        Some(torque.at(problem.omega_rad_s * sample.time_s))
+                    }
+                    Joint::Driven(_) | Joint::Free(_) => Some(*torque_nm),
+                }
+            })
+        });
+        let finite = torques_nm.map(f64::abs).filter(|torque| torque.is_finite());
         Ok(finite.fold(0.0, f64::max))
-    }
-
-    /// Returns the skid velocities of all wheels at `samples + 1` times of a cycle of the last solution, m/s.
-    ///
-    /// # Errors
-    /// Returns an error as [`AnySolver::status`] does.
-    pub fn skid_m_s(&mut self, samples: usize) -> Result<Vec<f64>> {
-        if self.chain.last().is_none() {
-            let cycle = self.three_links.cycle(samples)?;
-            return Ok(cycle.iter().flat_map(|sample| sample.skid_m_s).collect());
-        }
-        let cycle = self.chain.cycle(samples)?;
-        let skid_m_s = cycle.into_iter().flat_map(|sample| sample.skid_m_s);
-        Ok(skid_m_s.filter(|of| !of.is_nan()).collect())
     }
 }
 

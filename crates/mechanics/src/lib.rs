@@ -62,7 +62,7 @@ mod transient;
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 
-pub use any::{AnyProblem, AnySolver, DistanceAndWork, InputDerivatives};
+pub use any::{AnyProblem, AnySample, AnySolver, DistanceAndWork, InputDerivatives};
 pub use branch::{Branch, BranchPoint, branches};
 pub use chain::{
     ChainAttractor, ChainMetrics, ChainMotion, ChainProblem, ChainSample, ChainSlopes,

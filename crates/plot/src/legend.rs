@@ -6,6 +6,8 @@ use super::style::{self, SAMPLE};
 
 pub(crate) const SAMPLE_GAP: f64 = 5.0;
 const GAP: f64 = 14.0;
+/// Excess over the room that rounding errors of sums of widths can cause, px.
+const ROUNDING: f64 = 1e-6;
 /// Height of a row in a legend, px.
 pub(crate) const ROW: f64 = 19.0;
 
@@ -39,10 +41,10 @@ pub(crate) fn lay_out(mut samples: Vec<Layer>, left: f64, right: f64) -> Vec<Ent
     let room = right - left;
     let names: Vec<String> = samples.iter().map(|sample| sample.name.clone()).collect();
     for sample in &mut samples {
-        sample.name = shorten(&sample.name, room - SAMPLE - SAMPLE_GAP);
+        sample.name = shorten(&sample.name, room - SAMPLE - SAMPLE_GAP + ROUNDING);
     }
     let rows = (1..samples.len())
-        .find(|rows| column_widths(&samples, *rows).iter().sum::<f64>() - GAP <= room + 1e-6)
+        .find(|rows| column_widths(&samples, *rows).iter().sum::<f64>() - GAP <= room + ROUNDING)
         .unwrap_or(samples.len())
         .max(1);
     let widths = column_widths(&samples, rows);
@@ -111,6 +113,22 @@ mod tests {
         assert_eq!(fit_label(label, style::text_width(label)), label);
         assert_eq!(fit_label(label, 80.0), "ω (rad/s)");
         assert!(fit_label("Amplitude of joint 2 (deg)", 80.0).ends_with('…'));
+    }
+
+    #[test]
+    fn a_single_name_is_complete_in_the_room_that_it_needs() {
+        let look = style::Look::Line {
+            colour: style::INK,
+            dash: style::SOLID,
+            width_px: style::LINE_WIDTH,
+        };
+        let samples = vec![Layer::new("φ₁", [], look)];
+        let width = row_width(&samples);
+        for tenths in 3000..5000 {
+            let right = 0.1 * f64::from(tenths);
+            let entries = lay_out(samples.clone(), right - width, right);
+            assert_eq!(entries[0].sample.name, "φ₁", "{right}");
+        }
     }
 
     #[test]

@@ -85,7 +85,8 @@ fn table(
         }
         let cells = fits.iter().map(|fit| cell(fit, parameter, &mut notes));
         let cells: String = cells.map(|cell| format!(" & {cell}")).collect();
-        let symbol = parameter.latex();
+        let links = 0..input.links(campaign).len();
+        let symbol = parameter.latex(links.filter(|link| input.has_wheel(campaign, *link)));
         let unit = escaped(parameter.unit()).replace(' ', "\\,");
         rows.push(format!("${symbol}$ ({unit}){cells} \\\\\n"));
     }

@@ -13,7 +13,7 @@ pub(crate) const WHEELS: [&str; 3] = ["middle", "front", "rear"];
 
 /// Returns the label of a parameter, with the name of its wheel's link in place of the number; `links` are the names by
 /// number.
-fn label<N: AsRef<str>>(parameter: Parameter, links: &[N]) -> String {
+pub(crate) fn label<N: AsRef<str>>(parameter: Parameter, links: &[N]) -> String {
     let definition = parameter.quantity().definition();
     let wheel = parameter.number().filter(|_| definition.per == Per::Wheel);
     match wheel.and_then(|wheel| links.get(wheel)) {

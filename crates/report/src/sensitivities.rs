@@ -3,8 +3,8 @@
 use trilink_base::Named as _;
 use trilink_base::numbers::fixed;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
-use trilink_robot::Parameter;
 use trilink_robot::metrics::Metric;
+use trilink_robot::{Parameter, Robot};
 use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
 
 use super::ReportError;
@@ -78,7 +78,7 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
 /// Returns the symbol of a parameter of the robot or of the gait, or its name if it has no symbol.
 fn symbol(name: &str) -> String {
     if let Some(parameter) = Parameter::of_name(name) {
-        return plain(&parameter.latex());
+        return plain(&parameter.latex(0..Robot::LINKS));
     }
     const OF_GAIT: [(&str, &str); 4] =
         [("amplitude", "α"), ("offset", "γ"), ("phase", "ψ"), ("omega_rad_s", "ω")];

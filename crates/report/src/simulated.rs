@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{
-    ChainProblem, ChainSample, FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem,
-    REFERENCE_ACCURACY, Sample, Solver,
+    AnyProblem, AnySample, FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose,
+    REFERENCE_ACCURACY, SteadyMotion,
 };
 use trilink_robot::metrics::GaitMetrics;
 use trilink_statistics::extremes;
@@ -25,20 +25,20 @@ pub(crate) fn configured(
     campaign: &str,
     model: Model,
     omega_rad_s: f64,
-) -> Option<Problem> {
-    let (robot, gait) = input.campaign_setup(campaign)?;
+) -> Option<AnyProblem> {
+    let (robot, gait) = input.setup(campaign)?;
     let laws = input.models().get(&model)?.laws();
-    Some(Problem { robot, gait, laws, omega_rad_s })
+    Some(AnyProblem { robot, gait, laws, omega_rad_s })
 }
 
 /// Returns the motion problem for a fitted model under the commanded gait; `None` if the fit failed or its campaign is
 /// not configured.
-pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
+pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<AnyProblem> {
     let mut problem = configured(input, &fit.campaign, fit.model, omega_rad_s)?;
     for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
         // The coefficients of the individual wheels are known whenever their sum is known.
         if !parameter.is_sum() {
-            parameter.set(&mut problem.robot, *value);
+            problem.robot.set(parameter, *value);
         }
     }
     fit.status.is_ok().then_some(problem)
@@ -52,7 +52,7 @@ pub(crate) fn best_known(
     campaign: &str,
     model: Model,
     omega_rad_s: f64,
-) -> Option<(Problem, bool)> {
+) -> Option<(AnyProblem, bool)> {
     let mut fits = tables.fits.iter();
     let fit = fits.find(|fit| fit.campaign == campaign && fit.model == model);
     match fit.and_then(|fit| fitted(input, fit, omega_rad_s)) {
@@ -62,80 +62,19 @@ pub(crate) fn best_known(
 }
 
 /// Returns the motion problem for a fitted model at a trial's frequency, under the gait input of the fit.
-pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<Problem> {
+pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<AnyProblem> {
     let problem = fitted(input, fit, trial.omega_rad_s)?;
     let is_measured = fit.gait_input == GaitInput::Measured;
     Some(if is_measured { under_gait_of(trial, problem) } else { problem })
 }
 
 /// Replaces the mean and the first harmonic of each joint command in a motion problem with those measured in a trial;
-/// passive joints stay passive.
-pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
-    for (command, measured) in problem.gait.joints.iter_mut().zip(&trial.gait) {
+/// joints that are not driven stay so.
+pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: AnyProblem) -> AnyProblem {
+    for (command, measured) in problem.gait.joints.iter_mut().zip(trial.joints()) {
         *command = command.map(|command| command.measured(measured.command()));
     }
     problem
-}
-
-/// Sample of a simulated motion of any robot.
-pub(crate) trait MotionSample {
-    fn time_s(&self) -> f64;
-    /// Returns the pose of link 0; the motion starts at the origin, heading along x.
-    fn pose(&self) -> Pose;
-    /// Returns the joint angles from front to rear, rad.
-    fn phi_rad(&self) -> &[f64];
-}
-
-impl MotionSample for Sample {
-    fn time_s(&self) -> f64 {
-        self.time_s
-    }
-
-    fn pose(&self) -> Pose {
-        self.pose
-    }
-
-    fn phi_rad(&self) -> &[f64] {
-        &self.phi_rad
-    }
-}
-
-impl MotionSample for ChainSample {
-    fn time_s(&self) -> f64 {
-        self.time_s
-    }
-
-    fn pose(&self) -> Pose {
-        self.pose
-    }
-
-    fn phi_rad(&self) -> &[f64] {
-        &self.phi_rad
-    }
-}
-
-/// Returns the motion problem for a fitted model of a chain at a trial's frequency, under the gait input of the fit;
-/// `None` if the fit failed, or if its campaign is not configured or not that of a chain.
-pub(crate) fn chain_fitted_to(
-    input: &ReportInput,
-    fit: &FitRow,
-    trial: &TrialRow,
-) -> Option<ChainProblem> {
-    let (mut robot, mut gait) = input.setup(&fit.campaign)?;
-    let laws = input.models().get(&fit.model)?.laws();
-    for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
-        if !parameter.is_sum() {
-            robot.set(parameter, *value);
-        }
-    }
-    if fit.gait_input == GaitInput::Measured {
-        for (command, measured) in gait.joints.iter_mut().zip(trial.joints()) {
-            *command = command.map(|command| command.measured(measured.command()));
-        }
-    }
-    let chain = robot.chain()?.with_gait(&gait);
-    let omega_rad_s = trial.omega_rad_s;
-    fit.status.is_ok().then_some(ChainProblem { chain, laws, omega_rad_s })
 }
 
 /// Returns the frequencies (rad/s) and values of a quantity of a fitted model, at a subset of the frequencies of the
@@ -144,7 +83,7 @@ pub(crate) fn curve(
     tables: &Tables,
     input: &ReportInput,
     fit: &FitRow,
-    quantity: impl Fn(&mut Solver, &Problem) -> Option<f64> + Sync,
+    quantity: impl Fn(&AnyProblem) -> Option<f64> + Sync,
 ) -> Vec<(f64, f64)> {
     /// Minimum stride with which the frequencies of the prediction curve are subsampled.
     const STRIDE: usize = 2;
@@ -159,8 +98,7 @@ pub(crate) fn curve(
         .into_par_iter()
         .step_by(stride)
         .map(|omega_rad_s| {
-            let problem = fitted(input, fit, omega_rad_s);
-            let value = problem.and_then(|problem| quantity(&mut Solver::default(), &problem));
+            let value = fitted(input, fit, omega_rad_s).and_then(|problem| quantity(&problem));
             (omega_rad_s, value.unwrap_or(f64::NAN))
         })
         .collect()
@@ -169,7 +107,7 @@ pub(crate) fn curve(
 /// Steady-state motion of a robot with a given model and gait.
 pub(crate) struct Steady {
     pub metrics: GaitMetrics,
-    pub cycle: Vec<Sample>,
+    pub cycle: Vec<AnySample>,
     /// Number of cycles after which the motion from rest is within 1 % of the steady-state motion; `None` if the motion
     /// from rest does not reach it.
     pub cycles_to_settle: Option<usize>,
@@ -179,55 +117,49 @@ pub(crate) struct Steady {
 ///
 /// # Errors
 /// Returns an error if there is no steady-state motion.
-pub(crate) fn steady(problem: &Problem) -> Result<Steady, MotionError> {
-    let mut solver = Solver::default();
-    let (metrics, cycles_to_settle) = match solver.settle(problem, FORCES_ACCURACY) {
-        Ok(settled) => (settled.motion.metrics, Some(settled.cycles)),
-        // The least smooth motions cannot be solved to the accuracy required for their forces.
-        Err(_) => {
-            solver.forget();
-            (solver.solve(problem, REFERENCE_ACCURACY)?, None)
-        }
-    };
-    Ok(Steady { metrics, cycle: solver.cycle(SAMPLES)?, cycles_to_settle })
+pub(crate) fn steady(problem: &AnyProblem) -> Result<Steady, MotionError> {
+    if let Ok((settled, cycle)) = problem.settled_cycle(FORCES_ACCURACY, SAMPLES) {
+        let cycles_to_settle = Some(settled.cycles);
+        return Ok(Steady { metrics: settled.motion.metrics, cycle, cycles_to_settle });
+    }
+    // The least smooth motions cannot be solved to the accuracy required for their forces.
+    let metrics = problem.solve(REFERENCE_ACCURACY)?.metrics;
+    let cycle = problem.cycle(REFERENCE_ACCURACY, SAMPLES)?;
+    Ok(Steady { metrics, cycle, cycles_to_settle: None })
 }
 
 /// Returns one cycle of the steady-state motion or, if that motion is unstable, of the attractor reached from rest.
 ///
 /// # Errors
 /// Returns an error if there is no steady-state motion.
-pub(crate) fn stable_cycle(problem: &Problem) -> Result<Vec<Sample>, MotionError> {
-    let mut solver = Solver::default();
-    let cycle = stable(&mut solver, problem).and_then(|_| solver.cycle(SAMPLES).ok());
+pub(crate) fn stable_cycle(problem: &AnyProblem) -> Result<Vec<AnySample>, MotionError> {
+    let cycle = stable(problem).and_then(|_| problem.cycle(FIT_ACCURACY, SAMPLES).ok());
     cycle.map_or_else(|| steady(problem).map(|steady| steady.cycle), Ok)
 }
 
 /// Returns the work of the actuators per metre of displacement (J/m); `None` if there is no stable motion or its
 /// displacement is not positive.
-pub(crate) fn work_j_m(solver: &mut Solver, problem: &Problem) -> Option<f64> {
-    let metrics = stable(solver, problem)?;
-    let [work_j, _] = solver.work_and_loss_j().ok()?;
+pub(crate) fn work_j_m(problem: &AnyProblem) -> Option<f64> {
+    let SteadyMotion { metrics, work_j, .. } = stable(problem)?;
     (metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
 }
 
 /// Returns half the peak-to-peak range of a joint angle (rad); `None` if there is no stable motion.
-pub(crate) fn amplitude_rad(solver: &mut Solver, problem: &Problem, joint: usize) -> Option<f64> {
-    stable(solver, problem)?;
-    let cycle = solver.cycle(SAMPLES).ok()?;
+pub(crate) fn amplitude_rad(problem: &AnyProblem, joint: usize) -> Option<f64> {
+    stable(problem)?;
+    let cycle = problem.cycle(FIT_ACCURACY, SAMPLES).ok()?;
     let [low, high] = extremes(cycle.iter().map(|sample| sample.phi_rad[joint]));
     Some(0.5 * (high - low))
 }
 
-/// Returns the metrics of the steady-state motion, or `None` if it does not exist or is not stable.
-fn stable(solver: &mut Solver, problem: &Problem) -> Option<GaitMetrics> {
-    let metrics = solver.solve(problem, FIT_ACCURACY).ok()?;
-    let is_stable = solver.floquet().ok()?.is_none_or(|modulus| modulus < 1.0);
-    is_stable.then_some(metrics)
+/// Returns the steady-state motion, or `None` if it does not exist or is not stable.
+fn stable(problem: &AnyProblem) -> Option<SteadyMotion> {
+    problem.solve(FIT_ACCURACY).ok().filter(|motion| motion.status().is_stable())
 }
 
 /// Returns the times (s) and poses of a motion that starts at the pose `start` and repeats a cycle. The poses in
 /// `cycle` are relative to the start of the cycle.
-pub(crate) fn repeat(cycle: &[impl MotionSample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
+pub(crate) fn repeat(cycle: &[AnySample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
     let [first, .., last] = cycle else { return Vec::new() };
     let mut poses = vec![(0.0, start)];
     let mut from = start;
@@ -236,10 +168,10 @@ pub(crate) fn repeat(cycle: &[impl MotionSample], cycles: usize, start: Pose) ->
         poses.extend(
             cycle[1..]
                 .iter()
-                .map(|sample| (time_s + sample.time_s() - first.time_s(), from * sample.pose())),
+                .map(|sample| (time_s + sample.time_s - first.time_s, from * sample.pose)),
         );
-        from = from * last.pose();
-        time_s += last.time_s() - first.time_s();
+        from = from * last.pose;
+        time_s += last.time_s - first.time_s;
     }
     poses
 }

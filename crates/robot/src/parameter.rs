@@ -202,13 +202,13 @@ impl Parameter {
         &self.names().label
     }
 
-    /// Returns the LaTeX symbol of the parameter.
-    pub fn latex(self) -> String {
+    /// Returns the LaTeX symbol of the parameter; that of a sum is over the given numbers of wheels.
+    pub fn latex(self, wheels: impl IntoIterator<Item = usize>) -> String {
         let symbol = self.quantity.definition().latex;
         match self.number() {
             Some(i) => format!("{symbol}_{i}"),
             None if self.is_sum() => {
-                let each = (0..self.quantity.count()).map(|i| format!("{symbol}_{i}"));
+                let each = wheels.into_iter().map(|i| format!("{symbol}_{i}"));
                 each.collect::<Vec<_>>().join(" + ")
             }
             None => symbol.to_owned(),

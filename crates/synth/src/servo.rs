@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 use serde::Serialize;
-use trilink_mechanics::{AnyProblem, AnySolver, MotionError, REFERENCE_ACCURACY};
+use trilink_mechanics::{AnyProblem, AnySample, AnySolver, MotionError, REFERENCE_ACCURACY};
 use trilink_robot::{JointCommand, MAX_JOINTS, SecondHarmonic};
 
 /// Servo with lag and compliance. The complex amplitude of the n-th harmonic of the joint angle is
@@ -50,7 +50,7 @@ impl Servo {
         for iteration in 0..=iterations {
             if iteration > 0 {
                 solver.solve(&reached, REFERENCE_ACCURACY)?;
-                torques = Torque::of_joints(&solver.torques_nm(SAMPLES)?)?;
+                torques = Torque::of_joints(&solver.cycle(SAMPLES)?)?;
             }
             for (joint, torque) in torques.into_iter().enumerate() {
                 let command = problem.gait.joints[joint];
@@ -91,11 +91,11 @@ struct Torque {
 impl Torque {
     /// Computes the mean and harmonics of the torques of all joints from the [`SAMPLES`] samples of a cycle, each with
     /// the torques of the joints.
-    fn of_joints(cycle: &[[f64; MAX_JOINTS]]) -> Result<[Self; MAX_JOINTS], MotionError> {
+    fn of_joints(cycle: &[AnySample]) -> Result<[Self; MAX_JOINTS], MotionError> {
         let mut torques = [Self::default(); MAX_JOINTS];
         for (i, sample) in cycle.iter().take(SAMPLES).enumerate() {
             let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);
-            for (torque, torque_nm) in torques.iter_mut().zip(sample) {
+            for (torque, torque_nm) in torques.iter_mut().zip(&sample.torque_nm) {
                 torque.mean += torque_nm / SAMPLES as f64;
                 torque.first += turn * (2.0 * torque_nm / SAMPLES as f64);
                 torque.second += turn * turn * (2.0 * torque_nm / SAMPLES as f64);

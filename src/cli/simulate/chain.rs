@@ -10,17 +10,15 @@ use super::super::setup::{note_caution, note_extrapolation};
 use super::super::table::{Table, short};
 use super::super::terminal::Text;
 use super::super::{Context, Failure, Interrupted, Outcome};
-use super::{Simulate, models, table};
+use super::{Simulate, models, page, table};
 use crate::template::fixed;
 
 /// Solves a campaign whose robot is a chain, and prints the motions.
 pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Failure> {
     let Simulate { campaign, from_rest, trajectory, samples, format, .. } = command;
-    for (option, is_given) in [
-        ("--bands", command.bands),
-        ("--monte-carlo", command.sensitivities.draws_at_random()),
-        ("--page", command.page.is_some()),
-    ] {
+    for (option, is_given) in
+        [("--bands", command.bands), ("--monte-carlo", command.sensitivities.draws_at_random())]
+    {
         if is_given {
             let message = "is not available for robots that are chains, such as that of campaign";
             return Err(format!("{option}: {message} {campaign}").into());
@@ -44,6 +42,9 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
         }
     }
     let omegas = command.omega.concat();
+    if command.page.is_some() {
+        page::check(setups.len(), omegas.len())?;
+    }
     for setup in &setups {
         note_caution(campaign, setup.model, setup.fit());
         let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s).into());
@@ -83,6 +84,11 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
         };
         context.say(&format!("{}: {} samples{absent}", path.display(), table.len()));
         write_table(path, table, &format!("{setups:?} {omegas:?} {from_rest} {samples}"))?;
+    }
+    if let (Some(path), [answer]) = (&command.page, &answers[..]) {
+        let names = (campaign.as_str(), answer.setup.model.name());
+        let problem = answer.setup.problem(answer.omega_rad_s);
+        context.say(&page::write(path, names, problem, answer.cycles_to_settle, answer)?);
     }
     if format.json {
         write_json(&answers)?;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use trilink_fit::simulate::{Answer, Setup};
+use serde::Serialize;
+use trilink_mechanics::AnyProblem;
 use trilink_report::{SimulationError, simulation_page};
 use trilink_tables::write_if_changed;
 
@@ -18,17 +19,17 @@ pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes the page that animates a solution; returns a message with the path, or with the reason why no page was
-/// written.
+/// Writes the page that animates the solution of a problem; returns a message with the path, or with the reason why no
+/// page was written. `names` are those of the campaign and the model; `cycles_to_settle` is the number of cycles in the
+/// transient, `None` if it does not end.
 pub(super) fn write(
     path: &Path,
-    campaign: &str,
-    setup: &Setup,
-    answer: &Answer,
+    names: (&str, &str),
+    problem: impl Into<AnyProblem>,
+    cycles_to_settle: Option<usize>,
+    answer: &impl Serialize,
 ) -> Result<String, Failure> {
-    let problem = setup.problem(answer.omega_rad_s);
-    let names = (campaign, setup.model.name());
-    match simulation_page(names, &problem, answer.cycles_to_settle, answer) {
+    match simulation_page(names, &problem.into(), cycles_to_settle, answer) {
         Ok(page) => {
             write_if_changed(path, page.as_bytes())?;
             Ok(path.display().to_string())

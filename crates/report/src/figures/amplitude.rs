@@ -71,8 +71,8 @@ fn of_second_joint(
     // Models that are driven by the measured gait of each trial have no prediction curve.
     let fits = fits.filter(|fit| !source.is_of_trials(fit.model));
     let models = fits.map(|fit| {
-        let curve = simulated::curve(tables, config, fit, |solver, problem| {
-            simulated::amplitude_rad(solver, problem, JOINT).map(|rad| DEG * rad)
+        let curve = simulated::curve(tables, config, fit, |problem| {
+            simulated::amplitude_rad(problem, JOINT).map(|rad| DEG * rad)
         });
         let layer = Layer::new(fit.model.name(), curve, source.look(fit.model).line());
         Series { campaign: campaign.to_owned(), model: Some(fit.model), flagged: false, layer }

@@ -1,6 +1,6 @@
 //! Elements shared between figures: maps with the robot, time courses, axis labels and units.
 
-use trilink_mechanics::{Pose, Sample};
+use trilink_mechanics::{AnySample, Pose};
 use trilink_plot::{Layer, Look, Panel, Scale};
 use trilink_robot::{AnyRobot, Chain, Robot};
 
@@ -21,6 +21,22 @@ pub(super) fn time_course(title: &str, y_label: &str, layers: Vec<Layer>) -> Pan
 /// Returns the symbol of the angle of a joint, given the index of the joint.
 pub(super) fn angle(joint: usize) -> String {
     subscripted('φ', joint + 1)
+}
+
+/// Returns the numbers of the links of a robot with wheels, with the names of the wheels in legends.
+pub(crate) fn wheels(robot: &AnyRobot) -> Vec<(usize, String)> {
+    match robot {
+        AnyRobot::ThreeLinks(_) => {
+            (0..Robot::LINKS).map(|number| (number, format!("wheel {number}"))).collect()
+        }
+        AnyRobot::Chain(chain) => {
+            let links = chain.numbering().into_iter().map(|link| &chain.links[link]).enumerate();
+            let with_wheels = links.filter(|(_, link)| link.wheel.is_some());
+            with_wheels
+                .map(|(number, link)| (number, format!("wheel {number} ({})", link.name)))
+                .collect()
+        }
+    }
 }
 
 /// Returns a symbol with a number of one digit as its index.
@@ -64,9 +80,9 @@ pub(super) fn lines(
 
 /// Returns the time course of a quantity for a cycle that is repeated `cycles` times.
 pub(super) fn over_time(
-    cycle: &[Sample],
+    cycle: &[AnySample],
     cycles: usize,
-    quantity: impl Fn(&Sample) -> f64,
+    quantity: impl Fn(&AnySample) -> f64,
 ) -> Vec<(f64, f64)> {
     let period_s = cycle.last().map_or(0.0, |last| last.time_s);
     let repeated =
@@ -75,7 +91,7 @@ pub(super) fn over_time(
 }
 
 /// Returns both joint angles (deg) at every sample of a cycle.
-pub(super) fn shape(cycle: &[Sample]) -> Vec<(f64, f64)> {
+pub(super) fn shape(cycle: &[AnySample]) -> Vec<(f64, f64)> {
     cycle.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
 }
 
@@ -84,17 +100,9 @@ pub(super) fn links_at_start(points: impl IntoIterator<Item = (f64, f64)>) -> La
     Layer::new("links at the start", points, Look::Links)
 }
 
-/// Returns the positions (m) of the front wheel, front joint, rear joint and rear wheel.
-pub(super) fn links(robot: &Robot, pose: Pose, phi_rad: [f64; 2]) -> Vec<(f64, f64)> {
-    let [_, front, rear] = robot.link_poses(pose, phi_rad);
-    let [joint1, joint2] = robot.joints(pose);
-    let positions = [front, joint1, joint2, rear];
-    positions.map(|pose| (pose.x_m, pose.y_m)).into()
-}
-
 /// Returns the positions (m) of the front end, the joints and the rear end of a robot, from front to rear; `None` if
 /// the number of joint angles is not that of the robot's joints. The ends are at the outer wheels.
-pub(super) fn links_of(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<Vec<(f64, f64)>> {
+pub(super) fn links(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<Vec<(f64, f64)>> {
     if phi_rad.len() != robot.joints() {
         return None;
     }
@@ -114,8 +122,8 @@ pub(super) fn links_of(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<
     Some(points.map(|pose| (pose.x_m, pose.y_m)).collect())
 }
 
-/// Returns an arrow that is drawn beside a path and points in the direction of travel.
-pub(super) fn travel(path: &[(f64, f64)]) -> Layer {
+/// Returns an arrow that is drawn beside a path and the points `beside`, and points in the direction of travel.
+pub(super) fn travel(path: &[(f64, f64)], beside: &[(f64, f64)]) -> Layer {
     const LENGTH: f64 = 0.35;
     const ASIDE: f64 = 0.1;
     let (from, to) = match path {
@@ -128,6 +136,7 @@ pub(super) fn travel(path: &[(f64, f64)]) -> Layer {
     let length = along.hypot(up);
     let lowest = path
         .iter()
+        .chain(beside)
         .map(|point| ((point.1 - from.1) * along - (point.0 - from.0) * up) / length)
         .fold(0.0, f64::min);
     let aside = lowest / length - ASIDE;
@@ -143,14 +152,15 @@ mod tests {
     #[test]
     fn a_straight_robot_lies_along_its_heading() {
         let robot = Robot::kinematic();
-        let pose = Pose { x_m: 1.0, y_m: 2.0, theta_rad: std::f64::consts::FRAC_PI_2 };
-        let links = links(&robot, pose, [0.0; 2]);
         let ([reach, _], [h, _]) = (robot.reach_m(), robot.h_m);
+        let robot = AnyRobot::from(robot);
+        let pose = Pose { x_m: 1.0, y_m: 2.0, theta_rad: std::f64::consts::FRAC_PI_2 };
+        let links = links(&robot, pose, &[0.0; 2]).expect("two joints");
         for ((x, y), along) in links.iter().zip([reach, h, -h, -reach]) {
             assert!((x - 1.0).abs() < 1e-12 && (y - 2.0 - along).abs() < 1e-12);
         }
         // The front link is turned to the left by -phi1; the rear link is straight.
-        let bent = super::links(&robot, Pose::default(), [-0.5, 0.0]);
+        let bent = super::links(&robot, Pose::default(), &[-0.5, 0.0]).expect("two joints");
         assert!(bent[0].1 > 0.0 && bent[3].1 == 0.0);
     }
 
@@ -158,21 +168,23 @@ mod tests {
     fn a_chain_like_the_robot_of_three_links_is_drawn_through_the_same_points() {
         let (robot, gait) = (Robot::semi_passive(), trilink_robot::Gait::passive_symmetric());
         let pose = Pose { x_m: 0.3, y_m: -0.2, theta_rad: 0.7 };
-        let known = links(&robot, pose, [0.4, -0.3]);
         let chain = AnyRobot::from(robot.chain(&gait));
-        let found = links_of(&chain, pose, &[0.4, -0.3]).expect("two joints");
+        let [found, known] = [&chain, &robot.into()]
+            .map(|robot| links(robot, pose, &[0.4, -0.3]).expect("two joints"));
         for (found, known) in found.iter().zip(&known) {
             assert!((found.0 - known.0).abs() + (found.1 - known.1).abs() < 1e-12);
         }
         assert_eq!(found.len(), known.len());
-        assert_eq!(links_of(&chain, pose, &[0.4]), None);
+        assert_eq!(links(&chain, pose, &[0.4]), None);
     }
 
     #[test]
     fn the_arrow_points_in_the_direction_of_travel_beside_the_path() {
         let path = [(0.0, 0.0), (1.0, -0.2), (2.0, 0.1), (3.0, 0.0)];
-        let [from, to] = travel(&path).points[..] else { panic!("an arrow") };
+        let [from, to] = travel(&path, &[]).points[..] else { panic!("an arrow") };
         assert!(to.x > from.x && (to.y - from.y).abs() < 1e-12);
         assert!(from.y < -0.2);
+        let [from, _] = travel(&path, &[(0.5, -0.7)]).points[..] else { panic!("an arrow") };
+        assert!(from.y < -0.7);
     }
 }

@@ -9,7 +9,7 @@ use trilink_tables::{BootstrapRow, FitRow, ProfileRow};
 use super::common::scaled;
 use super::texts::texts;
 use crate::looks::{self, ModelLook};
-use crate::parameters::FittedParameter;
+use crate::parameters::{self, FittedParameter};
 use crate::series::Source;
 use crate::tables::Tables;
 
@@ -20,12 +20,20 @@ pub(super) fn figures(
     tables: &Tables,
     source: Source,
 ) -> [Figure; 3] {
+    let links = source.links(campaign);
+    let label = |parameter: Parameter| {
+        let name = match source.input.is_chain(campaign) {
+            true => parameters::label(parameter, &links),
+            false => parameter.label().to_owned(),
+        };
+        format!("{name} ({})", parameter.unit())
+    };
     let mut panels = [Vec::new(), Vec::new(), Vec::new()];
     for fit in tables.fits.iter().filter(|fit| fit.campaign == campaign && !fit.free.is_empty()) {
         let look = source.look(fit.model);
         panels[0].extend(waterfall(fit, tables, look));
-        panels[1].extend(profile_panels(fit, tables, look));
-        panels[2].extend(replicate_panels(fit, tables, look));
+        panels[1].extend(profile_panels(fit, tables, (look, &label)));
+        panels[2].extend(replicate_panels(fit, tables, (look, &label)));
     }
     let [start_panels, profile_panels, replicate_panels] = panels;
     [
@@ -58,8 +66,13 @@ fn waterfall(fit: &FitRow, tables: &Tables, look: ModelLook) -> Option<Panel> {
     })
 }
 
-/// Returns the panels with the objective profiles, one for each free parameter.
-fn profile_panels(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel> {
+/// Returns the panels with the objective profiles, one for each free parameter. `label` returns the axis label of a
+/// parameter.
+fn profile_panels(
+    fit: &FitRow,
+    tables: &Tables,
+    (look, label): (ModelLook, &dyn Fn(Parameter) -> String),
+) -> Vec<Panel> {
     let rows: Vec<&ProfileRow> = tables
         .profiles
         .iter()
@@ -99,8 +112,13 @@ fn profile_panels(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel> 
     fit.free.iter().filter_map(panel).collect()
 }
 
-/// Returns the panels with the bootstrap replicates, one for each pair of free parameters.
-fn replicate_panels(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel> {
+/// Returns the panels with the bootstrap replicates, one for each pair of free parameters. `label` returns the axis
+/// label of a parameter.
+fn replicate_panels(
+    fit: &FitRow,
+    tables: &Tables,
+    (look, label): (ModelLook, &dyn Fn(Parameter) -> String),
+) -> Vec<Panel> {
     let rows: Vec<&BootstrapRow> = tables
         .bootstrap
         .iter()
@@ -121,9 +139,4 @@ fn replicate_panels(fit: &FitRow, tables: &Tables, look: ModelLook) -> Vec<Panel
             scaled(Scale::Decades, Panel::new(fit.model.name(), &label(x), label(y), layers))
         })
         .collect()
-}
-
-/// Returns the axis label for a parameter.
-fn label(parameter: Parameter) -> String {
-    format!("{} ({})", parameter.label(), parameter.unit())
 }

@@ -19,7 +19,7 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 pub use common::FREQUENCY;
-pub(crate) use common::{link_noun, subscripted};
+pub(crate) use common::{link_noun, subscripted, wheels};
 pub(crate) use texts::texts;
 
 use trilink_plot::Figure;
@@ -81,7 +81,7 @@ const KINDS: [Kind; 17] = [
 /// Name of the figure that compares fitted values with the true values of synthetic trials.
 pub(crate) const TRUTH: &str = "truth";
 /// Name of the figure that shows the actuators' work.
-const WORK: &str = "work";
+pub(crate) const WORK: &str = "work";
 
 impl Kind {
     /// Returns the stem of the figure's file names: that of the corresponding figure in the paper or, if there is none,
@@ -204,7 +204,6 @@ pub(crate) fn figures(
         found.figures.extend(of_campaign.figures);
         found.missing.extend(of_campaign.missing);
     }
-    found.missing.extend(inputs.not_simulated(&campaigns));
     found.figures.extend(inputs.together(&campaigns));
     inputs.releases(&campaigns, &mut found)?;
     found.figures.push(work::figure(WORK, tables, config));
@@ -251,16 +250,14 @@ impl Inputs<'_> {
             ),
         };
         found.missing.extend(lack.map(|lack| format!("Campaign {campaign}: {lack}.")));
-        if let Some((_, gait)) = config.campaign_setup(campaign) {
-            found.add(match gait.passive_joint() {
-                Some(_) => {
-                    let stems = [SIMULATED, FROM_REST, SWEEP].map(stem);
-                    simulations::passive(stems, campaign, (tables, config))
-                }
-                None => {
-                    let inputs = (tables, config);
-                    simulations::skidding(&stem(SIMULATED), campaign, inputs).map(|of| vec![of])
-                }
+        if let Some((robot, gait)) = config.setup(campaign) {
+            let inputs = (tables, config);
+            let is_passive = Gait::from(gait).passive_joint().is_some();
+            found.add(if robot.three_links().is_some() && is_passive {
+                let stems = [SIMULATED, FROM_REST, SWEEP].map(stem);
+                simulations::passive(stems, campaign, inputs)
+            } else {
+                simulations::skidding(&stem(SIMULATED), campaign, inputs).map(|of| vec![of])
             });
         }
         self.tracked([GAIT, WHEELS].map(stem), campaign, &mut found)?;
@@ -275,22 +272,6 @@ impl Inputs<'_> {
         found.figures.extend(fits::figures(stems, campaign, tables, source));
         found.figures.push(optimum::figure(&stem(OPTIMA), campaign, tables.maps_of(campaign)));
         Ok(found)
-    }
-
-    /// Returns the sentence that names the campaigns without figures of simulated motions because their robots are
-    /// chains; `None` if there is no such campaign.
-    fn not_simulated(self, campaigns: &[&str]) -> Option<String> {
-        let of_chains = campaigns.iter().copied().filter(|campaign| {
-            let is_fitted = !self.source.models(campaign).is_empty();
-            self.config.is_chain(campaign) && is_fitted
-        });
-        let names = of_chains.collect::<Vec<_>>().join(", ");
-        (!names.is_empty()).then(|| {
-            format!(
-                "Simulated motions of the configured robot and the work of the actuators are not drawn for robots that \
-                 are chains ({names}); `trilink simulate CAMPAIGN` computes them."
-            )
-        })
     }
 
     /// Adds the figures of the measured motion and of the wheel velocities for the campaign's trial whose frequency is

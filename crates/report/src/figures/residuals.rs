@@ -22,7 +22,14 @@ const MIN_HEIGHT: f64 = 60.0;
 /// Returns the figure of the residuals of a campaign's models, in per cent of the measured values.
 pub(super) fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let links = source.links(campaign);
-    let quantities = Metric::FITTED.map(|metric| Quantity::of_links(metric, &links));
+    let joints = match source.input.is_chain(campaign) {
+        true => source.input.free_joints(campaign),
+        false => vec![0],
+    };
+    let alpha = joints.into_iter().map(|joint| Metric::ALPHA[joint]);
+    let metrics = [Metric::D, Metric::V].into_iter().chain(Metric::SIGMA).chain(alpha);
+    let quantities: Vec<Quantity> =
+        metrics.map(|metric| Quantity::of_links(metric, &links)).collect();
     let panels = quantities.iter().filter_map(|quantity| panel(quantity, campaign, source));
     let texts = texts("residuals", context! { campaign });
     Figure::new(stem, texts, &[campaign], Layout::Grid, panels.collect())

@@ -3,7 +3,7 @@
 
 use minijinja::context;
 use rayon::prelude::*;
-use trilink_mechanics::{FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample, Solver};
+use trilink_mechanics::{AnyProblem, AnySample, FIT_ACCURACY, Model, MotionError, Pose, Problem};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, number};
 use trilink_robot::Robot;
 use trilink_robot::metrics::GaitMetrics;
@@ -11,7 +11,8 @@ use trilink_statistics::extremes;
 use trilink_tables::config::{Config, Models};
 
 use super::common::{
-    DEG, FREQUENCY, gait, lines, links, links_at_start, map, over_time, shape, time_course, travel,
+    DEG, FREQUENCY, angle, gait, lines, links, links_at_start, map, over_time, shape, time_course,
+    travel, wheels,
 };
 use super::texts::texts;
 use super::{SEMI_PASSIVE, not_drawn};
@@ -56,7 +57,7 @@ pub(super) fn passive(
         let known = simulated::best_known(inputs, campaign, Model::NO_SKID, omega_rad_s);
         let (mut problem, is_fitted) = known?;
         if is_papers {
-            problem.robot = simulated.clone()?;
+            problem.robot = simulated.clone()?.into();
         }
         Some((problem, is_fitted))
     };
@@ -74,10 +75,11 @@ pub(super) fn passive(
         } else {
             "as configured"
         };
-        let joint = values(&problem, origin);
+        let three_links = problem.three_links().ok_or("its robot is a chain")?;
+        let joint = values(&three_links, origin);
         let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
         let from_rest = from_rest.map_err(no_motion)?;
-        let courses = time_courses(&courses, (campaign, &joint), &problem, &steady.cycle);
+        let courses = time_courses(&courses, (campaign, &joint), &three_links.robot, &steady.cycle);
         let sweep = self::sweep(&sweep, (campaign, &joint), problem_at);
         Ok([courses, from_rest, sweep])
     };
@@ -124,9 +126,9 @@ fn no_motion(error: &MotionError) -> String {
 /// `names` are the names of the components; `of` returns the component with a given index.
 fn course(
     (title, y_label): (&str, &str),
-    names: &[&str],
-    (cycle, cycles): (&[Sample], usize),
-    of: impl Fn(&Sample, usize) -> f64,
+    names: &[impl AsRef<str>],
+    (cycle, cycles): (&[AnySample], usize),
+    of: impl Fn(&AnySample, usize) -> f64,
 ) -> Panel {
     let lines = lines(names, |i| over_time(cycle, cycles, |sample| of(sample, i)));
     time_course(title, y_label, lines)
@@ -138,19 +140,19 @@ const JOINTS: (&str, &str) = ("Joint angles", "Angle (deg)");
 fn time_courses(
     stem: &str,
     (campaign, joint): (&str, &str),
-    problem: &Problem,
-    cycle: &[Sample],
+    robot: &Robot,
+    cycle: &[AnySample],
 ) -> Figure {
     let shown = (cycle, CYCLES);
     let joints = course(JOINTS, &["φ₁", "φ₂"], shown, |s, i| DEG * s.phi_rad[i]);
     let rates = ["dx/dt", "dy/dt", "h dθ/dt"];
     let velocities = course(("Middle link", "Velocity (mm/s)"), &rates, shown, |sample, i| {
-        let factor = if i == 2 { problem.robot.h_m[0] } else { 1.0 };
-        1e3 * factor * sample.rates[i]
+        let factor = if i == 2 { robot.h_m[0] } else { 1.0 };
+        1e3 * factor * sample.pose_rates[i]
     });
     let forces = ("Constraint forces", "Force (N)");
     let lambdas = ["λ₀", "λ₁", "λ₂"];
-    let mut forces = course(forces, &lambdas, shown, |s, i| s.forces.lateral_n[i]);
+    let mut forces = course(forces, &lambdas, shown, |s, i| s.lateral_n[i]);
     let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
     forces.layers.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
@@ -159,36 +161,46 @@ fn time_courses(
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
 
-/// Returns the figure of the simulated motion of a robot with skid and without a passive joint (Fig. 6 of the paper).
+/// Returns the figure of the simulated motion of a robot with skid and without a passive joint (Fig. 6 of the paper), or
+/// of a chain with the preferred model of its campaign.
 ///
 /// # Errors
 /// Returns a sentence that explains why the figure is not drawn.
 pub(super) fn skidding(
     stem: &str,
     campaign: &str,
-    inputs: (&Tables, &ReportInput),
+    (tables, config): (&Tables, &ReportInput),
 ) -> Result<Figure, String> {
-    let problem = simulated::best_known(inputs, campaign, SKIDDING, OMEGA_RAD_S);
+    let is_chain = config.is_chain(campaign);
+    let model = if is_chain {
+        let preferred = tables.preferred(campaign).map(|fit| fit.model);
+        preferred.ok_or_else(|| not_drawn(stem, "the campaign has no preferred model"))?
+    } else {
+        SKIDDING
+    };
+    let problem = simulated::best_known((tables, config), campaign, model, OMEGA_RAD_S);
     let (problem, is_fitted) = problem
         .ok_or_else(|| not_drawn(stem, &format!("campaign {campaign} is not configured")))?;
     let steady = simulated::steady(&problem);
     let Steady { metrics, cycle, .. } =
         steady.map_err(|error| not_drawn(stem, &no_motion(&error)))?;
     let shown = (cycle.as_slice(), 1);
-    let wheels = ["wheel 0", "wheel 1", "wheel 2"];
+    let joints: Vec<String> = (0..problem.robot.joints()).map(angle).collect();
+    let (numbers, wheels): (Vec<usize>, Vec<String>) = wheels(&problem.robot).into_iter().unzip();
     let forces = ("Ground forces", "Force (N)");
     let skid = ("Skid speeds", "Skid speed (mm/s)");
-    let roll_n = cycle.iter().flat_map(|sample| sample.forces.roll_n);
+    let roll_n = cycle.iter().flat_map(|sample| &sample.roll_n);
     let panels = vec![
-        course(JOINTS, &["φ₁", "φ₂"], shown, |sample, i| DEG * sample.phi_rad[i]),
-        course(forces, &wheels, shown, |sample, i| sample.forces.lateral_n[i]),
-        course(skid, &wheels, shown, |sample, i| 1e3 * sample.skid_m_s[i]),
+        course(JOINTS, &joints, shown, |sample, i| DEG * sample.phi_rad[i]),
+        course(forces, &wheels, shown, |sample, i| sample.lateral_n[numbers[i]]),
+        course(skid, &wheels, shown, |sample, i| 1e3 * sample.skid_m_s[numbers[i]]),
     ];
     let max_n = roll_n.fold(0.0, |max: f64, force| max.max(force.abs()));
     let values = context! {
         campaign,
-        model => SKIDDING.name(),
+        model => model.name(),
         is_fitted,
+        is_chain,
         omega => OMEGA_RAD_S.to_string(),
         v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
         roll_n => format!("{max_n:.2}"),
@@ -210,7 +222,7 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
 fn gait_and_path(
     stem: &str,
     (campaign, joint): (&str, &str),
-    problem: &Problem,
+    problem: &AnyProblem,
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
     let cycle = steady.cycle.as_slice();
@@ -226,8 +238,9 @@ fn gait_and_path(
     let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
     let path = simulated::repeat(cycle, PATH_CYCLES, start);
     let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
-    let arrow = travel(&path);
-    let at_start = links_at_start(links(&problem.robot, start, cycle[0].phi_rad));
+    let arrow = travel(&path, &[]);
+    let at_start =
+        links_at_start(links(&problem.robot, start, &cycle[0].phi_rad).unwrap_or_default());
     let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
     let values = context! {
         campaign,
@@ -244,14 +257,13 @@ fn gait_and_path(
 fn sweep(
     stem: &str,
     (campaign, joint): (&str, &str),
-    problem_at: impl Fn(f64) -> Option<Problem> + Sync,
+    problem_at: impl Fn(f64) -> Option<AnyProblem> + Sync,
 ) -> Figure {
     let (low, high, count) = SWEEP;
     let solve = |i: i32| {
         // The frequencies are spaced by equal ratios, because the motion changes fastest at low frequencies.
         let omega_rad_s = low * (high / low).powf(f64::from(i) / f64::from(count - 1));
-        let settled = problem_at(omega_rad_s)
-            .and_then(|problem| Solver::default().settle(&problem, FIT_ACCURACY).ok());
+        let settled = problem_at(omega_rad_s).and_then(|problem| problem.settle(FIT_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
     let mut points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
@@ -312,10 +324,8 @@ struct Advance {
 }
 
 impl Advance {
-    fn of(problem: &Problem) -> Option<Self> {
-        let mut solver = Solver::default();
-        solver.settle(problem, FIT_ACCURACY).ok()?;
-        let cycle = solver.cycle(SAMPLES).ok()?;
+    fn of(problem: &AnyProblem) -> Option<Self> {
+        let (_, cycle) = problem.settled_cycle(FIT_ACCURACY, SAMPLES).ok()?;
         let Pose { x_m, y_m, .. } = cycle.last()?.pose;
         let headings = cycle.iter().map(|sample| sample.pose.theta_rad);
         let [low, high] = extremes(headings.clone());

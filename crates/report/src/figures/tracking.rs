@@ -2,13 +2,15 @@
 
 use minijinja::context;
 use trilink_base::numbers::with_error;
-use trilink_mechanics::{ChainSample, FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample};
+use trilink_mechanics::{AnyProblem, AnySample, Model, MotionError, Pose};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range};
-use trilink_robot::{Gait, rotated};
+use trilink_robot::{AnyGait, AnyRobot, Gait, Quantity, rotated};
 use trilink_statistics::wrap;
 use trilink_tables::TrialRow;
 
-use super::common::{self, DEG, angle, links_at_start, links_of, map, shape, time_course, travel};
+use super::common::{
+    self, DEG, angle, links, links_at_start, map, over_time, shape, time_course, travel,
+};
 use super::texts::texts;
 use super::trial::path_title;
 use crate::ReportInput;
@@ -36,8 +38,7 @@ pub(super) fn figure(
     (tables, config): (&Tables, &ReportInput),
     missing: &mut Vec<String>,
 ) -> Option<Figure> {
-    let (robot, _) = config.setup(&trial.campaign)?;
-    let three_links = config.campaign_setup(&trial.campaign);
+    let (robot, commanded_gait) = config.setup(&trial.campaign)?;
     let Shown { start_s, end_s, cycles, frames: shown } =
         recording.shown(trial.omega_rad_s, CYCLES)?;
     let start = recording.pose_at(start_s)?;
@@ -59,11 +60,14 @@ pub(super) fn figure(
     let seen = |i: usize| position((recording.x_m[i], recording.y_m[i]));
     let first = shown.start.min(recording.time_s.len().saturating_sub(1));
     let at_start: Vec<f64> = recording.phi_rad.iter().map(|phi_rad| phi_rad[first]).collect();
-    let at_start = links_of(&robot, start, &at_start)?;
+    let at_start: Vec<(f64, f64)> =
+        links(&robot, start, &at_start)?.into_iter().map(position).collect();
+    // Chains can be longer than their paths and travel with their rear link ahead.
+    let beside = if config.is_chain(&trial.campaign) { &at_start[..] } else { &[] };
     let positions = shown.clone().map(seen).filter(|(x, y)| (x + y).is_finite());
     let mut path = vec![
-        links_at_start(at_start.into_iter().map(position)),
-        travel(&positions.collect::<Vec<_>>()),
+        links_at_start(at_start.iter().copied()),
+        travel(&positions.collect::<Vec<_>>(), beside),
         measured(&seen),
     ];
     let mut add = |name: &str, look: Look, poses: Vec<(f64, Pose)>| {
@@ -72,48 +76,36 @@ pub(super) fn figure(
         let positions = poses.iter().map(|(_, pose)| position((pose.x_m, pose.y_m)));
         path.push(Layer::new(name, positions, look));
     };
-    let mut is_stiff = false;
-    let mut is_simulated = true;
-    let gait = match three_links {
-        Some((_, commanded_gait)) => {
+    let overlays = overlays(stem, trial, (tables, config), missing);
+    for Overlay { name, look, cycle, .. } in &overlays {
+        add(name, *look, simulated::repeat(cycle, cycles, start));
+    }
+    let is_stiff = overlays.iter().any(|overlay| overlay.name == STIFF_NAME);
+    let is_simulated = !overlays.is_empty();
+    let gait = match robot {
+        AnyRobot::ThreeLinks(_) => {
             let [phi1, phi2] = recording.phi_rad.as_slice() else { return None };
             let mut gait = vec![measured(&|i| (DEG * phi1[i], DEG * phi2[i]))];
             // The commanded gait is shown only if both joints are commanded.
-            let is_whole = commanded_gait.passive_joint().is_none();
-            gait.extend(is_whole.then(|| commanded(&commanded_gait)));
-            let overlays = overlays(stem, trial, (tables, config), missing);
-            is_stiff = overlays.iter().any(|overlay| overlay.name == STIFF_NAME);
-            for Overlay { name, problem, look, cycle } in overlays {
-                let is_commanded = is_whole && problem.gait == commanded_gait;
-                if !is_commanded {
-                    gait.push(Layer::new(&name, shape(&cycle), look));
-                }
-                add(&name, look, simulated::repeat(&cycle, cycles, start));
-            }
+            let three_links = Gait::from(commanded_gait);
+            let is_whole = three_links.passive_joint().is_none();
+            gait.extend(is_whole.then(|| commanded(&three_links)));
+            let shown = overlays.iter().filter(|of| !is_whole || of.gait != commanded_gait);
+            gait.extend(shown.map(|of| Layer::new(&of.name, shape(&of.cycle), of.look)));
             vec![common::gait("Gait", gait)]
         }
-        None => {
-            let mut joints: Vec<Vec<Layer>> = recording
-                .phi_rad
-                .iter()
-                .map(|phi_rad| {
-                    vec![measured(&|i| (recording.time_s[i] - start_s, DEG * phi_rad[i]))]
-                })
-                .collect();
-            let overlay = chain_overlay(stem, trial, (tables, config), missing);
-            is_simulated = overlay.is_some();
-            if let Some((name, look, cycle)) = overlay {
-                for (joint, layers) in joints.iter_mut().enumerate() {
-                    let course = repeated_angle(&cycle, cycles, joint);
-                    layers.push(Layer::new(&name, course, look));
-                }
-                add(&name, look, simulated::repeat(&cycle, cycles, start));
-            }
-            let panel = |(joint, layers)| {
+        AnyRobot::Chain(_) => {
+            let panel = |(joint, phi_rad): (usize, &Vec<f64>)| {
                 let symbol = angle(joint);
+                let mut layers =
+                    vec![measured(&|i| (recording.time_s[i] - start_s, DEG * phi_rad[i]))];
+                layers.extend(overlays.iter().map(|Overlay { name, look, cycle, .. }| {
+                    let course = over_time(cycle, cycles, |sample| DEG * sample.phi_rad[joint]);
+                    Layer::new(name, course, *look)
+                }));
                 time_course(&format!("Joint angle {symbol}"), &format!("{symbol} (deg)"), layers)
             };
-            joints.into_iter().enumerate().map(panel).collect()
+            recording.phi_rad.iter().enumerate().map(panel).collect()
         }
     };
     let d = with_error(1e3 * trial.metrics.d_m, 1e3 * trial.metrics_se.d_m);
@@ -163,43 +155,11 @@ pub(super) fn wheels(
     Some(Figure::new(stem, texts("wheels", values), &[campaign], Layout::Stack, panels.collect()))
 }
 
-/// Returns the name and look of the preferred fitted model of a chain, with a cycle of its motion under the conditions of
-/// a trial; `None` if there is no such model. If the model has no motion, a sentence is added to `missing`.
-fn chain_overlay(
-    stem: &str,
-    trial: &TrialRow,
-    (tables, config): (&Tables, &ReportInput),
-    missing: &mut Vec<String>,
-) -> Option<(String, Look, Vec<ChainSample>)> {
-    let fit = tables.preferred(&trial.campaign)?;
-    let problem = simulated::chain_fitted_to(config, fit, trial)?;
-    let name = format!("{}, fitted", fit.model.name());
-    match problem.cycle(FIT_ACCURACY, simulated::SAMPLES) {
-        Ok(cycle) => Some((name, config.look(fit.model).over_recorded(), cycle)),
-        Err(error) => {
-            missing.push(not_overlaid(stem, &name, trial, &error));
-            None
-        }
-    }
-}
-
 /// Returns the sentence that says why a model is not drawn over the measurements of a trial.
 fn not_overlaid(stem: &str, name: &str, trial: &TrialRow, error: &MotionError) -> String {
     let figure = super::called(stem);
     let trial = &trial.trial;
     format!("{figure}: model {name} is not drawn over the measurements of trial {trial}: {error}.")
-}
-
-/// Returns the time course of a joint's angle (deg) for a cycle that is repeated `cycles` times.
-fn repeated_angle(cycle: &[ChainSample], cycles: usize, joint: usize) -> Vec<(f64, f64)> {
-    let period_s = cycle.last().map_or(0.0, |last| last.time_s);
-    let repeated = (0..cycles).flat_map(|nth| cycle.iter().map(move |sample| (nth, sample)));
-    repeated
-        .map(|(nth, sample)| {
-            let phi_rad = sample.phi_rad.get(joint).copied().unwrap_or(f64::NAN);
-            (nth as f64 * period_s + sample.time_s, DEG * phi_rad)
-        })
-        .collect()
 }
 
 /// Returns the layer with the commanded gait as a closed curve in the plane of the two joint angles (deg).
@@ -215,69 +175,81 @@ fn commanded(gait: &Gait) -> Layer {
 /// Simulated motion drawn over the measured motion of a trial.
 struct Overlay {
     name: String,
-    problem: Problem,
+    gait: AnyGait,
     look: Look,
-    cycle: Vec<Sample>,
+    cycle: Vec<AnySample>,
 }
 
-/// Returns the simulated motions to be drawn over the measured motion of a trial.
-///
-/// The first two are motions without skid, with fitted parameters if there is a fit; the second has roll resistance if
-/// a joint is passive, and otherwise follows the ellipse fitted to the measured gait (with little skid if no motion
-/// without skid exists). The last is that of the preferred fitted model. For each missing motion, a sentence is added to
-/// `missing`.
+impl Overlay {
+    fn new(name: &str, look: Look, problem: &AnyProblem) -> Result<Self, MotionError> {
+        let cycle = simulated::stable_cycle(problem)?;
+        Ok(Self { name: name.to_owned(), gait: problem.gait, look, cycle })
+    }
+}
+
+/// Returns the simulated motions to be drawn over the measured motion of a trial: for a robot of three links those
+/// without skid, and that of the preferred fitted model. For each missing motion, a sentence is added to `missing`.
 fn overlays(
     stem: &str,
     trial: &TrialRow,
     (tables, config): (&Tables, &ReportInput),
     missing: &mut Vec<String>,
 ) -> Vec<Overlay> {
-    let line = |model| config.look(model).line();
-    let solve = |name: &str, look: Look, problem: Problem| {
-        let cycle = simulated::stable_cycle(&problem);
-        cycle.map(|cycle| Overlay { name: name.to_owned(), problem, look, cycle })
+    let mut found = match config.is_chain(&trial.campaign) {
+        true => Vec::new(),
+        false => without_skid(trial, (tables, config)),
     };
-    let mut found = Vec::new();
-    let mut add = |name: &str, solved: Result<Overlay, MotionError>| match solved {
-        Ok(overlay) => found.push(overlay),
-        Err(error) => missing.push(not_overlaid(stem, name, trial, &error)),
+    found.extend(tables.preferred(&trial.campaign).and_then(|fit| {
+        let name = format!("{}, fitted", fit.model.name());
+        let problem = simulated::fitted_to(config, fit, trial)?;
+        let solved = Overlay::new(&name, config.look(fit.model).over_recorded(), &problem);
+        Some((name, solved))
+    }));
+    let mut add = |(name, solved): (String, Result<Overlay, MotionError>)| match solved {
+        Ok(overlay) => Some(overlay),
+        Err(error) => {
+            missing.push(not_overlaid(stem, &name, trial, &error));
+            None
+        }
     };
+    found.into_iter().filter_map(&mut add).collect()
+}
+
+/// Returns the names and motions without skid for a trial of a robot of three links, with fitted parameters if there is
+/// a fit. The second has roll resistance if a joint is passive, and otherwise follows the ellipse fitted to the measured
+/// gait (with little skid if no motion without skid exists).
+fn without_skid(
+    trial: &TrialRow,
+    inputs: (&Tables, &ReportInput),
+) -> Vec<(String, Result<Overlay, MotionError>)> {
+    let line = |model| inputs.1.look(model).line();
     let best_known = |model| {
-        let inputs = (tables, config);
         let known = simulated::best_known(inputs, &trial.campaign, model, trial.omega_rad_s);
         known.map(|(problem, _)| problem)
     };
-    let Some(no_skid) = best_known(Model::NO_SKID) else { return found };
-    let is_passive = no_skid.gait.passive_joint().is_some();
-    let ellipse = |problem| simulated::under_gait_of(trial, problem);
-    let of_ellipse = ellipse(no_skid.clone());
-    add("no-skid", solve("no-skid", line(Model::NO_SKID), no_skid));
-    let (name, solved) = if is_passive {
-        let model = Model::NO_SKID_ROLL;
-        let name = Model::NO_SKID_ROLL.name();
-        (name, best_known(model).map(|of| solve(name, line(model), of)))
-    } else {
-        let name = "no-skid, measured elliptic gait";
-        match solve(name, line(Model::NO_SKID_MEASURED), of_ellipse) {
-            Err(MotionError::Singular { .. }) => {
-                let name = STIFF_NAME;
-                (
-                    name,
-                    best_known(Model::SKID_ROLL).map(|mut problem| {
-                        problem.robot.skid_kg_s = problem.robot.skid_kg_s.map(|skid| STIFF * skid);
-                        solve(name, looks::STIFF, ellipse(problem))
-                    }),
-                )
-            }
-            solved => (name, Some(solved)),
-        }
+    let Some(no_skid) = best_known(Model::NO_SKID) else { return Vec::new() };
+    let solve = |name: &str, look, problem: &AnyProblem| {
+        (name.to_owned(), Overlay::new(name, look, problem))
     };
-    solved.into_iter().for_each(|solved| add(name, solved));
-    let preferred = tables.preferred(&trial.campaign).and_then(|fit| {
-        let name = format!("{}, fitted", fit.model.name());
-        let problem = simulated::fitted_to(config, fit, trial)?;
-        Some((solve(&name, config.look(fit.model).over_recorded(), problem), name))
-    });
-    preferred.into_iter().for_each(|(solved, name)| add(&name, solved));
+    let mut found = vec![solve("no-skid", line(Model::NO_SKID), &no_skid)];
+    if Gait::from(no_skid.gait).passive_joint().is_some() {
+        let model = Model::NO_SKID_ROLL;
+        found.extend(best_known(model).map(|of| solve(model.name(), line(model), &of)));
+        return found;
+    }
+    let ellipse = |problem| simulated::under_gait_of(trial, problem);
+    let name = "no-skid, measured elliptic gait";
+    let of_ellipse = solve(name, line(Model::NO_SKID_MEASURED), &ellipse(no_skid));
+    if !matches!(of_ellipse, (_, Err(MotionError::Singular { .. }))) {
+        found.push(of_ellipse);
+        return found;
+    }
+    found.extend(best_known(Model::SKID_ROLL).map(|mut problem| {
+        for skid in Quantity::Skid.of_each() {
+            let value = STIFF * problem.robot.value(skid);
+            problem.robot.set(skid, value);
+        }
+        solve(STIFF_NAME, looks::STIFF, &ellipse(problem))
+    }));
     found
 }

@@ -11,7 +11,7 @@ use trilink_tables::trial::TrialKind;
 use trilink_tables::{CycleRow, Fill, TrialRow};
 
 use super::common::{
-    DEG, angle, lines, link_noun, links_at_start, links_of, map, time_course, travel,
+    DEG, angle, lines, link_noun, links, links_at_start, map, time_course, travel,
 };
 use super::texts::texts;
 use super::tracking;
@@ -138,10 +138,10 @@ fn path(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figure
     let start = (0..all.len()).find_map(|i| recording.pose(i));
     let links =
         start.zip(config.setup(&trial.campaign)).and_then(|((pose, phi_rad), (robot, _))| {
-            links_of(&robot, pose, phi_rad.get(..recording.phi_rad.len())?)
+            links(&robot, pose, phi_rad.get(..recording.phi_rad.len())?)
         });
     if let Some(links) = links {
-        layers.extend([links_at_start(links), travel(&seen)]);
+        layers.extend([links_at_start(links), travel(&seen, &[])]);
     }
     layers.push(Layer::new("measured", all, looks::RECORDED));
     let texts = texts("path", context! { gait => trial.kind == TrialKind::Gait });

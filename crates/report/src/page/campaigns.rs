@@ -69,7 +69,13 @@ fn section(
         driven_by => tables.source(input).gait_input(fitted),
         shown => of_kinds(&["models", "residuals"]),
         metrics => of_kinds(&["sigma", "alpha"]),
-        motions => of_kinds(&["simulated", "from-rest", "sweep", "gait"]),
+        motions => images(drawn, |figure| {
+            let is_of_motion = ["simulated", "from-rest", "sweep", "gait"]
+                .contains(&figures::kind(&figure.stem));
+            // With several campaigns, the figure is among the comparisons.
+            let is_own_work = figure.stem == figures::WORK && input.is_chain(name);
+            figure.campaigns == [name] && (is_of_motion || is_own_work)
+        }),
         // The page of the trial and the figure of the models show the same.
         linked => of_kinds(&["wheels", "d-v"]),
         starts => of_kinds(&["starts"]),

@@ -139,9 +139,11 @@ addEventListener("DOMContentLoaded", () => {
     for (const { name, unit, units, decimals, values } of quantities) {
       const all = values.map(of => (of[frame] === null ? null : of[frame] * units / data.per_unit));
 {% if replay.is_chain %}
-      const wheels = [...all.keys()].filter(wheel => data.wheels[wheel] !== null);
-      write([name, ...wheels.map(wheel => data.names[wheel])].join(", "),
-        `${wheels.map(wheel => fixed(all[wheel], decimals)).join(", ")} ${unit}`);
+      // Only quantities of wheels have as many values as the robot has links.
+      const ofWheels = all.length === data.names.length;
+      const shown = [...all.keys()].filter(i => !ofWheels || data.wheels[i] !== null);
+      write([name, ...(ofWheels ? shown.map(wheel => data.names[wheel]) : [])].join(", "),
+        `${shown.map(i => fixed(all[i], decimals)).join(", ")} ${unit}`);
 {% else %}
       write(all.length === 3 ? `${name}, middle, front, rear` : name, `${all.map(value => fixed(value, decimals)).join(", ")} ${unit}`);
 {% endif %}

@@ -9,7 +9,7 @@ use trilink_robot::Parameter;
 use trilink_tables::{FitRow, SharedFitRow, Sharing};
 
 use crate::ReportInput;
-use crate::parameters::FittedParameter;
+use crate::parameters::{FittedParameter, label};
 use crate::tables::Tables;
 
 /// Returns the template values of one section per robot on the fits to all of its campaigns together, in the order of
@@ -54,7 +54,11 @@ fn section(rows: &[SharedFitRow], tables: &Tables, input: &ReportInput) -> Value
             context! { fit => Serde(fit), parameters => Serde(parameters) }
         });
         let heads = row.fit.free.iter();
-        let heads = heads.map(|of: &Parameter| context! { label => of.label(), unit => of.unit() });
+        let is_chain = row.campaigns.first().is_some_and(|campaign| input.is_chain(campaign));
+        let heads = heads.map(|of: &Parameter| {
+            let label = if is_chain { label(*of, &links) } else { of.label().to_owned() };
+            context! { label, unit => of.unit() }
+        });
         context! {
             row => Serde(row),
             heads => heads.collect::<Vec<_>>(),

@@ -90,7 +90,7 @@ impl Replay {
             let class = class(of.arrow?);
             let per_mm = (*per_mm)?;
             let (per_mm, bar) = (as_configured(per_mm), as_configured(per_mm * bar_mm));
-            Some(context! { class, name => of.name, unit => of.unit, per_mm, bar })
+            Some(context! { class, name => &of.name, unit => of.unit, per_mm, bar })
         });
         let trails = self.motions.iter().map(|of| context! { name => &of.name, path => trail(of) });
         let stills = self.stills(&arrows);

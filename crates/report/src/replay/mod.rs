@@ -53,7 +53,7 @@ pub(crate) struct Motion {
 /// Quantity whose value is shown for each frame and, if the quantity has a direction at the wheels, as an arrow.
 #[derive(Debug, Clone)]
 pub(crate) struct Quantity {
-    pub name: &'static str,
+    pub name: String,
     pub unit: &'static str,
     /// Number of display units per SI unit.
     pub units: f64,

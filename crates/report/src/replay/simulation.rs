@@ -4,12 +4,13 @@ use minijinja::context;
 use minijinja::value::Serde;
 use serde::Serialize;
 use trilink_base::numbers::as_configured;
-use trilink_mechanics::{MotionError, Problem, Sample};
+use trilink_mechanics::{AnyProblem, AnySample, MotionError};
 use trilink_plot::{Figure, Layer, Layout, Panel};
-use trilink_robot::ContactForces;
 use trilink_robot::metrics::padded;
+use trilink_robot::{AnyRobot, Chain};
 
 use super::{Cycles, Direction, MAX_FRAMES, Motion, Quantity, Replay};
+use crate::figures::{subscripted, wheels};
 use crate::{ReportError, looks, page};
 
 /// Minimum number of samples per cycle for integrating the work.
@@ -36,7 +37,7 @@ pub enum SimulationError {
 /// Returns an error if the motion does not exist or the template cannot be rendered.
 pub fn page(
     (campaign, model): (&str, &str),
-    problem: &Problem,
+    problem: &AnyProblem,
     cycles_to_settle: Option<usize>,
     answer: &impl Serialize,
 ) -> Result<String, SimulationError> {
@@ -62,18 +63,29 @@ pub fn page(
         "Positions are given to 0.1 mm, angles to 0.1 mrad and forces to 0.1 mN.".to_owned(),
     ];
     let replay = replay(model, problem, &samples, stride, notes);
-    let figures = figures(&samples);
+    let figures = figures(&problem.robot, &samples);
     let figures = figures
         .iter()
         .map(page::image)
         .collect::<Result<Vec<_>, _>>()
         .map_err(ReportError::from)?;
     let replay = replay.value(&format!("Motion of {title}"));
+    let is_chain = matches!(problem.robot, AnyRobot::Chain(_));
+    let sigma = wheels(&problem.robot).into_iter().map(|(number, wheel)| {
+        let symbol = subscripted('σ', number);
+        (number, if is_chain { format!("{symbol}, {wheel}") } else { symbol })
+    });
+    let alpha = (1..=problem.robot.joints())
+        .map(|number| (format!("alpha{number}_rad"), subscripted('α', number)));
+    let numbers = problem.robot.clone().chain().map_or(Vec::new(), numbers);
     let values = context! {
         version => env!("CARGO_PKG_VERSION"),
         synthetic => "",
         title,
         answer => Serde(answer),
+        sigma => sigma.collect::<Vec<_>>(),
+        alpha => alpha.collect::<Vec<_>>(),
+        numbers,
         replay => replay,
         figures,
     };
@@ -81,22 +93,35 @@ pub fn page(
     Ok(html.map_err(ReportError::Page)?)
 }
 
+/// Returns the names of the numbers of a chain that are not zero, as in the option `--set` of `simulate`, with their
+/// values in the units of the names.
+fn numbers(chain: Chain) -> Vec<(String, f64)> {
+    let known = chain.numbers().into_iter().filter_map(|number| {
+        let value = chain.number(number).filter(|value| *value != 0.0)?;
+        Some((chain.number_name(number), value / number.in_si()))
+    });
+    known.collect()
+}
+
 /// Returns the replay of a simulated motion, with every `stride`-th sample as a frame.
 fn replay(
     model: &str,
-    problem: &Problem,
-    samples: &[Sample],
+    problem: &AnyProblem,
+    samples: &[AnySample],
     stride: usize,
     notes: Vec<String>,
 ) -> Replay {
     let shown = || samples.iter().step_by(stride);
-    let of_wheels = |values: fn(&Sample) -> [f64; 3]| {
-        [0, 1, 2].map(|wheel| shown().map(|sample| values(sample)[wheel]).collect()).to_vec()
+    let joints = problem.robot.joints();
+    // A chain has one joint less than links.
+    let each = |count: usize, values: fn(&AnySample) -> &[f64]| {
+        (0..count).map(|i| shown().map(|sample| values(sample)[i]).collect()).collect()
     };
-    let [done_j, lost_j] = [|of: &ContactForces| of.power_w, |of: &ContactForces| of.loss_w]
+    let of_wheels = |values| each(joints + 1, values);
+    let [done_j, lost_j] = [|of: &AnySample| of.power_w, |of: &AnySample| of.loss_w]
         .map(|power_w| integrated(samples, power_w).into_iter().step_by(stride).collect());
-    let quantity = |name, unit, units, decimals, values| Quantity {
-        name,
+    let quantity = |name: &str, unit, units, decimals, values| Quantity {
+        name: name.to_owned(),
         unit,
         units,
         decimals,
@@ -105,17 +130,21 @@ fn replay(
         full_scale: None,
     };
     let across = if problem.laws.skids() { "Skid friction" } else { "Constraint force" };
-    let skid = quantity("Skid velocity", "mm/s", 1e3, 1, of_wheels(|sample| sample.skid_m_s));
-    let lateral = quantity(across, "N", 1.0, 3, of_wheels(|sample| sample.forces.lateral_n));
-    let roll = quantity("Roll friction", "N", 1.0, 3, of_wheels(|sample| sample.forces.roll_n));
-    let torques =
-        [0, 1].map(|joint| shown().map(|sample| sample.forces.torque_nm[joint]).collect());
-    let power = shown().map(|sample| sample.forces.power_w).collect();
+    let skid = quantity("Skid velocity", "mm/s", 1e3, 1, of_wheels(|sample| &sample.skid_m_s));
+    let lateral = quantity(across, "N", 1.0, 3, of_wheels(|sample| &sample.lateral_n));
+    let roll = quantity("Roll friction", "N", 1.0, 3, of_wheels(|sample| &sample.roll_n));
+    let torques = each(joints, |sample| &sample.torque_nm);
+    let power = shown().map(|sample| sample.power_w).collect();
+    let torque = match joints {
+        1 => "Torque of joint 1".to_owned(),
+        2 => "Torque of joints 1, 2".to_owned(),
+        _ => format!("Torque of joints 1 to {joints}"),
+    };
     let quantities = vec![
         skid,
         Quantity { arrow: Some(Direction::Across), ..lateral },
         Quantity { arrow: Some(Direction::Along), ..roll },
-        quantity("Torque of joints 1, 2", "N m", 1.0, 3, torques.to_vec()),
+        quantity(&torque, "N m", 1.0, 3, torques),
         quantity("Power of the actuators", "W", 1.0, 3, vec![power]),
         quantity("Work of the actuators", "J", 1.0, 3, vec![done_j]),
         quantity("Lost to friction", "J", 1.0, 3, vec![lost_j]),
@@ -127,7 +156,7 @@ fn replay(
     };
     let period_s = std::f64::consts::TAU / problem.omega_rad_s;
     Replay {
-        robot: problem.robot.clone().into(),
+        robot: problem.robot.clone(),
         time_s: shown().map(|sample| sample.time_s).collect(),
         motions: vec![motion],
         quantities,
@@ -140,43 +169,44 @@ fn replay(
 
 /// Integrates a power (W) over time by the trapezoidal rule; returns the energy (J) from the first sample up to each
 /// sample.
-fn integrated(samples: &[Sample], power_w: fn(&ContactForces) -> f64) -> Vec<f64> {
+fn integrated(samples: &[AnySample], power_w: fn(&AnySample) -> f64) -> Vec<f64> {
     let mut sums = vec![0.0];
     for pair in samples.windows(2) {
-        let mean_w = 0.5 * (power_w(&pair[0].forces) + power_w(&pair[1].forces));
+        let mean_w = 0.5 * (power_w(&pair[0]) + power_w(&pair[1]));
         sums.push(sums[sums.len() - 1] + mean_w * (pair[1].time_s - pair[0].time_s));
     }
     sums
 }
 
 /// Returns the figures that show the quantities of the replay against time.
-fn figures(samples: &[Sample]) -> Vec<Figure> {
-    const WHEELS: [&str; 3] = ["wheel 0", "wheel 1", "wheel 2"];
-    let panel = |title: &str, y_label: &str, names: &[&str], of: &dyn Fn(&Sample, usize) -> f64| {
-        Panel::new(
-            title,
-            "Time (s)",
-            y_label,
-            names
-                .iter()
-                .enumerate()
-                .map(|(nth, name)| {
-                    let points = samples.iter().map(|sample| (sample.time_s, of(sample, nth)));
-                    Layer::new(name, points, looks::component(nth))
-                })
-                .collect(),
-        )
-    };
-    let joints = ["joint 1", "joint 2"];
+fn figures(robot: &AnyRobot, samples: &[AnySample]) -> Vec<Figure> {
+    let panel =
+        |title: &str, y_label: &str, names: &[String], of: &dyn Fn(&AnySample, usize) -> f64| {
+            Panel::new(
+                title,
+                "Time (s)",
+                y_label,
+                names
+                    .iter()
+                    .enumerate()
+                    .map(|(nth, name)| {
+                        let points = samples.iter().map(|sample| (sample.time_s, of(sample, nth)));
+                        Layer::new(name, points, looks::component(nth))
+                    })
+                    .collect(),
+            )
+        };
+    let joints: Vec<String> =
+        (1..=robot.joints()).map(|number| format!("joint {number}")).collect();
+    let (numbers, wheels): (Vec<usize>, Vec<String>) = wheels(robot).into_iter().unzip();
+    let powers = ["actuators", "friction"].map(str::to_owned);
     let panels = vec![
         panel("Joint angles", "φ (deg)", &joints, &|of, i| of.phi_rad[i].to_degrees()),
-        panel("Torques", "Torque (N m)", &joints, &|of, i| of.forces.torque_nm[i]),
-        panel("Power", "Power (W)", &["actuators", "friction"], &|of, i| {
-            [of.forces.power_w, of.forces.loss_w][i]
-        }),
-        panel("Skid velocities", "Skid (mm/s)", &WHEELS, &|of, i| 1e3 * of.skid_m_s[i]),
-        panel("Lateral forces", "Force (N)", &WHEELS, &|of, i| of.forces.lateral_n[i]),
-        panel("Rolling forces", "Force (N)", &WHEELS, &|of, i| of.forces.roll_n[i]),
+        panel("Torques", "Torque (N m)", &joints, &|of, i| of.torque_nm[i]),
+        panel("Power", "Power (W)", &powers, &|of, i| [of.power_w, of.loss_w][i]),
+        panel("Skid velocities", "Skid (mm/s)", &wheels, &|of, i| 1e3 * of.skid_m_s[numbers[i]]),
+        panel("Lateral forces", "Force (N)", &wheels, &|of, i| of.lateral_n[numbers[i]]),
+        panel("Rolling forces", "Force (N)", &wheels, &|of, i| of.roll_n[numbers[i]]),
     ];
     let panels: Vec<Panel> = panels.into_iter().filter(|panel| !panel.is_empty()).collect();
     let title = "Joint angles, torques, power, skid velocities and forces in a motion that starts from rest";

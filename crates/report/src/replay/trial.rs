@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_base::numbers::{as_configured, fixed};
-use trilink_mechanics::{FIT_ACCURACY, Pose, Solver};
+use trilink_mechanics::{AnySample, FIT_ACCURACY, Pose};
 use trilink_robot::JointCommand;
 use trilink_robot::metrics::padded;
 use trilink_tables::config::MarkerLayout;
@@ -14,7 +14,7 @@ use trilink_tables::{FitRow, TrialRow};
 use super::{Cycles, Direction, MAX_FRAMES, Mark, Marker, Motion, Quantity, Replay};
 use crate::ReportInput;
 use crate::recording::{Coordinates, MarkerState, Recording};
-use crate::simulated::{self, MotionSample};
+use crate::simulated;
 
 /// Minimum number of frames per cycle in a replay; if the whole recording would have fewer, only part of it is shown.
 const MIN_FRAMES_OF_CYCLE: usize = 16;
@@ -57,7 +57,7 @@ pub(crate) fn of_trial(
     let (markers, marks) =
         layout.map_or((Vec::new(), Vec::new()), |layout| marks(recording, &layout, window, stride));
     let skid = Quantity {
-        name: "Skid velocity",
+        name: "Skid velocity".to_owned(),
         unit: "mm/s",
         units: 1e3,
         decimals: 1,
@@ -137,19 +137,10 @@ fn predicted(
             .map(|joint| joint.offset_rad + joint.amplitude_rad + joint.phase_rad)
             .all(f64::is_finite)
     };
-    let poses = if input.is_chain(&trial.campaign) {
-        let problem = is_known.then(|| simulated::chain_fitted_to(input, fit, trial)).flatten();
-        let problem = problem.filter(|of| are_finite(&of.chain.gait().joints));
-        let samples = problem.ok_or_else(unknown)?.cycle(FIT_ACCURACY, simulated::SAMPLES);
-        repeated(&samples.map_err(no_motion)?, start, times_s)
-    } else {
-        let problem = is_known.then(|| simulated::fitted_to(input, fit, trial)).flatten();
-        let problem = problem.filter(|of| are_finite(&of.gait.joints)).ok_or_else(unknown)?;
-        let mut solver = Solver::default();
-        solver.solve(&problem, FIT_ACCURACY).map_err(no_motion)?;
-        let samples = solver.cycle(simulated::SAMPLES).map_err(no_motion)?;
-        repeated(&samples, start, times_s)
-    };
+    let problem = is_known.then(|| simulated::fitted_to(input, fit, trial)).flatten();
+    let problem = problem.filter(|of| are_finite(&of.gait.joints)).ok_or_else(unknown)?;
+    let samples = problem.cycle(FIT_ACCURACY, simulated::SAMPLES);
+    let poses = repeated(&samples.map_err(no_motion)?, start, times_s);
     let colour = Some(input.look(fit.model).colour);
     let motion = Motion { name: fit.model.to_string(), colour, poses };
     let how = format!(
@@ -166,13 +157,13 @@ fn predicted(
 /// Returns the poses and joint angles of a motion that starts at the pose `start` and repeats the cycle `samples`.
 /// `times_s` are measured from the start and must be sorted; the result is `None` at times before the start and after
 /// [`MAX_CYCLES`] cycles.
-pub(crate) fn repeated<S: MotionSample>(
-    samples: &[S],
+pub(crate) fn repeated(
+    samples: &[AnySample],
     mut start: Pose,
     times_s: impl Iterator<Item = f64>,
 ) -> Vec<Option<Coordinates>> {
     let [.., last] = samples else { return Vec::new() };
-    let period_s = last.time_s();
+    let period_s = last.time_s;
     let intervals = samples.len() - 1;
     let mut cycles = 0.0;
     times_s
@@ -181,16 +172,16 @@ pub(crate) fn repeated<S: MotionSample>(
                 return None;
             }
             while time_s >= (cycles + 1.0) * period_s {
-                (start, cycles) = (start * last.pose(), cycles + 1.0);
+                (start, cycles) = (start * last.pose, cycles + 1.0);
             }
             let position = (time_s / period_s - cycles) * intervals as f64;
             let before = (position as usize).min(intervals - 1);
             let fraction = position - before as f64;
             let between = |a: f64, b: f64| a + fraction * (b - a);
             let [a, b] = [&samples[before], &samples[before + 1]];
-            let joints = a.phi_rad().iter().zip(b.phi_rad());
+            let joints = a.phi_rad.iter().zip(&b.phi_rad);
             let phi_rad: Vec<f64> = joints.map(|(a, b)| between(*a, *b)).collect();
-            let [a, b] = [a.pose(), b.pose()];
+            let [a, b] = [a.pose, b.pose];
             let pose = Pose {
                 x_m: between(a.x_m, b.x_m),
                 y_m: between(a.y_m, b.y_m),
@@ -255,7 +246,7 @@ fn marks(
 
 #[cfg(test)]
 mod tests {
-    use trilink_mechanics::{Laws, Problem};
+    use trilink_mechanics::{AnyProblem, Laws, Problem};
     use trilink_tables::config::Config;
     use trilink_tables::{Columns as _, CycleRow};
 
@@ -265,11 +256,10 @@ mod tests {
     fn times_outside_the_recording_have_no_pose() {
         let (robot, gait) = Config::default().campaign_setup("kinematic-symmetric").unwrap();
         let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
-        let mut solver = Solver::default();
-        solver.solve(&problem, FIT_ACCURACY).unwrap();
+        let cycle = AnyProblem::from(problem).cycle(FIT_ACCURACY, 8).unwrap();
         let times_s = [-1.0, 5.0, 1e300, f64::INFINITY].into_iter();
         let start = Pose { x_m: 0.0, y_m: 0.0, theta_rad: 0.0 };
-        let poses = repeated(&solver.cycle(8).unwrap(), start, times_s);
+        let poses = repeated(&cycle, start, times_s);
         let there: Vec<bool> = poses.iter().map(Option::is_some).collect();
         assert_eq!(there, [false, true, false, false]);
     }
