@@ -106,6 +106,6 @@ mod tests {
             assert!((point.y - 1e3 * speed(point.x)).abs() < 1e-6, "{point:?}");
         }
         let none = RobotParameterRow { law: None, ..row };
-        assert!(super::figure("coast", &none, &recording, 0.0).is_none());
+        assert!(super::figure("coast", &none, &recording, 0.0, &[]).is_none());
     }
 }
