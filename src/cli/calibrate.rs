@@ -2,8 +2,8 @@
 
 use serde_json::json;
 use trilink_base::body;
-use trilink_ingest::calibrate::layout_entries;
-use trilink_ingest::{Calibration, MarkerPosition, calibrate};
+use trilink_ingest::calibrate::{ChainCalibration, Direction, layout_entries};
+use trilink_ingest::{Calibrated, Calibration, MarkerPosition, calibrate};
 use trilink_tables::config::toml_key;
 use trilink_tables::trial::{TrialFolder, TrialFolders};
 
@@ -28,15 +28,19 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
             .into());
         }
     };
-    let found = calibrate(&context.config, &folder.path, id)?;
+    let text = match calibrate(&context.config, &folder.path, id)? {
+        Calibrated::ThreeLinks(found) => of_three_links(&found)?,
+        Calibrated::Chain(found) => of_chain(&found)?,
+    };
+    write_data(text.trim_end());
+    Ok(Outcome::Well)
+}
+
+/// Returns the layout of a robot of three links as TOML.
+fn of_three_links(found: &Calibration) -> Result<String, Failure> {
     let Calibration { h_mm, h_configured_mm, l_mm: [front, rear], l_configured_mm, .. } = found;
-    let links = found.links.each_ref().map(|markers| {
-        let bodies = layout_entries(markers).into_iter().filter(|(_, numbers)| numbers.len() > 3);
-        let bodies = bodies.map(|(name, numbers)| body_line(&name, &numbers));
-        let markers = markers.iter().filter(|marker| body::of_point(&marker.label).is_none());
-        bodies.chain(markers.map(line)).collect::<Vec<_>>()
-    });
-    let h_m = [h_mm.value, h_mm.se, h_configured_mm].map(|mm| mm / 1e3);
+    let links = found.links.each_ref().map(|markers| lines(markers));
+    let h_m = [h_mm.value, h_mm.se, *h_configured_mm].map(|mm| mm / 1e3);
     let values = json!({
         "trial": found.trial,
         "frames": found.frames,
@@ -50,8 +54,52 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
         "left_out": found.left_out,
         "links": links,
     });
-    write_data(fill(include_str!("text/calibration.txt"), &values)?.trim_end());
-    Ok(Outcome::Well)
+    Ok(fill(include_str!("text/calibration.txt"), &values)?)
+}
+
+/// Returns the layout of a chain as TOML.
+fn of_chain(found: &ChainCalibration) -> Result<String, Failure> {
+    let links = found.links.iter().zip(&found.names).zip(&found.places);
+    let links = links.map(|((link, name), places)| {
+        let configured_mm = [places.front_joint_mm, places.rear_joint_mm];
+        let joints =
+            ["front_joint_m", "rear_joint_m"].iter().zip(link.joints_mm).zip(configured_mm);
+        let joints = joints.filter_map(|((key, found_mm), configured_mm)| {
+            let [value, se, configured] =
+                [found_mm?.value, found_mm?.se, configured_mm].map(|mm| mm / 1e3);
+            Some(match se.is_finite() {
+                true => format!("{key} = {value:.5} +- {se:.5}; {configured:.5} is configured"),
+                false => format!("Assumed: {key} = {configured:.5} as configured"),
+            })
+        });
+        json!({
+            "name": toml_key(name),
+            "joints": joints.collect::<Vec<_>>(),
+            "direction": match link.direction {
+                Direction::Joints => "joints",
+                Direction::Wheel => "wheel",
+                Direction::MeanAngle => "mean angle",
+            },
+            "direction_se_deg": link.direction_se_deg,
+            "markers": lines(&link.markers),
+        })
+    });
+    let values = json!({
+        "trial": found.trial,
+        "robot": toml_key(&found.robot),
+        "is_grouped": found.is_grouped,
+        "left_out": found.left_out,
+        "links": links.collect::<Vec<_>>(),
+    });
+    Ok(fill(include_str!("text/chain-calibration.txt"), &values)?)
+}
+
+/// Formats the markers and rigid bodies of a link as lines of TOML.
+fn lines(markers: &[MarkerPosition]) -> Vec<String> {
+    let bodies = layout_entries(markers).into_iter().filter(|(_, numbers)| numbers.len() > 3);
+    let bodies = bodies.map(|(name, numbers)| body_line(&name, &numbers));
+    let markers = markers.iter().filter(|marker| body::of_point(&marker.label).is_none());
+    bodies.chain(markers.map(line)).collect()
 }
 
 /// Formats the pose of a rigid body as a line of TOML.

@@ -23,8 +23,8 @@ pub(super) struct Ingest {
     #[arg(
         long,
         value_name = "TRIAL",
-        help = "Write nothing; estimate the [markers] tables from this trial, in which both joints must move, \
-                and print them"
+        help = "Write nothing; estimate the marker layout from this trial, in which all joints must move, and \
+                print it"
     )]
     calibrate: Option<String>,
     /// Ingest one shard of the trials: 3/8 is the third of eight.

@@ -124,10 +124,15 @@ fn calibrate(
         None => wheel_distances_mm(&file, &groups, rate_hz).map_err(failed)?,
     };
     let [front_mm, rear_mm] = found_mm.map(|found_mm| found_mm.unwrap_or(DEFAULT_LEVER_MM));
-    let inner = LinkPlaces { front_joint_mm: 1.0, rear_joint_mm: 1.0, wheel_mm: 0.0 };
+    let inner = LinkPlaces {
+        front_joint_mm: 1.0,
+        rear_joint_mm: 1.0,
+        wheel_mm: Some(0.0),
+        turned_rad: 0.0,
+    };
     let mut places = vec![inner; links.len()];
-    places[0] = LinkPlaces { rear_joint_mm: front_mm, ..LinkPlaces::default() };
-    places[links.len() - 1] = LinkPlaces { front_joint_mm: rear_mm, ..LinkPlaces::default() };
+    places[0] = LinkPlaces { front_joint_mm: 0.0, rear_joint_mm: front_mm, ..inner };
+    places[links.len() - 1] = LinkPlaces { front_joint_mm: rear_mm, rear_joint_mm: 0.0, ..inner };
     let cycle_frames = std::f64::consts::TAU / omega_rad_s * rate_hz;
     let found = calibrate_chain(&file, &groups, &places, rate_hz, Some(cycle_frames));
     Ok(ChainLayout {

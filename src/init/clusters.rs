@@ -4,14 +4,11 @@
 use std::collections::BTreeMap;
 
 use trilink_base::body;
-use trilink_ingest::calibrate::{Body, JointMisfits, rigid_groups};
+use trilink_ingest::calibrate::{Body, JointMisfits, MAX_JOINT_MISFIT_MM, rigid_groups};
 use trilink_ingest::marker_name;
 use trilink_mocap::Recording;
 use trilink_robot::MAX_LINKS;
 
-/// Maximum RMS distance between the two estimates of a joint's position, one from each of the links that it connects,
-/// mm.
-const MAX_JOINT_MISFIT_MM: f64 = 5.0;
 /// Maximum number of groups of markers, the largest first, among which a chain of links is searched for.
 const MAX_GROUPS: usize = 16;
 

@@ -15,7 +15,7 @@ use super::clusters::{Links, by_number};
 use super::motion::{Motion, Shape};
 
 /// Maximum number of files from which the layout is tentatively estimated, starting with those whose joints move most.
-pub(super) const MAX_TRIED: usize = 4;
+const MAX_TRIED: usize = 4;
 /// Frame rate to which files are thinned for tentative estimates of the layout, Hz.
 pub(super) const TRIED_HZ: f64 = 30.0;
 /// Maximum standard error of the side links' directions that are estimated from a gait, degrees; if it is exceeded, a
@@ -50,8 +50,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Estimates the marker layout of the three `links`. If no file determines the layout,
-    /// returns the reason for each file tried.
+    /// Estimates the marker layout of the three `links`. If no file determines the layout, returns the reason for each
+    /// file tried.
     pub(super) fn find(
         links: &Links,
         mut candidates: Vec<Candidate>,

@@ -2,8 +2,8 @@
 //!
 //! Each file shows groups of markers that move rigidly together (`clusters`); the groups that most files show are the
 //! robot's links. The motion of the links (`motion`) determines the kind and the frequency of each recording
-//! (`frequency`), the best file the marker layout (`layout`, `chain`), and all gaits together the campaigns (`campaigns`).
-//! Everything unknown is marked in the files written (`write`).
+//! (`frequency`), the best file the marker layout (`layout`, of chains `chain`), and all gaits together the campaigns
+//! (`campaigns`). Everything unknown is marked in the files written (`write`).
 
 mod add;
 mod axes;
@@ -202,6 +202,7 @@ struct Described {
 }
 
 /// Marker layout of the robot.
+#[expect(clippy::large_enum_variant, reason = "there is one")]
 enum RobotLayout {
     ThreeLinks(Layout),
     Chain(ChainLayout),
@@ -360,6 +361,9 @@ fn find_layout(
             Recorded::CoastDown => coasts.push(motion),
             Recorded::Release { .. } => {}
         }
+    }
+    if candidates.is_empty() {
+        return Err(InitError::NoLayout("no file shows a gait".to_owned()));
     }
     let found = match links.len() {
         3 => Layout::find(links, candidates, &coasts, request.l_m).map(RobotLayout::ThreeLinks),

@@ -415,8 +415,6 @@ fn mistakes_in_trials_of_chains_are_named() {
         assert_ne!(output.status.code(), Some(0), "{arguments:?}");
         self::text(&output.stderr)
     };
-    let error = refused(&["ingest", "raw/practice", "--calibrate", "twistcar-4.00-r1"]);
-    assert!(error.contains("layouts of chains cannot be calibrated yet"), "{error}");
 
     let ingest = |configuration: &str, list: &str| {
         std::fs::write(&path, configuration).unwrap();
@@ -457,6 +455,24 @@ fn mistakes_in_trials_of_chains_are_named() {
     let error = refused(&["synth", "raw/other"]);
     let expected = "campaign twistcar: needed a robot whose marker layout is configured";
     assert!(error.contains(expected), "{error}");
+}
+
+#[test]
+fn the_calibrated_layout_of_a_chain_can_be_pasted_into_the_configuration() {
+    let folder = folder_of("driven-snake.toml");
+    let path = folder.path().join("pipeline.toml");
+    succeed(folder.path(), &["synth", "raw/practice", "--omega", "4"]);
+    let calibrate = ["ingest", "raw/practice", "--calibrate", "snake-4.00-r1"];
+    let layout = succeed(folder.path(), &calibrate);
+    assert!(layout.contains("# front_joint_m = 0.06"), "{layout}");
+    let text = std::fs::read_to_string(&path).expect("a configuration");
+    let (robot, _) = text.split_once("[layout.snake]").expect("a layout");
+    std::fs::write(&path, format!("{robot}{layout}")).unwrap();
+    for (row, truth) in ingested(folder.path()) {
+        assert_eq!(row.status, TrialStatus::Ok, "{}", row.message);
+        let d_m = truth["d_m"].as_f64().expect("a number");
+        assert!((row.metrics.d_m / d_m - 1.0).abs() < 1e-3, "{} {d_m}", row.metrics.d_m);
+    }
 }
 
 /// The limits of a coefficient are those of 95 %; farther from the planted value than three times their distance from

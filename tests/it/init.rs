@@ -577,6 +577,16 @@ fn the_links_of_chains_are_found_in_their_order_and_their_trials_can_be_processe
 }
 
 #[test]
+fn a_release_alone_shows_two_links_but_no_layout() {
+    let settings = include_str!("../fixtures/trolley.toml");
+    let folder = recorded(settings, "2.5", |name| name.contains("release"));
+    let error = refused(folder.path(), &["init", "raw"]);
+    assert!(error.contains("the marker layout is not identifiable"), "{error}");
+    assert!(error.trim_end().ends_with("no file shows a gait"), "{error}");
+    assert!(!folder.path().join("pipeline.toml").exists());
+}
+
+#[test]
 fn a_coast_down_determines_directions_that_gaits_with_offsets_bias() {
     let kept = |name: &str| name.starts_with("hook") || name.contains("coast");
     let folder = recorded(CART, "3", kept);

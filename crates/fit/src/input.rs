@@ -261,7 +261,7 @@ impl FitInput {
 
     /// Returns a hash of everything that the fit reads from the measured robot parameters.
     pub fn robots(&self, data: &FitData) -> String {
-        let rows: Vec<(Option<DecayLaw>, [i64; 2], [Estimate; 2], [Estimate; 2])> = self
+        let rows: Vec<_> = self
             .robot_rows(data)
             .map(|row| {
                 let [of_joint, of_wheels] =

@@ -111,14 +111,32 @@ pub enum Problem {
     )]
     NoDecay { found: f64, needed: f64 },
     #[error(
-        "found {} group{} of markers that move rigidly together{}{list}{}, but three groups are needed, one for each \
+        "found {} group{} of markers that move rigidly together{}{list}{}, but {} groups are needed, one for each \
          link; markers that are not on the robot can be listed in vicon.ignore",
         .found,
         if *.found == 1 { "" } else { "s" },
         if list.is_empty() { "" } else { " (" },
-        if list.is_empty() { "" } else { ")" }
+        if list.is_empty() { "" } else { ")" },
+        LINK_COUNTS.get(*.needed).unwrap_or(&"as many")
     )]
-    RigidGroups { found: usize, list: String },
+    RigidGroups { found: usize, list: String, needed: usize },
+    #[error(
+        "found a chain of {found} links, but the robot has {needed}: use a trial in which all joints move; markers that \
+         are not on the robot can be listed in vicon.ignore"
+    )]
+    ShortChain { found: usize, needed: usize },
+    #[error("link `{name}` has no markers, so that the joints beside it cannot be located")]
+    BareLink { name: String },
+    #[error(
+        "link `{name}` has no wheel that rolls along it and no neighbour with two joints, so that its direction cannot be \
+         estimated"
+    )]
+    NoDirection { name: String },
+    #[error(
+        "no joint is driven, so that the motion does not show which end of the robot is the front: use a file with the \
+         configured labels"
+    )]
+    NoFront,
     #[error(
         "the markers `{labels}` are hardly ever visible together: at least two markers of a link must be visible in \
          most frames, and each marker together with two others of its link in some frames"
@@ -128,7 +146,7 @@ pub enum Problem {
     LinksApart { link: usize, found: usize, needed: usize },
     #[error(
         "joint {joint} turns by only {found_deg:.1} degrees, but {needed_deg} or more are needed to locate it; use a \
-         trial in which both joints move"
+         trial in which all joints move"
     )]
     LittleTurn { joint: usize, found_deg: f64, needed_deg: f64 },
     #[error(
@@ -143,6 +161,10 @@ pub enum Problem {
     )]
     NoLayout,
 }
+
+/// Numbers of links in words, by number.
+const LINK_COUNTS: [&str; 9] =
+    ["no", "one", "two", "three", "four", "five", "six", "seven", "eight"];
 
 impl Problem {
     pub(super) fn in_file(self, path: &Path) -> TrialFailure {

@@ -2,19 +2,32 @@
 //!
 //! The joints are located as for three links. A link between two joints points from one to the other. Of the first and
 //! last link only one joint is known: their direction is that in which the wheel skids least, at a given distance from
-//! the joint. The bias of this direction in gaits in which the wheel skids to one side on average is not corrected.
+//! the joint. The bias of this direction in gaits in which the wheel skids to one side on average is not corrected. A
+//! link without such a wheel is taken to have, on average, the mean angle that is configured for its joint.
 
 use trilink_mocap::Recording;
-use trilink_robot::rotated;
-use trilink_statistics::{Estimate, wrap};
+use trilink_robot::{Chain, Link, Wheel, rotated};
+use trilink_statistics::{Estimate, unwrap, wrap};
+use trilink_tables::config::MarkerLayout;
 
 use super::estimate::locate_joint;
+use super::links::{JointMisfits, command_misfit, rigid_groups};
 use super::shape::Body;
-use super::{Jackknife, MarkerPosition, Parts, check_turn, fit_body, rolling, short_label};
+use super::{
+    Jackknife, MIN_ROWS, MarkerPosition, Parts, check_turn, fit_body, labels, rolling, short_label,
+};
 use crate::error::Problem;
+use crate::geometry::Geometry;
+use crate::markers::layout::locate;
+use crate::phase::CommandedGait;
+use crate::poses::frame_grid;
+use crate::{Command, Subject};
 
 /// Minimum range of a joint angle, degrees; joints on springs may turn little.
 const MIN_TURN_DEG: f64 = 5.0;
+/// Maximum RMS distance between the two estimates of a joint's position, one from each of the links that it connects,
+/// mm.
+pub const MAX_JOINT_MISFIT_MM: f64 = 5.0;
 
 /// Places on a link, mm from its origin. Of a link between two joints, the proportion of the two distances is used.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -23,8 +36,38 @@ pub struct LinkPlaces {
     pub front_joint_mm: f64,
     /// Distance backwards to the joint with the link behind; 0 for the last link.
     pub rear_joint_mm: f64,
-    /// Place of the wheel, positive ahead.
-    pub wheel_mm: f64,
+    /// Place of the wheel, positive ahead; `None` if the link has no wheel that rolls along it.
+    pub wheel_mm: Option<f64>,
+    /// Mean heading relative to the only neighbour, rad, which is used for a link without such a wheel.
+    pub turned_rad: f64,
+}
+
+/// Property of the motion from which the direction of a link follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// The link points from one joint to the other.
+    Joints,
+    /// The wheel skids least.
+    Wheel,
+    /// The mean angle of the joint is the configured one.
+    MeanAngle,
+}
+
+/// Layout of a chain as measured in a trial.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainCalibration {
+    pub trial: String,
+    pub robot: String,
+    /// Names of the links from front to rear.
+    pub names: Vec<String>,
+    /// Layouts of the links from front to rear.
+    pub links: Vec<LinkCalibration>,
+    /// Configured places on the links.
+    pub places: Vec<LinkPlaces>,
+    /// Whether the markers were assigned to links by their motion because the file lacks the configured markers.
+    pub is_grouped: bool,
+    /// Labels of markers that move with none of the links.
+    pub left_out: Vec<String>,
 }
 
 /// Marker layout and places of the joints of a link.
@@ -34,6 +77,7 @@ pub struct LinkCalibration {
     /// Distances from the origin forwards to the joint ahead and backwards to the joint behind, mm, with standard
     /// errors; as given, without a standard error, on the first and last link, and `None` where there is no joint.
     pub joints_mm: [Option<Estimate>; 2],
+    pub direction: Direction,
     /// Standard error of the direction of the link, degrees.
     pub direction_se_deg: f64,
 }
@@ -117,7 +161,7 @@ impl ChainEstimate {
         let mut found =
             Self { positions_mm: Vec::new(), joints_mm: Vec::new(), direction_rad: Vec::new() };
         for (link, (body, places)) in bodies.iter().zip(places).enumerate() {
-            let LinkPlaces { front_joint_mm, rear_joint_mm, wheel_mm } = *places;
+            let LinkPlaces { front_joint_mm, rear_joint_mm, .. } = *places;
             let (direction_rad, joints_mm) = match jointed.joints[link] {
                 [Some(ahead), Some(behind)] => {
                     let length_mm = (ahead[0] - behind[0]).hypot(ahead[1] - behind[1]);
@@ -125,13 +169,18 @@ impl ChainEstimate {
                     (jointed.axis_rad(link)?, [Some(front_mm), Some(length_mm - front_mm)])
                 }
                 [ahead, behind] => {
-                    let velocities = jointed.end_velocities(link, file, rate_hz, is_used)?;
-                    let lever_mm = match ahead {
-                        Some(_) => wheel_mm - front_joint_mm,
-                        None => wheel_mm + rear_joint_mm,
+                    let aligned_rad = jointed.aligned_rad(link) + places.turned_rad;
+                    let direction_rad = match places.wheel_mm {
+                        Some(wheel_mm) => {
+                            let velocities =
+                                jointed.end_velocities(link, file, rate_hz, is_used)?;
+                            let from_joint_mm =
+                                if ahead.is_some() { -front_joint_mm } else { rear_joint_mm };
+                            let lever_mm = wheel_mm + from_joint_mm;
+                            rolling::direction(&velocities, lever_mm, aligned_rad)?
+                        }
+                        None => aligned_rad,
                     };
-                    let guess_rad = jointed.aligned_rad(link);
-                    let direction_rad = rolling::direction(&velocities, lever_mm, guess_rad)?;
                     let joints_mm = [ahead.map(|_| front_joint_mm), behind.map(|_| rear_joint_mm)];
                     (direction_rad, joints_mm)
                 }
@@ -160,6 +209,10 @@ fn bodies(file: &Recording, groups: &[Vec<usize>]) -> Result<Vec<Body>, Problem>
     let bodies: Vec<Body> =
         groups.iter().map(|group| fit_body(file, group)).collect::<Result<_, _>>()?;
     for (joint, pair) in bodies.windows(2).enumerate() {
+        let found = pair[1].turns_to(&pair[0]).count();
+        if found < MIN_ROWS {
+            return Err(Problem::JointUnseen { joint: joint + 1, found, needed: MIN_ROWS });
+        }
         check_turn(joint, &pair[0], &pair[1], MIN_TURN_DEG)?;
     }
     Ok(bodies)
@@ -187,6 +240,121 @@ pub fn wheel_distances_mm(
         let found_mm = sign * rolling::lever_mm(&velocities, guess_rad, sign * to_markers_mm)?;
         (0.2..5.0).contains(&(found_mm / to_markers_mm)).then_some(found_mm)
     }))
+}
+
+/// Estimates the marker layouts of a chain from a recording; the trial's id and the robot's name in the result are empty.
+///
+/// # Errors
+/// Returns an error if the markers do not form the rigid groups of the links, if a joint turns too little, if no motion
+/// shows the direction of a link, or if a link has no markers.
+pub(super) fn calibrate(
+    file: &Recording,
+    markers: &MarkerLayout,
+    Subject { robot, command, .. }: Subject,
+    rate_hz: f64,
+) -> Result<ChainCalibration, Problem> {
+    let chain = robot.chain().ok_or(Problem::NoLayout)?;
+    let names = chain.links.iter().map(|link| link.name.clone()).collect();
+    let places = configured_places(&chain)?;
+    let order = Geometry::new(&chain).order;
+    let located = locate(markers, file).ok();
+    let is_grouped = located.is_none();
+    let groups: Vec<Vec<usize>> = match located {
+        Some(layout) => {
+            let columns = |link: &usize| layout[*link].iter().map(|marker| marker.column).collect();
+            order.iter().map(columns).collect()
+        }
+        None => found_groups(file, order.len(), command.as_ref(), rate_hz)?,
+    };
+    if let Some(link) = groups.iter().position(Vec::is_empty) {
+        return Err(Problem::BareLink { name: chain.links[link].name.clone() });
+    }
+    let cycle_frames = command.map(|of| std::f64::consts::TAU / of.omega_rad_s * rate_hz);
+    let mut links = calibrate_chain(file, &groups, &places, rate_hz, cycle_frames)?;
+    let configured = markers.links();
+    for (link, number) in links.iter_mut().zip(&order) {
+        for marker in &mut link.markers {
+            marker.configured_mm = configured[*number].get(&marker.label).copied();
+        }
+    }
+    let all = 0..file.labels.len();
+    let is_left_out = |column: &usize| !groups.iter().flatten().any(|other| other == column);
+    let left_out: Vec<usize> = all.filter(|column| is_grouped && is_left_out(column)).collect();
+    let left_out = labels(file, &left_out);
+    let [trial, robot] = [(); 2].map(|()| String::new());
+    Ok(ChainCalibration { trial, robot, names, links, places, is_grouped, left_out })
+}
+
+/// Returns the configured places on the links from front to rear.
+///
+/// # Errors
+/// Returns an error if the motion does not show the direction of the first or last link.
+fn configured_places(chain: &Chain) -> Result<Vec<LinkPlaces>, Problem> {
+    let last = chain.links.len() - 1;
+    let links = chain.links.iter().enumerate();
+    let places = links.map(|(i, Link { name, front_joint_m, rear_joint_m, wheel, .. })| {
+        let wheel_mm = match wheel {
+            Some(Wheel { place_m, steer_rad: 0.0, .. }) => Some(1e3 * place_m),
+            _ => None,
+        };
+        if wheel_mm.is_none() && last == 1 {
+            return Err(Problem::NoDirection { name: name.clone() });
+        }
+        let turned_rad = match i {
+            0 => -chain.mean_angle_rad(0),
+            _ if i == last => chain.mean_angle_rad(last - 1),
+            _ => 0.0,
+        };
+        Ok(LinkPlaces {
+            front_joint_mm: if i == 0 { 0.0 } else { 1e3 * front_joint_m },
+            rear_joint_mm: if i == last { 0.0 } else { 1e3 * rear_joint_m },
+            wheel_mm,
+            turned_rad,
+        })
+    });
+    places.collect()
+}
+
+/// Finds the columns of the markers of the links from front to rear by their motion; the driven joints of the command
+/// determine which end is the front.
+fn found_groups(
+    file: &Recording,
+    links: usize,
+    command: Option<&Command>,
+    rate_hz: f64,
+) -> Result<Vec<Vec<usize>>, Problem> {
+    let groups = rigid_groups(file);
+    if groups.len() < links {
+        let list: Vec<String> = groups.iter().map(|group| labels(file, group).join(" ")).collect();
+        let (found, list) = (groups.len(), list.join("; "));
+        return Err(Problem::RigidGroups { found, list, needed: links });
+    }
+    let bodies: Vec<Body> =
+        groups.iter().map(|group| fit_body(file, group)).collect::<Result<_, _>>()?;
+    let mut chain = JointMisfits::new(&bodies).chain(MAX_JOINT_MISFIT_MM);
+    if chain.len() != links {
+        return Err(Problem::ShortChain { found: chain.len(), needed: links });
+    }
+    let driven = command.filter(|command| command.joints.iter().any(Option::is_some));
+    let Some(Command { joints, omega_rad_s }) = driven else { return Err(Problem::NoFront) };
+    let command = CommandedGait { joints, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles: 0 };
+    let (first, frames) = frame_grid(&file.frames)?;
+    let misfit = |chain: &[usize]| {
+        let joints = chain.windows(2).map(|pair| {
+            let mut phi_rad = vec![f64::NAN; frames];
+            for (row, turn) in bodies[pair[1]].turns_to(&bodies[pair[0]]) {
+                phi_rad[(file.frames[row] - first) as usize] = turn;
+            }
+            unwrap(&mut phi_rad);
+            phi_rad
+        });
+        command_misfit(&command, &joints.collect::<Vec<_>>())
+    };
+    let reversed: Vec<usize> = chain.iter().rev().copied().collect();
+    if misfit(&reversed) < misfit(&chain) {
+        chain = reversed;
+    }
+    Ok(chain.into_iter().map(|body| groups[body].clone()).collect())
 }
 
 /// Estimates the marker layouts of a chain. `groups` are the columns of the links' markers and `places` the places on the
@@ -231,6 +399,11 @@ pub fn calibrate_chain(
         LinkCalibration {
             markers: markers.collect(),
             joints_mm,
+            direction: match places[link].wheel_mm {
+                _ if is_inner => Direction::Joints,
+                Some(_) => Direction::Wheel,
+                None => Direction::MeanAngle,
+            },
             direction_se_deg: direction.se.to_degrees(),
         }
     });

@@ -169,8 +169,8 @@ pub(super) fn order_links(
     Ok(bodies)
 }
 
-/// Returns the sum of squared deviations of the first harmonics of both joint angles from the command, rad^2.
-fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>; 2]) -> f64 {
+/// Returns the sum of squared deviations of the first harmonics of the joint angles from the command, rad^2.
+pub(super) fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> f64 {
     let Ok(driven) = command.estimate_phase(phi_rad) else { return f64::INFINITY };
     let squares = phi_rad.iter().zip(command.joints).filter_map(|(phi_rad, joint)| {
         let joint = (*joint)?;

@@ -30,13 +30,16 @@ use trilink_mocap::Recording;
 use trilink_robot::{Gait, Quantity, Robot};
 use trilink_statistics::{Estimate, quantiles_low, wrap};
 use trilink_tables::config::{Config, ConfigError, MarkerLayout, Markers, nearest};
-use trilink_tables::trial::{TrialError, TrialList};
+use trilink_tables::trial::TrialList;
 
 use super::error::{Problem, TrialFailure};
 use super::input::{IngestInput, IngestSettings};
 use super::markers::layout::{LinkMarker, locate, marker_name};
 use super::phase::CommandedGait;
-pub use chain::{LinkCalibration, LinkPlaces, calibrate_chain, wheel_distances_mm};
+pub use chain::{
+    ChainCalibration, Direction, LinkCalibration, LinkPlaces, MAX_JOINT_MISFIT_MM, calibrate_chain,
+    wheel_distances_mm,
+};
 use estimate::LayoutEstimate;
 pub use estimate::locate_joint;
 pub use links::{JointMisfits, rigid_groups};
@@ -112,16 +115,19 @@ pub struct Calibration {
     pub frames: usize,
 }
 
+/// Calibration of a robot of three links or of a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Calibrated {
+    ThreeLinks(Calibration),
+    Chain(ChainCalibration),
+}
+
 /// Estimates the marker layouts from one trial of a folder.
 ///
 /// # Errors
 /// Returns an error if the folder has no such trial (the message suggests the most similar id), if the trial's entry or
-/// file cannot be used, if the markers do not form three rigid groups, or if a joint turns too little.
-pub fn calibrate(
-    config: &Config,
-    folder: &Path,
-    id: &str,
-) -> Result<Calibration, CalibrationError> {
+/// file cannot be used, if the markers do not form the rigid groups of the links, or if a joint turns too little.
+pub fn calibrate(config: &Config, folder: &Path, id: &str) -> Result<Calibrated, CalibrationError> {
     let list = TrialList::load(folder)?;
     let trial = list.trial.iter().find(|trial| trial.id == id).ok_or_else(|| {
         let ids = list.trial.iter().map(|trial| trial.id.as_str());
@@ -130,27 +136,25 @@ pub fn calibrate(
     })?;
     let input = IngestInput::new(config, trial).map_err(TrialFailure::from)?;
     let settings @ IngestSettings { vicon, markers, .. } = &input.settings;
-    let (MarkerLayout::ThreeLinks(markers), Some((robot, gait))) =
-        (markers, input.three_links(trial))
-    else {
-        return Err(TrialFailure::from(TrialError {
-            trial: id.to_owned(),
-            key: "campaign",
-            found: format!("`{}`", trial.campaign.as_deref().unwrap_or_default()),
-            needed: "the campaign of a robot with three links, because layouts of chains cannot be calibrated yet"
-                .to_owned(),
-        })
-        .into());
-    };
     let path = folder.join(&trial.file);
     let file = trilink_mocap::read_markers(&path, vicon.unit).map_err(TrialFailure::from)?;
     let file = input.with_layout_labels(file);
-    let calibration = settings
-        .frame_rate(&file)
-        .and_then(|rate_hz| calibrate_recording(&file, markers, &robot, gait.as_ref(), rate_hz))
-        .and_then(Calibration::require_straight_links)
-        .map_err(|problem| problem.in_file(&path))?;
-    Ok(Calibration { trial: trial.id.clone(), ..calibration })
+    let calibrated = settings.frame_rate(&file).and_then(|rate_hz| {
+        match (markers, input.three_links(trial), input.subject(trial)) {
+            (MarkerLayout::ThreeLinks(markers), Some((robot, gait)), _) => {
+                let found = calibrate_recording(&file, markers, &robot, gait.as_ref(), rate_hz)?;
+                let found = found.require_straight_links()?;
+                Ok(Calibrated::ThreeLinks(Calibration { trial: trial.id.clone(), ..found }))
+            }
+            (_, _, subject) => {
+                let found = chain::calibrate(&file, markers, subject, rate_hz)?;
+                let robot = trial.robot_name(config).unwrap_or_default().to_owned();
+                let trial = trial.id.clone();
+                Ok(Calibrated::Chain(ChainCalibration { trial, robot, ..found }))
+            }
+        }
+    });
+    Ok(calibrated.map_err(|problem| problem.in_file(&path))?)
 }
 
 /// Returns the measured layout of a link as it is written in the configuration: label and x, y, z of each marker, mm, or
@@ -237,7 +241,7 @@ pub fn calibrate_recording(
     };
     let groups: [Vec<usize>; 3] = groups.try_into().map_err(|found: Vec<Vec<usize>>| {
         let list: Vec<String> = found.iter().map(|group| labels(file, group).join(" ")).collect();
-        Problem::RigidGroups { found: found.len(), list: list.join("; ") }
+        Problem::RigidGroups { found: found.len(), list: list.join("; "), needed: 3 }
     })?;
     let [a, b, c] = &groups;
     let mut bodies = [fit_body(file, a)?, fit_body(file, b)?, fit_body(file, c)?];

@@ -6,6 +6,14 @@ use trilink_synth::{Recipe, synthesise};
 
 use super::*;
 
+/// Calibrates the layout of a robot of three links.
+fn calibrate(config: &Config, folder: &Path, id: &str) -> Result<Calibration, CalibrationError> {
+    match super::calibrate(config, folder, id)? {
+        Calibrated::ThreeLinks(found) => Ok(found),
+        Calibrated::Chain(_) => panic!("three links"),
+    }
+}
+
 fn trials(recipe: &Recipe) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     synthesise(&Config::default(), folder.path(), recipe, &|_| Ok(())).unwrap();
@@ -162,7 +170,7 @@ fn a_trial_that_does_not_determine_the_layout_gives_the_reason() {
     );
     let straight = message(&config, "kinematic-coast-down-r1");
     assert!(straight.starts_with("F/kinematic-coast-down-r1.csv: joint 1 turns by only 0."));
-    assert!(straight.ends_with("use a trial in which both joints move"), "{straight}");
+    assert!(straight.ends_with("use a trial in which all joints move"), "{straight}");
     let bent = message(&config, "kinematic-skewed-3.90-r1");
     let found = "F/kinematic-skewed-3.90-r1.csv: the gait's mean joint angle is 45.0 degrees";
     assert!(
@@ -183,4 +191,84 @@ fn a_trial_that_does_not_determine_the_layout_gives_the_reason() {
     let one = message(&unknown, "kinematic-coast-down-r1");
     assert!(one.contains(": found 1 group of markers that move rigidly together ("), "{one}");
     assert!(one.contains("but three groups are needed, one for each link"), "{one}");
+}
+
+/// Returns the configuration of a robot of the gallery.
+fn gallery(robot: &str) -> Config {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/robots");
+    Config::load(&folder.join(robot).with_extension("toml")).unwrap()
+}
+
+/// Calibrates the layout of a chain from a synthetic trial of `config`, with another configuration.
+fn calibrated_chain(
+    config: &Config,
+    calibrate_with: &Config,
+    omega_rad_s: f64,
+) -> Result<ChainCalibration, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let recipe = Recipe { omegas_rad_s: vec![omega_rad_s], ..Recipe::new(1) };
+    let trials = synthesise(config, folder.path(), &recipe, &|_| Ok(())).unwrap();
+    match super::calibrate(calibrate_with, folder.path(), &trials[0].id) {
+        Ok(Calibrated::Chain(found)) => Ok(found),
+        Ok(Calibrated::ThreeLinks(_)) => panic!("a chain"),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+#[test]
+fn layouts_of_chains_are_found() {
+    for (robot, expected) in [
+        ("twistcar", &[Direction::Wheel, Direction::Wheel][..]),
+        (
+            "passive-snake",
+            &[Direction::Wheel, Direction::Joints, Direction::Joints, Direction::MeanAngle],
+        ),
+    ] {
+        let config = gallery(robot);
+        let found = calibrated_chain(&config, &config, 4.0).unwrap();
+        assert!(!found.is_grouped && found.left_out.is_empty(), "{robot}");
+        let directions: Vec<Direction> = found.links.iter().map(|link| link.direction).collect();
+        assert_eq!(directions, expected, "{robot}");
+        for (link, places) in found.links.iter().zip(&found.places) {
+            let configured_mm = [places.front_joint_mm, places.rear_joint_mm];
+            for (joint, configured_mm) in link.joints_mm.iter().zip(configured_mm) {
+                let Some(joint) = joint else { continue };
+                assert!((joint.value - configured_mm).abs() < 0.15, "{robot}: {joint:?}");
+            }
+            for marker in &link.markers {
+                let configured = marker.configured_mm.expect("it is configured");
+                for (axis, found) in marker.position_mm.iter().enumerate() {
+                    let off = (found.value - configured[axis]).abs();
+                    assert!(off < 0.4 && found.se < 0.3, "{robot} {}: {found:?}", marker.label);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn links_of_chains_are_found_although_the_labels_differ() {
+    let config = gallery("passive-snake");
+    let mut other = config.clone();
+    for markers in other.chains.layout.get_mut("passive").unwrap().values_mut() {
+        let renamed = markers.0.iter().map(|(label, at)| (format!("other-{label}"), *at));
+        markers.0 = renamed.collect();
+    }
+    let found = calibrated_chain(&config, &other, 6.0).unwrap();
+    assert!(found.is_grouped);
+    let first = found.links.iter().map(|link| link.markers[0].label.as_str());
+    assert_eq!(first.collect::<Vec<_>>(), ["H1", "B1", "T1", "N1"]);
+    // Without a driven joint nothing shows which end is the front.
+    for joint in &mut other.chains.robot.get_mut("passive").unwrap().joints {
+        joint.kind = trilink_tables::config::JointKind::Elastic;
+    }
+    let error = calibrated_chain(&config, &other, 6.0).unwrap_err();
+    assert!(error.contains("which end of the robot is the front"), "{error}");
+}
+
+#[test]
+fn steered_wheels_do_not_show_the_directions_of_two_links() {
+    let config = gallery("roller-racer");
+    let error = calibrated_chain(&config, &config, 4.0).unwrap_err();
+    assert!(error.contains("link `handlebar` has no wheel that rolls along it"), "{error}");
 }

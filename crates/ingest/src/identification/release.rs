@@ -5,8 +5,8 @@
 //! then swing about it:
 //! `J phi'' + c_tau phi' + T sign(phi') + k_tau (phi - gamma) = 0`
 //! with their moment of inertia about the joint, `J = I + m b^2` for a single link, and damping, dry friction, or both
-//! ([`Swing`]). (With its wheel on the floor a link would not swing, because the wheel would have to skid.) The standard errors
-//! reflect the noise of the recording; J is taken from the configuration.
+//! ([`Swing`]). (With its wheel on the floor a link would not swing, because the wheel would have to skid.) The standard
+//! errors reflect the noise of the recording; J is taken from the configuration.
 
 use std::f64::consts::PI;
 use std::ops::Range;
