@@ -410,12 +410,6 @@ fn mistakes_in_trials_of_chains_are_named() {
     let path = folder.path().join("pipeline.toml");
     let text = std::fs::read_to_string(&path).expect("a configuration");
     succeed(folder.path(), &["synth", "raw/practice", "--omega", "4"]);
-    let refused = |arguments: &[&str]| {
-        let output = trilink(folder.path(), arguments);
-        assert_ne!(output.status.code(), Some(0), "{arguments:?}");
-        self::text(&output.stderr)
-    };
-
     let ingest = |configuration: &str, list: &str| {
         std::fs::write(&path, configuration).unwrap();
         std::fs::write(folder.path().join("raw/practice/trials.toml"), list).unwrap();

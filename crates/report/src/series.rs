@@ -35,9 +35,10 @@ pub(crate) const SPEED: Quantity = Quantity::new(Metric::V);
 pub(crate) const TURNING: Quantity = Quantity::new(Metric::Dtheta);
 pub(crate) const AMPLITUDE: Quantity = Quantity::new(Metric::Alpha1);
 
-/// Returns every quantity to which models are fitted.
-pub(crate) fn fitted() -> [Quantity; Metric::FITTED.len()] {
-    Metric::FITTED.map(Quantity::new)
+/// Returns the metrics to which models are fitted in the order in which figures and pages show them: the skid ratios of
+/// all wheels, then the amplitudes of all joints.
+pub(crate) fn fitted() -> impl Iterator<Item = Metric> {
+    [Metric::D, Metric::V].into_iter().chain(Metric::SIGMA).chain(Metric::ALPHA)
 }
 
 impl Quantity {

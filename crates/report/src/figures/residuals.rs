@@ -12,7 +12,7 @@ use trilink_tables::{PredictionRow, PredictionSource, TrialRow, TrialStatus};
 use super::common::OMEGA;
 use super::texts::texts;
 use crate::looks;
-use crate::series::{Quantity, SAME_FREQUENCY, Source};
+use crate::series::{Quantity, SAME_FREQUENCY, Source, fitted};
 
 /// Largest residual shown in a panel, as a multiple of the largest residual of the best-fitting model.
 const MAX_HEIGHT: f64 = 6.0;
@@ -22,12 +22,12 @@ const MIN_HEIGHT: f64 = 60.0;
 /// Returns the figure of the residuals of a campaign's models, in per cent of the measured values.
 pub(super) fn figure(stem: &str, campaign: &str, source: Source<'_>) -> Figure {
     let links = source.links(campaign);
-    let joints = match source.input.is_chain(campaign) {
-        true => source.input.free_joints(campaign),
-        false => vec![0],
-    };
-    let alpha = joints.into_iter().map(|joint| Metric::ALPHA[joint]);
-    let metrics = [Metric::D, Metric::V].into_iter().chain(Metric::SIGMA).chain(alpha);
+    let is_chain = source.input.is_chain(campaign);
+    let free = source.input.free_joints(campaign);
+    let metrics = fitted().filter(|metric| {
+        let joint = Metric::ALPHA.iter().position(|alpha| alpha == metric);
+        !is_chain || joint.is_none_or(|joint| free.contains(&joint))
+    });
     let quantities: Vec<Quantity> =
         metrics.map(|metric| Quantity::of_links(metric, &links)).collect();
     let panels = quantities.iter().filter_map(|quantity| panel(quantity, campaign, source));

@@ -18,7 +18,7 @@ use super::tracking;
 use crate::ReportInput;
 use crate::looks;
 use crate::recording::Recording;
-use crate::series::Quantity;
+use crate::series::{Quantity, fitted};
 use crate::tables::Tables;
 
 /// Number of time intervals into which a trial is divided to show the largest residual in each.
@@ -163,7 +163,7 @@ fn cycles(trial: &TrialRow, recording: &Recording, config: &ReportInput) -> Figu
         let is_always_shown = metric.is_of_three_links() && !config.is_chain(&trial.campaign);
         is_always_shown || values.any(f64::is_finite)
     };
-    let quantities = Metric::FITTED.into_iter().filter(is_shown);
+    let quantities = fitted().filter(is_shown);
     let panels = quantities
         .map(|metric| Quantity::of_links(metric, links))
         .map(|quantity| {

@@ -13,7 +13,7 @@ use super::{TrialPages, fill};
 use crate::figures::subscripted;
 use crate::recording::Recording;
 use crate::replay::Replay;
-use crate::series::fitted;
+use crate::series::{Quantity, fitted};
 use crate::tables::Tables;
 use crate::{ReportError, ReportInput};
 
@@ -109,14 +109,12 @@ fn predicted(
     let rows = models.filter_map(|model| source.of_trial(trial, model)).collect::<Vec<_>>();
     let free = input.free_joints(&trial.campaign);
     let is_chain = input.is_chain(&trial.campaign);
-    let shown = fitted().into_iter().filter(|of| {
-        let metric = of.metric;
-        match Metric::ALPHA.iter().position(|alpha| *alpha == metric) {
+    let shown =
+        fitted().filter(|metric| match Metric::ALPHA.iter().position(|alpha| alpha == metric) {
             Some(joint) if joint == 0 || is_chain => free.contains(&joint),
-            _ => metric.is_of_three_links() || trial.metrics[metric].is_finite(),
-        }
-    });
-    let of_quantity = shown.map(|quantity| {
+            _ => metric.is_of_three_links() || trial.metrics[*metric].is_finite(),
+        });
+    let of_quantity = shown.map(Quantity::new).map(|quantity| {
         let measured = quantity.of_trial(trial, source.sigma);
         let of_model = rows.iter().map(|row| {
             let is_stable = row.status.is_stable();

@@ -113,7 +113,7 @@ fn replay(
 ) -> Replay {
     let shown = || samples.iter().step_by(stride);
     let joints = problem.robot.joints();
-    // A chain has one joint less than links.
+    // A robot has one joint fewer than links.
     let each = |count: usize, values: fn(&AnySample) -> &[f64]| {
         (0..count).map(|i| shown().map(|sample| values(sample)[i]).collect()).collect()
     };
