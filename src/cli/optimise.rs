@@ -53,8 +53,8 @@ pub(super) struct Optimise {
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_any, conflicts_with_all = ["gait_toml", "replicates"])]
     pareto: Vec<Objective>,
     /// Commands to vary, one or several: omega, amplitude1, offset2, phase2, ...; amplitudes or offsets (of all
-    /// commanded joints); second1 (second harmonic of joint 1); seconds (all second harmonics) [default: all but the
-    /// second harmonics].
+    /// commanded joints); second1 (second harmonic of joint 1); seconds (all second harmonics); of a chain also torque3,
+    /// mean3 (torque of joint 3) and rotor.NAME.amplitude [default: all but the second harmonics].
     #[arg(long, num_args = 1.., value_name = "COMMAND")]
     free: Vec<String>,
     /// Number of harmonics of the commands: 2 also varies the second harmonics of each joint of which another command
@@ -65,7 +65,7 @@ pub(super) struct Optimise {
     /// --fitted within the range of the trials widened by a fifth].
     #[arg(long, value_name = "RAD_S", value_parser = parse_range)]
     omega: Option<[f64; 2]>,
-    /// Bounds of the amplitudes of the commanded joints, degrees: `5..60` [default:
+    /// Bounds of the amplitudes of the commanded joints and rotors, degrees: `5..60` [default:
     /// optimise.amplitude_deg, and with --fitted within the range of the trials widened by a fifth].
     #[arg(long, value_name = "DEG", value_parser = parse_range)]
     amplitude_deg: Option<[f64; 2]>,
@@ -78,7 +78,7 @@ pub(super) struct Optimise {
     /// Maximum mean power of the actuators, W [default: optimise.power_w].
     #[arg(long, value_name = "W")]
     power_w: Option<f64>,
-    /// Maximum torque of each actuator, N m [default: optimise.torque_nm].
+    /// Maximum torque of each actuator of a joint, N m [default: optimise.torque_nm].
     #[arg(long, value_name = "NM")]
     torque_nm: Option<f64>,
     /// Constrain another objective to be at least as good as a value, in the unit of that objective: `v=0.05`,

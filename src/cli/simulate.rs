@@ -9,7 +9,7 @@ mod trajectory;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use trilink_fit::simulate::{Answer, Setup, SimulationRow};
+use trilink_fit::simulate::{Answer, AnySetup, Setup, SimulationRow};
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 
@@ -102,6 +102,7 @@ impl Simulate {
             note_starting_values(config, campaign, &robots.collect::<Vec<_>>());
         }
         if self.sensitivities.sensitivities {
+            let setups: Vec<AnySetup> = setups.into_iter().map(AnySetup::ThreeLinks).collect();
             return self.print_sensitivities(&context, &setups, &omegas, fits.as_ref());
         }
         let stage = context.progress.stage("simulate", solved.len());

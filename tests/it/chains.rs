@@ -6,7 +6,9 @@ use serde_json::Value;
 use trilink_robot::Model;
 use trilink_statistics::Estimate;
 use trilink_tables::trial::TrialKind;
-use trilink_tables::{Columns as _, FitRow, Table, TrialRow, TrialStatus};
+use trilink_tables::{
+    Columns as _, FitRow, PredictionRow, PredictionSource, Table, TrialRow, TrialStatus,
+};
 
 use crate::common::{succeed, text, trilink};
 
@@ -211,25 +213,14 @@ fn a_page_animates_a_chain_from_rest_with_the_values_of_its_trajectory() {
 }
 
 #[test]
-fn options_and_commands_that_do_not_support_chains_say_so() {
+fn mistakes_in_commands_about_chains_are_named() {
     let folder = folder_of("twistcar.toml");
     let refused = |arguments: &[&str], expected: &str| {
         let output = trilink(folder.path(), arguments);
         let error = text(&output.stderr);
         assert!(error.contains(expected) && !error.contains("panicked"), "{arguments:?}: {error}");
-        output.status.code()
     };
     let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4"];
-    for (options, named) in [
-        (&["--fitted", "--bands"][..], "--bands"),
-        (&["--sensitivities", "--monte-carlo"], "--monte-carlo"),
-    ] {
-        let message = format!(
-            "{named}: is not available for robots that are chains, such as that of campaign twistcar"
-        );
-        let status = refused(&[&simulate[..], options].concat(), &message);
-        assert_eq!(status, Some(2), "{options:?}");
-    }
     for (setting, expected) in [
         ("rear.mas_kg=1", "the robot has no number `rear.mas_kg`; did you mean `rear.mass_kg`?"),
         ("rear.mass_kg=-1", "`mass_kg` of link `rear` must be a positive number, not -1"),
@@ -245,8 +236,6 @@ fn options_and_commands_that_do_not_support_chains_say_so() {
         &["simulate", "twistcar", "--model", "coulomb", "--omega", "4"],
         "key `robot.twistcar.links.front.skid_dry_n`: found nothing, needed skid_dry_n, which model `coulomb`",
     );
-    let notice = "campaign twistcar: its robot is a chain, which this command does not support";
-    refused(&["branches", "twistcar", "--over", "omega_rad_s=2..4"], notice);
     let raw = folder.path().join("raw/demo");
     std::fs::create_dir_all(&raw).expect("a folder");
     let list = "[[trial]]\nid = \"a\"\nkind = \"gait\"\nfile = \"a.csv\"\ncampaign = \"twistcar\"\nomega_rad_s = 1.0\n";
@@ -609,7 +598,8 @@ fn torques_and_rotors_of_chains_are_optimised_within_their_limits() {
     let message = "optimise.torque_nm: found nothing, needed the largest torque of an actuator, because `torque1` is free";
     assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
     let limits = ["--torque-nm", "0.05", "--amplitude-deg", "5..150", "--rate-deg-s", "2000"];
-    let line = [&optimise[..], &limits, &["--starts", "6"]].concat();
+    let free = ["--free", "torque1", "mean1", "rotor.front.amplitude", "--omega", "6"];
+    let line = [&optimise[..], &limits, &free, &["--starts", "2"]].concat();
     let rows = succeed(folder.path(), &[&line[..], &["--json"]].concat());
     let of = |name: &str| first_number(&rows, name);
     assert!(of("torque1_amplitude_nm").abs() + of("torque1_mean_nm").abs() <= 0.05 * (1.0 + 1e-3));
@@ -624,4 +614,104 @@ fn torques_and_rotors_of_chains_are_optimised_within_their_limits() {
     let simulate = ["simulate", "rotor-car", "--model", "skid-roll", "--omega", &omega, "--json"];
     let d_m = first_number(&succeed(folder.path(), &simulate), "d_m");
     assert!((d_m / of("value") - 1.0).abs() < 1e-8, "{d_m} {rows}");
+}
+
+/// The Twistcar with standard deviations; both masses were weighed on one scale.
+fn folder_of_uncertain_twistcar() -> tempfile::TempDir {
+    let folder = folder_of("twistcar.toml");
+    let path = folder.path().join("pipeline.toml");
+    let toml = std::fs::read_to_string(&path).expect("a text");
+    let mass = |kg: f64| format!("mass_kg = {{ value = {kg}, sd = 0.01, same = \"scale\" }}");
+    let toml = toml
+        .replace("mass_kg = 0.3", &mass(0.3))
+        .replace("mass_kg = 1.0", &mass(1.0))
+        .replace("com_m = 0.1 ", "standard_deviation = { inertia_kg_m2 = \"5 %\" }\ncom_m = 0.1 ");
+    let fit = "[fit]\nbootstrap = 40\nprofiles = false\nstarts = 2\ngait_input = \"commanded\"\n";
+    std::fs::write(&path, format!("{toml}\n{fit}")).expect("a file");
+    folder
+}
+
+#[test]
+fn errors_of_a_chain_s_numbers_are_propagated_to_its_motion() {
+    let folder = folder_of_uncertain_twistcar();
+    let simulate = ["simulate", "twistcar", "--model", "skid-roll", "--omega", "4", "--json"];
+    let options = ["--sensitivities", "--monte-carlo", "2000"];
+    let rows = succeed(folder.path(), &[&simulate[..], &options].concat());
+    let rows: Vec<Value> = serde_json::from_str(&rows).expect("rows");
+    let number = |row: &Value, name: &str| row[name].as_f64().expect("a number");
+    let of = |parameter: &str| {
+        let is_of = |row: &&Value| row["parameter"] == parameter && row["metric"] == "d_m";
+        rows.iter().find(is_of).expect(parameter)
+    };
+    let derivative = |parameter: &str| number(of(parameter), "derivative");
+    // The masses share an error, which is that of neither alone.
+    let by_scale = 0.01 * (derivative("front.mass_kg") + derivative("rear.mass_kg"));
+    let by_inertia = 0.05 * 8e-3 * derivative("rear.inertia_kg_m2");
+    let deviation = number(of("front.mass_kg"), "metric_deviation");
+    assert!((deviation / by_scale.hypot(by_inertia) - 1.0).abs() < 1e-9, "{deviation}");
+    assert_eq!(of("rear.inertia_kg_m2")["known_from"], "configured");
+    assert!(of("front.inertia_kg_m2")["known_from"].is_null());
+    let drawn = number(of("front.mass_kg"), "draws_deviation");
+    assert!((drawn / deviation - 1.0).abs() < 0.1, "{drawn} {deviation}");
+    let printed = succeed(folder.path(), &[&simulate[..6], &options[..1]].concat());
+    assert!(printed.contains("shares of each metric's variance"), "{printed}");
+}
+
+#[test]
+fn the_intervals_of_a_fitted_chain_are_those_of_the_predictions() {
+    let folder = folder_of_uncertain_twistcar();
+    let home = folder.path();
+    succeed(home, &["synth", "raw/practice", "--seed", "3", "--omega", "2,3,4,5,6"]);
+    succeed(home, &["ingest", "raw/practice"]);
+    trilink(home, &["fit"]);
+    let line = ["simulate", "twistcar", "--model", "skid-roll", "--fitted", "--omega", "2,3,4,5,6"];
+    let answers = succeed(home, &[&line[..], &["--bands", "--json"]].concat());
+    let answers: Vec<Value> = serde_json::from_str(&answers).expect("answers");
+    let table = Table::read(&home.join("derived/predictions.parquet")).expect("a table");
+    let rows = PredictionRow::from_table(&table).expect("rows").into_iter();
+    let rows =
+        rows.filter(|row| row.model == Model::SKID_ROLL && row.source == PredictionSource::Trial);
+    let mut compared = 0;
+    for (row, answer) in rows.zip(&answers) {
+        assert!(answer["no_interval"].is_null(), "{answer}");
+        for (found, known) in
+            [(answer, &row.metrics), (&answer["lower"], &row.lower), (&answer["upper"], &row.upper)]
+        {
+            for (found, known) in [
+                (&found["d_m"], known.d_m),
+                (&found["v_m_s"], known.v_m_s),
+                (&found["sigma"][1], known.sigma[1]),
+            ] {
+                let found = found.as_f64().expect("a number");
+                assert!((found / known - 1.0).abs() < 1e-5, "{found} {known}: {answer}");
+                compared += 1;
+            }
+        }
+    }
+    assert_eq!(compared, 45);
+    let csv = succeed(home, &[&line[..], &["--bands", "--csv"]].concat());
+    assert!(csv.starts_with("model,omega_rad_s,status,d_m,d_m_lo,d_m_hi,v_m_s,"), "{csv}");
+    let printed = succeed(home, &[&line[..], &["--bands"]].concat());
+    assert!(printed.contains("95 % from"), "{printed}");
+    // A coefficient that is set has no uncertainty.
+    let set = ["--bands", "--json", "--set", "front.skid_kg_s=90"];
+    let other: Value =
+        serde_json::from_str(&succeed(home, &[&line[..], &set].concat())).expect("answers");
+    let why = other[0]["no_interval"].as_str().expect("a reason");
+    assert!(why.contains("was set") && other[0]["lower"]["d_m"].is_null(), "{why}");
+    // The budget contains the fitted coefficients and the configured errors.
+    let rows = succeed(home, &[&line[..6], &["4", "--sensitivities", "--json"]].concat());
+    let rows: Vec<Value> = serde_json::from_str(&rows).expect("rows");
+    for (parameter, source) in [
+        ("front.skid_kg_s", "fitted"),
+        ("rear.skid_kg_s", "fitted"),
+        ("front.mass_kg", "configured"),
+        ("rear.inertia_kg_m2", "configured"),
+    ] {
+        let row = rows.iter().find(|row| row["parameter"] == parameter).expect(parameter);
+        assert_eq!(row["known_from"], source, "{row}");
+    }
+    let shares = rows.iter().filter(|row| row["metric"] == "d_m");
+    let shares = shares.filter_map(|row| row["variance_part"].as_f64());
+    assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9);
 }

@@ -101,7 +101,7 @@ impl<'f> FitInformation<'f> {
     pub fn extrapolation(&self, command: AnyGait, omega_rad_s: f64) -> Extrapolation {
         let objective = self.point.evaluator.objective;
         let problem = objective.problem(&objective.robot, command, omega_rad_s);
-        let range = MeasuredRange::new(self.measurements(), &self.command());
+        let range = MeasuredRange::new(self.measurements(), &objective.robot, &self.command());
         range.map_or_else(Extrapolation::blank, |range| range.extrapolation(&problem))
     }
 

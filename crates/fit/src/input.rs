@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use trilink_robot::decay::DecayLaw;
-use trilink_robot::{AnyGait, AnyRobot, Model, Parameter, Quantity, RollLaw};
+use trilink_robot::{AnyGait, AnyRobot, Chain, ChainNumber, Model, Parameter, Quantity, RollLaw};
 use trilink_statistics::{Estimate, mean};
 use trilink_tables::config::{
     Campaign, ChainCampaign, ChainGait, ChainRobot, Config, Fit, Free, GaitConfig, GaitInput,
@@ -376,13 +376,16 @@ impl FitInput {
     /// error increased by their standard deviations. The standard deviations are configured or, if measured values are
     /// used, derived from the trials that measured the parameter.
     pub(super) fn perturbed_robots(&self, robot: &AnyRobot, data: &FitData) -> Vec<AnyRobot> {
-        let mut errors = match &self.robot.value {
-            FitRobot::ThreeLinks(config) => {
+        let mut errors = match (&self.robot.value, robot) {
+            (FitRobot::ThreeLinks(config), _) => {
                 let (_, gait) = self.setup();
                 config.errors(self.model.value.laws(), &gait.into())
             }
-            // The configuration of a chain has no standard deviations.
-            FitRobot::Chain(_) => Vec::new(),
+            (FitRobot::Chain(config), AnyRobot::Chain(chain)) => {
+                let errors = config.errors().into_iter();
+                return errors.map(|error| perturbed_chain(chain, &error).into()).collect();
+            }
+            (FitRobot::Chain(_), AnyRobot::ThreeLinks(_)) => Vec::new(),
         };
         if self.fit.robot_parameters == ParameterSource::Measured {
             for of in MeasuredParameter::all(robot) {
@@ -443,6 +446,17 @@ impl FitInput {
             })
             .collect()
     }
+}
+
+/// Returns a chain with numbers increased by their standard deviations.
+fn perturbed_chain(chain: &Chain, error: &[(ChainNumber, f64)]) -> Chain {
+    let mut perturbed = chain.clone();
+    for (number, deviation) in error {
+        if let Some(number) = perturbed.number_mut(*number) {
+            *number += deviation;
+        }
+    }
+    perturbed
 }
 
 /// Copies the bounds for a parameter's quantity from one set of fit settings to another.

@@ -4,11 +4,12 @@ use std::f64::consts::TAU;
 use std::fmt;
 
 use trilink_mechanics::AnyProblem;
-use trilink_robot::{AnyGait, MAX_JOINTS};
+use trilink_robot::{AnyGait, AnyRobot, Laws, MAX_JOINTS};
 use trilink_statistics::extremes;
 use trilink_tables::{Extrapolation, SAME_FREQUENCY};
 
 use super::measurement::Measurement;
+use super::optimise::{Command, CommandUnit, Drive};
 
 /// Tolerance by which the measured ranges of gait parameters are widened: for amplitudes and offsets relative to the
 /// joint's amplitude, for phases in rad. It is about the accuracy with which servos follow their commands.
@@ -42,13 +43,49 @@ pub struct MeasuredRange {
     ranges: [[f64; 2]; COUNT],
     /// Measured range `[min, max]` of each quantity, widened by that quantity's tolerance.
     limits: [[f64; 2]; COUNT],
+    /// Commands that are not measured: those of elastic joints, torques and rotors, which are the same in all trials.
+    unmeasured: Vec<Unmeasured>,
+}
+
+/// Command that is not measured.
+#[derive(Debug, Clone, PartialEq)]
+struct Unmeasured {
+    command: Command,
+    value: f64,
+    tolerance: f64,
+}
+
+impl Unmeasured {
+    /// Returns the unmeasured commands of a robot and a gait.
+    fn all(robot: &AnyRobot, gait: &AnyGait) -> Vec<Self> {
+        let problem =
+            AnyProblem { robot: robot.clone(), gait: *gait, laws: Laws::SKID, omega_rad_s: 1.0 };
+        let is_measured = |drive: &Drive| match drive {
+            Drive::Angle(joint) => gait.joints[*joint].is_some(),
+            Drive::Torque(_) | Drive::Rotor(_) => false,
+        };
+        let drives = Drive::all(&problem).into_iter().filter(|drive| !is_measured(drive));
+        let of_drive = |drive: Drive| {
+            let amplitude = drive.amplitude().value(&problem).abs();
+            let commands: Vec<Command> = drive.commands().collect();
+            let problem = &problem;
+            commands.into_iter().map(move |command| Self {
+                command,
+                value: command.value(problem),
+                tolerance: TOLERANCE * if command.is_phase() { 1.0 } else { amplitude },
+            })
+        };
+        drives.flat_map(of_drive).collect()
+    }
 }
 
 /// Quantity that lies outside the range of the trials.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 struct Excess {
-    /// Index of the quantity.
+    /// Index of the quantity; those of unmeasured commands follow the others.
     number: usize,
+    name: String,
+    unit: CommandUnit,
     /// Minimum and maximum of the quantity over all motions that were checked against its range.
     values: [f64; 2],
     range: [f64; 2],
@@ -56,10 +93,13 @@ struct Excess {
 
 impl fmt::Display for Excess {
     fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
-        let Self { number, values, range } = *self;
-        let (scale, unit) = if number == OMEGA { (1.0, "rad/s") } else { (360.0 / TAU, "degrees") };
+        let Self { name, values, range, .. } = self;
+        let (unit, scale) = match self.unit {
+            CommandUnit::Rad => ("degrees", 360.0 / TAU),
+            other => other.shown(),
+        };
         let [low, high] = values.map(|value| rounded(scale * value));
-        write!(to, "{} {low}", name_of(number))?;
+        write!(to, "{name} {low}")?;
         if high != low {
             write!(to, " to {high}")?;
         }
@@ -82,10 +122,10 @@ fn rounded(value: f64) -> f64 {
 }
 
 impl MeasuredRange {
-    /// Returns the range covered by the measurements of one campaign, whose commanded gait is `command`; `None` if
+    /// Returns the range covered by the measurements of one campaign, whose robot has the gait `command`; `None` if
     /// there are no measurements. Parameters that no trial measured are taken as commanded; second harmonics range from
     /// 0 to the command.
-    pub fn new(measurements: &[Measurement], command: &AnyGait) -> Option<Self> {
+    pub fn new(measurements: &[Measurement], robot: &AnyRobot, command: &AnyGait) -> Option<Self> {
         let [commanded, none] =
             [command, &AnyGait { joints: [None; MAX_JOINTS] }].map(|of| numbers(of, f64::NAN));
         let all: Vec<Numbers> = measurements
@@ -116,7 +156,8 @@ impl MeasuredRange {
             };
             [low - margin_rad, high + margin_rad]
         });
-        (!measurements.is_empty()).then_some(Self { ranges, limits })
+        let unmeasured = Unmeasured::all(robot, command);
+        (!measurements.is_empty()).then_some(Self { ranges, limits, unmeasured })
     }
 
     /// Returns the measured range of the frequency, rad/s, widened by a fifth for a search.
@@ -139,14 +180,32 @@ impl MeasuredRange {
             let [low, high] = self.ranges[phase];
             own[phase] = wrap_near(own[phase], 0.5 * (low + high));
         }
-        let found = self.excess_of(own);
-        if !problem.robot.has_mirror_images(&problem.gait) {
-            return found;
+        let mut found = self.excess_of(own);
+        if problem.robot.has_mirror_images(&problem.gait) {
+            let mut mirrored = own;
+            mirrored[OFFSET..SECOND].iter_mut().for_each(|offset_rad| *offset_rad *= -1.0);
+            let of_mirror = self.excess_of(mirrored);
+            if of_mirror.len() < found.len() {
+                found = of_mirror;
+            }
         }
-        let mut mirrored = own;
-        mirrored[OFFSET..SECOND].iter_mut().for_each(|offset_rad| *offset_rad *= -1.0);
-        let of_mirror = self.excess_of(mirrored);
-        if of_mirror.len() < found.len() { of_mirror } else { found }
+        for (number, unmeasured) in (COUNT..).zip(&self.unmeasured) {
+            let Unmeasured { command, value, tolerance } = unmeasured;
+            let mut own = command.value(problem);
+            if command.is_phase() {
+                own = wrap_near(own, *value);
+            }
+            if (own - value).abs() > *tolerance {
+                found.push(Excess {
+                    number,
+                    name: command.name(&problem.robot),
+                    unit: command.unit(),
+                    values: [own; 2],
+                    range: [*value; 2],
+                });
+            }
+        }
+        found
     }
 
     fn excess_of(&self, numbers: Numbers) -> Vec<Excess> {
@@ -158,6 +217,8 @@ impl MeasuredRange {
             })
             .map(|(number, value)| Excess {
                 number,
+                name: name_of(number),
+                unit: if number == OMEGA { CommandUnit::RadPerSecond } else { CommandUnit::Rad },
                 values: [value; 2],
                 range: self.ranges[number],
             })
@@ -198,13 +259,14 @@ impl MeasuredRange {
         problems: impl IntoIterator<Item = AnyProblem>,
     ) -> Option<(usize, String)> {
         let mut count = 0;
-        let mut all = [None::<Excess>; COUNT];
+        let mut all = vec![None::<Excess>; COUNT + self.unmeasured.len()];
         for problem in problems {
             let excess = self.excess(&problem);
             count += usize::from(!excess.is_empty());
             for of in excess {
+                let values = of.values;
                 let merged = all[of.number].get_or_insert(of);
-                merged.values = extremes(merged.values.into_iter().chain(of.values));
+                merged.values = extremes(merged.values.into_iter().chain(values));
             }
         }
         let text: Vec<String> = all.iter().flatten().map(Excess::to_string).collect();
@@ -261,7 +323,8 @@ mod tests {
             }
             Measurement::new(&row, SigmaKind::Raw).expect("a distance")
         });
-        MeasuredRange::new(&measurements, &(*command).into()).expect("trials")
+        MeasuredRange::new(&measurements, &Robot::kinematic().into(), &(*command).into())
+            .expect("trials")
     }
 
     fn changed(gait: Gait, joint: usize, change: impl Fn(&mut JointCommand)) -> Gait {
@@ -317,6 +380,6 @@ mod tests {
         assert!(!range.is_exceeded(&problem(gait, 2.0)));
         let wide = changed(gait, 1, |of| of.amplitude_rad *= 1.2);
         assert!(range.is_exceeded(&problem(wide, 2.0)));
-        assert_eq!(MeasuredRange::new(&[], &gait.into()), None);
+        assert_eq!(MeasuredRange::new(&[], &Robot::kinematic().into(), &gait.into()), None);
     }
 }

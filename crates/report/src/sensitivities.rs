@@ -4,8 +4,8 @@ use trilink_base::Named as _;
 use trilink_base::numbers::fixed;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_robot::metrics::Metric;
-use trilink_robot::{Parameter, Robot};
-use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
+use trilink_robot::Robot;
+use trilink_tables::SensitivityRow;
 
 use super::ReportError;
 use super::ending::{FigureFile, drawn};
@@ -39,9 +39,10 @@ fn figure(campaign: &str, rows: &[SensitivityRow]) -> Figure {
     }
     parameters.sort_by(|a, b| b.1.total_cmp(&a.1));
     parameters.truncate(SHOWN);
-    let metrics: Vec<&str> = SENSITIVE_METRICS
-        .into_iter()
-        .filter(|metric| rows.iter().any(|row| row.metric == *metric && row.elasticity.is_finite()))
+    let metrics: Vec<&str> = rows
+        .chunk_by(|a, b| a.metric == b.metric)
+        .filter(|rows| rows.iter().any(|row| row.elasticity.is_finite()))
+        .map(|rows| rows[0].metric.as_str())
         .collect();
     // The first metric is at the top.
     let heights = || metrics.iter().rev().zip(0_u8..).map(|(name, nth)| (f64::from(nth), *name));

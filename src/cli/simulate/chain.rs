@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 use trilink_base::text::known;
-use trilink_fit::simulate::{Angles, AnySetup, ChainAnswer, ChainSensitivity, ChainSetup};
+use trilink_fit::simulate::{Angles, AnySetup, ChainAnswer, ChainSetup, Interval};
+use trilink_robot::metrics::{GaitMetrics, Metric};
 
 use super::super::output::{note, say, write_json};
 use super::super::results::{check_ending, write_table};
 use super::super::setup::{note_caution, note_extrapolation};
-use super::super::table::{Table, short};
+use super::super::table::Table;
 use super::super::terminal::Text;
 use super::super::{Context, Failure, Interrupted, Outcome};
 use super::{Simulate, models, page, table};
@@ -16,18 +17,11 @@ use crate::template::fixed;
 /// Solves a campaign whose robot is a chain, and prints the motions.
 pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Failure> {
     let Simulate { campaign, from_rest, trajectory, samples, format, .. } = command;
-    for (option, is_given) in
-        [("--bands", command.bands), ("--monte-carlo", command.sensitivities.draws_at_random())]
-    {
-        if is_given {
-            let message = "is not available for robots that are chains, such as that of campaign";
-            return Err(format!("{option}: {message} {campaign}").into());
-        }
-    }
     if let Some(path) = trajectory {
         check_ending(path, "--trajectory")?;
     }
-    let fits = command.numbers.fits(context, false)?;
+    let with_bands = command.bands || command.sensitivities.sensitivities;
+    let fits = command.numbers.fits(context, with_bands)?;
     let given = models(&command.model, &context.config);
     let mut models: Vec<Option<&str>> = given.iter().map(|model| Some(model.as_str())).collect();
     if models.is_empty() {
@@ -50,15 +44,16 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
         let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s).into());
         note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
     }
+    if command.sensitivities.sensitivities {
+        let setups: Vec<AnySetup> = setups.into_iter().map(AnySetup::Chain).collect();
+        return command.print_sensitivities(context, &setups, &omegas, fits.as_ref());
+    }
     let all: Vec<(&ChainSetup, f64)> = setups
         .iter()
         .flat_map(|setup| omegas.iter().map(move |omega_rad_s| (setup, *omega_rad_s)))
         .collect();
-    if command.sensitivities.sensitivities {
-        return sensitivities(command, context, &all);
-    }
     let stage = context.progress.stage("simulate", all.len());
-    let answers: Vec<ChainAnswer> = all
+    let mut answers: Vec<ChainAnswer> = all
         .into_par_iter()
         .with_max_len(1)
         .map(|(setup, omega_rad_s)| {
@@ -69,6 +64,13 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
         })
         .collect::<Result<_, Interrupted>>()?;
     drop(stage);
+    if let Some(fits) = fits.as_ref().filter(|_| command.bands) {
+        for of_setup in answers.chunk_by_mut(|a, b| a.setup.model == b.setup.model) {
+            let setup = of_setup[0].setup;
+            let mut of_setup: Vec<&mut ChainAnswer> = of_setup.iter_mut().collect();
+            setup.add_bands(&mut of_setup, *from_rest, fits);
+        }
+    }
     if let (Some(path), Some(setup)) = (trajectory, setups.first()) {
         let cycles = answers.iter().filter_map(|answer| {
             let cycle = answer.setup.sample_motion(answer, *from_rest, *samples as usize).ok()?;
@@ -105,62 +107,6 @@ pub(super) fn run(command: &Simulate, context: &Context) -> Result<Outcome, Fail
     Ok(Outcome::well_if(answers.iter().all(|answer| answer.motion.is_ok())))
 }
 
-/// Computes the sensitivities of the motions to all numbers of the chain, prints them, and writes the requested table.
-fn sensitivities(
-    command: &Simulate,
-    context: &Context,
-    all: &[(&ChainSetup, f64)],
-) -> Result<Outcome, Failure> {
-    let Simulate { campaign, sensitivities, format, .. } = command;
-    let files = &sensitivities.files;
-    if files.figure.is_some() {
-        return Err("--figure: is not available for robots that are chains".into());
-    }
-    files.check()?;
-    let mut outcome = Outcome::Well;
-    let mut motions: Vec<Vec<ChainSensitivity>> = Vec::new();
-    for (setup, omega_rad_s) in all {
-        match setup.sensitivities(*omega_rad_s) {
-            Ok(rows) => motions.push(rows),
-            Err(error) => {
-                note!("{campaign} {} at {omega_rad_s} rad/s: {error}", setup.model);
-                outcome = Outcome::NeedsAttention;
-            }
-        }
-    }
-    let rows = motions.concat();
-    files.write(context, &rows, &format!("{all:?}"), "rows")?;
-    if !format.rows(&rows) {
-        motions.iter().for_each(|rows| print_elasticities(rows));
-    }
-    Ok(outcome)
-}
-
-/// Prints the elasticities of the metrics of one motion, the number with the largest first.
-fn print_elasticities(rows: &[ChainSensitivity]) {
-    let Some(first) = rows.first() else { return };
-    say!(
-        "{} at {} rad/s: elasticities (relative change of a metric per relative change of a number)",
-        first.model,
-        first.omega_rad_s
-    );
-    let mut numbers: Vec<&[ChainSensitivity]> =
-        rows.chunk_by(|a, b| a.parameter == b.parameter).collect();
-    let size = |rows: &[ChainSensitivity]| {
-        let sizes = rows.iter().map(|row| row.elasticity.abs());
-        sizes.filter(|size| size.is_finite()).fold(0.0, f64::max)
-    };
-    numbers.sort_by(|a, b| size(b).total_cmp(&size(a)));
-    let mut table = Table::new(&numbers)
-        .left("number", |rows| rows[0].parameter.clone())
-        .right("value", |rows| short(rows[0].parameter_value));
-    for (i, row) in numbers[0].iter().enumerate() {
-        table = table
-            .right(&row.metric, |rows| known([rows[i].elasticity], |[number]| fixed(number, 4)));
-    }
-    table.print();
-}
-
 /// Returns which link has which number in the names of the columns.
 fn legend(setup: &ChainSetup) -> String {
     let links = setup.chain.numbering().into_iter().enumerate().map(|(number, link)| {
@@ -172,15 +118,48 @@ fn legend(setup: &ChainSetup) -> String {
     format!("links: {}", links.join(", "))
 }
 
-/// Prints a line for each solution.
+/// Line of the table: a solution, or one of its confidence limits.
+struct Line {
+    model: &'static str,
+    omega: String,
+    numbers: Vec<(String, f64)>,
+    status: Text,
+}
+
+/// Returns the line of a solution and those of its confidence limits.
+fn lines_of(answer: &ChainAnswer) -> Vec<Line> {
+    let numbers = answer.numbers(Angles::Free);
+    let line = |omega: &str, limits: &GaitMetrics| {
+        let limit = |name: &str| Metric::from_column(name).map_or(f64::NAN, |of| limits[of]);
+        let numbers = numbers.iter().map(|(name, _)| (name.clone(), limit(name))).collect();
+        Line { model: "", omega: omega.to_owned(), numbers, status: Text::default() }
+    };
+    let missing = GaitMetrics::MISSING;
+    let below = match &answer.interval {
+        Some(Interval { no_interval: Some(why), .. }) => {
+            let status = format!("no intervals: {why}").into();
+            vec![Line { status, ..line("", &missing) }]
+        }
+        Some(Interval { lower, upper, .. }) => vec![line("95 % from", lower), line("to", upper)],
+        None => Vec::new(),
+    };
+    let first = Line {
+        model: answer.setup.model.name(),
+        omega: answer.omega_rad_s.to_string(),
+        numbers: numbers.clone(),
+        status: status(answer),
+    };
+    std::iter::once(first).chain(below).collect()
+}
+
+/// Prints a line for each solution, followed by lines with its confidence limits.
 fn print(answers: &[ChainAnswer]) {
-    let Some(first) = answers.first() else { return };
-    let lines: Vec<(&ChainAnswer, Vec<(String, f64)>)> =
-        answers.iter().map(|answer| (answer, answer.numbers(Angles::Free))).collect();
+    let lines: Vec<Line> = answers.iter().flat_map(lines_of).collect();
+    let Some(first) = lines.first() else { return };
     let mut table = Table::new(&lines)
-        .left("model", |(answer, _)| answer.setup.model.name())
-        .right("omega rad/s", |(answer, _)| answer.omega_rad_s.to_string());
-    for (i, (name, _)) in first.numbers(Angles::Free).into_iter().enumerate() {
+        .left("model", |line| line.model)
+        .right("omega rad/s", |line| line.omega.clone());
+    for (i, (name, _)) in first.numbers.iter().enumerate() {
         let [length, ratio, angle] = table::DECIMALS;
         let (heading, factor, decimals) = match name.as_str() {
             "d_m" => ("d mm".to_owned(), 1e3, length),
@@ -192,11 +171,11 @@ fn print(answers: &[ChainAnswer]) {
                 None => (name.to_owned(), 1.0, ratio),
             },
         };
-        table = table.right(&heading, |(_, numbers)| {
-            known([numbers[i].1], |[number]| fixed(factor * number, decimals))
+        table = table.right(&heading, |line| {
+            known([line.numbers[i].1], |[number]| fixed(factor * number, decimals))
         });
     }
-    table.prose("status", |(answer, _)| status(answer)).print();
+    table.prose("status", |line| line.status.clone()).print();
 }
 
 fn status(answer: &ChainAnswer) -> Text {

@@ -1,8 +1,8 @@
 //! Output of `simulate --sensitivities`.
 
-use trilink_fit::simulate::{Draws, KnownFits, Setup};
+use trilink_fit::simulate::{AnySetup, Draws, KnownFits};
 use trilink_report::sensitivities_drawing;
-use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
+use trilink_tables::SensitivityRow;
 
 use super::Simulate;
 use crate::cli::output::{note, say};
@@ -16,7 +16,8 @@ use crate::template::fixed;
 #[command(mut_arg("figure", |arg| arg.requires("sensitivities").help("Draw the elasticities of one motion; the file extension selects SVG, PNG or PDF")))]
 pub(super) struct Sensitivities {
     /// Compute the sensitivities of d, v, sigma, alpha1 and the work to the frequency and to every parameter of the
-    /// robot and the gait, and the contribution of each parameter's uncertainty.
+    /// robot and the gait (of a chain, of all metrics to every number), and the contribution of each parameter's
+    /// uncertainty.
     #[arg(long, conflicts_with_all = ["trajectory", "page", "bands"])]
     pub sensitivities: bool,
     /// Also propagate the uncertainties by N motions with inputs drawn at random (JCGM 101), 1000 to 1000000.
@@ -27,19 +28,13 @@ pub(super) struct Sensitivities {
     pub files: Files,
 }
 
-impl Sensitivities {
-    pub(super) fn draws_at_random(&self) -> bool {
-        self.monte_carlo.is_some()
-    }
-}
-
 impl Simulate {
     /// Computes the sensitivities for all models and frequencies, prints them, and writes the requested table and
     /// figure.
     pub(super) fn print_sensitivities(
         &self,
         context: &Context,
-        setups: &[Setup],
+        setups: &[AnySetup],
         omegas_rad_s: &[f64],
         fits: Option<&KnownFits>,
     ) -> Result<Outcome, Failure> {
@@ -57,14 +52,17 @@ impl Simulate {
         let mut outcome = Outcome::Well;
         let mut input = format!("{draws:?}");
         for setup in setups {
-            let model = setup.model;
+            let model = setup.model();
             let found =
                 setup.sensitivities(omegas_rad_s, self.from_rest, fits, draws, context.cancel())?;
             if let Some(why) = found.unknown {
                 note!("{campaign} {model}: the fitted coefficients are taken as exact: {why}");
             }
             for (omega_rad_s, rows) in found.motions {
-                input += &format!("{:?}", setup.problem(omega_rad_s));
+                input += &match setup {
+                    AnySetup::ThreeLinks(setup) => format!("{:?}", setup.problem(omega_rad_s)),
+                    AnySetup::Chain(setup) => format!("{:?}", setup.problem(omega_rad_s)),
+                };
                 match rows {
                     Ok(rows) => all.push(rows),
                     Err(error) => {
@@ -90,7 +88,7 @@ impl Simulate {
 
 /// Groups rows by parameter; each group has a row per metric, in the order of `rows`.
 fn by_parameter(rows: &[SensitivityRow]) -> Vec<Vec<&SensitivityRow>> {
-    let first = rows.iter().filter(|row| row.metric == SENSITIVE_METRICS[0]);
+    let first = rows.iter().take_while(|row| row.metric == rows[0].metric);
     let groups =
         first.map(|first| rows.iter().filter(|row| row.parameter == first.parameter).collect());
     groups.collect()
@@ -122,10 +120,12 @@ fn print(rows: &[SensitivityRow]) {
     if first.extrapolation.extrapolated == Some(true) {
         say!("extrapolated: {}", first.extrapolation.beyond_trials);
     }
+    let metrics: Vec<&str> =
+        rows.chunk_by(|a, b| a.metric == b.metric).map(|rows| rows[0].metric.as_str()).collect();
     let mut table = Table::new(&parameters)
         .left("parameter", |rows| rows[0].parameter.clone())
         .right("value", |rows| short(rows[0].parameter_value));
-    for (i, name) in SENSITIVE_METRICS.into_iter().enumerate() {
+    for (i, name) in metrics.iter().enumerate() {
         table = table.right(name, |rows| match rows[i].elasticity {
             value if value.is_nan() => "-".to_owned(),
             value => fixed(value, 4),
@@ -165,7 +165,7 @@ fn print(rows: &[SensitivityRow]) {
             note!("{unsolved} of {draws} draws have no periodic solution");
         }
     }
-    let headings = ["parameter", "deviation", "from"].into_iter().chain(SENSITIVE_METRICS);
+    let headings = ["parameter", "deviation", "from"].into_iter().chain(metrics);
     let mut table = Table::new(&lines);
     for (i, name) in headings.enumerate() {
         table = table.column(name, i != 0 && i != 2, |line| line[i].clone());

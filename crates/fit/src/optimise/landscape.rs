@@ -9,7 +9,8 @@ use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{ChainNumber, JointCommand};
 use trilink_tables::Objective;
 
-use super::commands::{Bounds, Command, Drive};
+use super::commands::{Bounds, Command};
+use super::drive::Drive;
 
 /// Position in the landscape: the free commands, each scaled to 0 to 1 over its range, followed by zeros up to at least
 /// [`MIN_LENGTH`].

@@ -6,6 +6,7 @@
 //! reached from rest.
 
 mod commands;
+mod drive;
 mod front;
 mod landscape;
 mod map;
@@ -26,7 +27,8 @@ use trilink_robot::{ByParameter, JointCommand, SecondHarmonic};
 
 use crate::simulate::AnySetup;
 use commands::degrees;
-pub use commands::{Bounds, Command, CommandUnit, Drive};
+pub use commands::{Bounds, Command, CommandUnit};
+pub use drive::Drive;
 use landscape::{ACCURACY, Landscape, Position, ROUGH_ACCURACY};
 pub use map::MapOverlay;
 use quadratic::Hessian;

@@ -11,7 +11,8 @@ use trilink_robot::{AnyRobot, FreeJoint, Joint, Link, SecondHarmonic};
 use trilink_statistics::quantiles;
 use trilink_tables::{NoIntervalReason, OptimumRow};
 
-use super::commands::{Command, Drive};
+use super::commands::Command;
+use super::drive::Drive;
 use super::landscape::{Position, ROUGH_ACCURACY};
 use super::quadratic::Hessian;
 use super::search::LocalOptimum;

@@ -1,12 +1,13 @@
 //! Setups of robots of either kind.
 
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::AnyProblem;
 use trilink_robot::{AnyRobot, Model};
 use trilink_tables::config::Config;
 use trilink_tables::{Columns as _, Extrapolation, NoInterval, NoIntervalReason};
 
 use super::fitted::FittedSetup;
-use super::{ChainSetup, FitSummary, KnownFits, Setup, SetupError};
+use super::{ChainSetup, Draws, FitSummary, KnownFits, Sensitivities, Setup, SetupError};
 use crate::{Alternatives, MeasuredRange};
 
 /// Robot and gait of a campaign with the friction laws of a model.
@@ -88,6 +89,27 @@ impl AnySetup {
     /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
     pub fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
         self.fitted().map_or_else(Extrapolation::blank, |fitted| fitted.extrapolation(problem))
+    }
+
+    /// Computes the sensitivities of the metrics, as [`Setup::sensitivities`] does. Those of a chain are of the motion that
+    /// the solver finds, whether or not it is reached from rest.
+    ///
+    /// # Errors
+    /// Returns an error if the computation is cancelled.
+    pub fn sensitivities(
+        &self,
+        omegas_rad_s: &[f64],
+        from_rest: bool,
+        fits: Option<&KnownFits>,
+        draws: Option<Draws>,
+        cancel: &CancelToken,
+    ) -> Result<Sensitivities, Cancelled> {
+        match self {
+            Self::ThreeLinks(setup) => {
+                setup.sensitivities(omegas_rad_s, from_rest, fits, draws, cancel)
+            }
+            Self::Chain(setup) => setup.sensitivities(omegas_rad_s, fits, draws, cancel),
+        }
     }
 
     /// Returns copies of the robot with the coefficients of refits, including those of at most `max_replicates`

@@ -3,41 +3,27 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
+use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{
-    ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest, MotionError, MotionStatus,
-    REFERENCE_ACCURACY,
+    AnyProblem, AnySolver, ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest,
+    MotionError, MotionStatus, REFERENCE_ACCURACY,
 };
+use trilink_robot::metrics::Metric;
 use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
 use trilink_tables::config::{Config, did_you_mean};
-use trilink_tables::{Column, Columns, Table, rows};
+use trilink_tables::{Column, Columns, Extrapolation, Table};
 
 use super::fitted::{FitSummary, FittedSetup, KnownFits};
+use super::sensitivity::{
+    InputUncertainty, add_monte_carlo, metrics_of_chain, sensitivities_of_chain,
+};
 use super::trajectory::UNSETTLED_CYCLES;
-use super::{SetupError, keys_of, known_laws};
+use super::{Draws, Interval, Sensitivities, SetupError, keys_of, known_laws};
 use crate::MeasuredRange;
-
-rows! {
-    /// Sensitivity of a metric of a chain's motion to a number of the chain: row of the table that
-    /// `simulate --sensitivities` writes.
-    pub struct ChainSensitivity {
-        pub model: Model,
-        pub omega_rad_s: f64,
-        /// Name of the number, as in the option `--set` of `simulate`.
-        pub parameter: String,
-        /// Value of the number, in the unit that its name states.
-        pub parameter_value: f64,
-        /// Name of the metric, as in table columns.
-        pub metric: String,
-        /// Value of the metric, in the unit that the metric's name states.
-        pub metric_value: f64,
-        /// Derivative of the metric with respect to the number, in the unit of the metric per unit of the number.
-        pub derivative: f64,
-        /// Relative change in the metric per relative change in the number; missing if either value is zero.
-        pub elasticity: f64,
-    }
-}
+use crate::bands::without_resample;
 
 /// Chain and gait of a campaign with the friction laws of a model.
 #[derive(Debug, Clone)]
@@ -49,6 +35,8 @@ pub struct ChainSetup {
     parameters: Map<String, Value>,
     /// Keys and values of the gait in the configuration, as shown in answers.
     gait: Map<String, Value>,
+    /// Uncertainty of the chain's numbers according to the configuration.
+    uncertainty: InputUncertainty,
     /// Fit from which the coefficients come; `None` for configured coefficients.
     pub(super) fitted: Option<FittedSetup>,
 }
@@ -65,11 +53,14 @@ impl ChainSetup {
         let model = Model::new(model);
         let names = &config.chains.campaign[campaign];
         config.check_chain_laws(Path::new("--model"), &names.robot, model)?;
+        let robot = &config.chains.robot[&names.robot];
+        let uncertainty = InputUncertainty::of_chain(robot);
         // As TOML, in which keys without a value are left out.
-        let parameters = toml::Table::try_from(&config.chains.robot[&names.robot]);
+        let parameters = toml::Table::try_from(robot);
         let gait = toml::Table::try_from(config.chain_gait(&names.gait));
         let [parameters, gait] = [parameters, gait].map(|table| keys_of(&table.ok()));
-        Ok(Some(Self { chain, laws, model, parameters: parameters?, gait: gait?, fitted: None }))
+        let (parameters, gait) = (parameters?, gait?);
+        Ok(Some(Self { chain, laws, model, parameters, gait, uncertainty, fitted: None }))
     }
 
     /// Replaces the coefficients by those that were fitted to the campaign's trials.
@@ -143,47 +134,89 @@ impl ChainSetup {
         Some(setup)
     }
 
-    /// Returns the sensitivities of the motion at a frequency to all numbers of the chain: one row for each number on
-    /// which the motion depends and each metric.
+    /// Computes the sensitivities of the metrics to all numbers of the chain on which they depend, and the uncertainty
+    /// budgets, as [`Setup::sensitivities`](super::Setup::sensitivities) does for a robot of three links.
     ///
     /// # Errors
-    /// Returns an error if the model has no periodic solution.
-    pub fn sensitivities(&self, omega_rad_s: f64) -> Result<Vec<ChainSensitivity>, MotionError> {
-        let problem = self.problem(omega_rad_s);
-        let numbers = self.chain.numbers();
-        let (motion, slopes) = problem.derivatives(REFERENCE_ACCURACY, &numbers)?;
-        let values = self.metrics(&motion.metrics, motion.work_j);
-        let mut rows = Vec::new();
-        for (number, slopes) in numbers.iter().zip(&slopes) {
-            let slopes = self.metrics(&slopes.metrics, slopes.work_j);
-            let in_si = number.in_si();
-            let si = self.chain.clone().number_mut(*number).copied().unwrap_or(f64::NAN);
-            if slopes.iter().all(|(_, slope)| *slope == 0.0) {
-                continue;
+    /// Returns an error if the computation is cancelled.
+    pub fn sensitivities(
+        &self,
+        omegas_rad_s: &[f64],
+        fits: Option<&KnownFits>,
+        draws: Option<Draws>,
+        cancel: &CancelToken,
+    ) -> Result<Sensitivities, Cancelled> {
+        let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
+            let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
+            fitted.with_bands(&problem.robot, &fits.data, |bands| {
+                InputUncertainty::fitted(bands, &problem, fitted.measured())
+            })
+        });
+        let (uncertainty, unknown) = match known {
+            Some(Ok(uncertainty)) => (uncertainty, None),
+            Some(Err(reason)) => (self.uncertainty.clone(), Some(reason)),
+            None => (self.uncertainty.clone(), None),
+        };
+        let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
+            cancel.check()?;
+            let mut rows = sensitivities_of_chain(self, omega_rad_s, &uncertainty);
+            if let (Some(draws), Ok(rows)) = (draws, &mut rows) {
+                let problem = self.problem(omega_rad_s).into();
+                let solve = |of: &AnyProblem| metrics_of_chain(self, of);
+                let metrics: Vec<String> = rows
+                    .chunk_by(|a, b| a.metric == b.metric)
+                    .map(|of| of[0].metric.clone())
+                    .collect();
+                add_monte_carlo(rows, (&problem, &metrics), &solve, &uncertainty, draws, cancel)?;
             }
-            for ((metric, value), (_, slope)) in values.iter().zip(slopes) {
-                let elasticity = slope * si / value;
-                rows.push(ChainSensitivity {
-                    model: self.model,
-                    omega_rad_s,
-                    parameter: self.chain.number_name(*number),
-                    parameter_value: si / in_si,
-                    metric: metric.clone(),
-                    metric_value: *value,
-                    derivative: slope * in_si,
-                    elasticity: if si != 0.0 && elasticity.is_finite() {
-                        elasticity
-                    } else {
-                        f64::NAN
-                    },
+            Ok((omega_rad_s, rows))
+        });
+        Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
+    }
+
+    /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed with
+    /// the same `from_rest`; does nothing for configured coefficients. `fits` must come from [`KnownFits::read`] with
+    /// `bands`.
+    pub fn add_bands(
+        &self,
+        answers: &mut [&mut ChainAnswer],
+        from_rest: bool,
+        fits: &KnownFits,
+    ) {
+        let Some(fitted) = &self.fitted else { return };
+        let robot = self.chain.clone().into();
+        let result = fitted.with_bands(&robot, &fits.data, |bands| {
+            answers.par_iter_mut().for_each(|answer| {
+                let problem = self.problem(answer.omega_rad_s).into();
+                let mut solver = AnySolver::default();
+                let mut metrics = solver.solve(&problem, REFERENCE_ACCURACY);
+                if from_rest {
+                    let attractor = solver.attractor(&problem, metrics, REFERENCE_ACCURACY);
+                    metrics = attractor.map(|attractor| attractor.motion.metrics);
+                }
+                let limits =
+                    metrics.and_then(|metrics| bands.limits(solver, &problem, metrics));
+                answer.interval = Some(match limits {
+                    Ok([lower, upper]) => Interval { lower, upper, no_interval: None },
+                    Err(error) => Interval::unknown(without_resample(&error)),
                 });
+            });
+        });
+        if let Err(reason) = result {
+            for answer in answers {
+                answer.interval = Some(Interval::unknown(reason.clone()));
             }
         }
-        Ok(rows)
+    }
+
+    /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
+    pub(super) fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
+        let fitted = self.fitted.as_ref();
+        fitted.map_or_else(Extrapolation::blank, |fitted| fitted.extrapolation(problem))
     }
 
     /// Returns the metrics that have a derivative, by the names of their columns.
-    fn metrics(&self, metrics: &ChainMetrics, work_j: f64) -> Vec<(String, f64)> {
+    pub(super) fn metrics(&self, metrics: &ChainMetrics, work_j: f64) -> Vec<(String, f64)> {
         let mut values = vec![
             ("d_m".to_owned(), metrics.d_m),
             ("v_m_s".to_owned(), metrics.v_m_s),
@@ -232,7 +265,14 @@ impl ChainSetup {
             (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => (Err(error), None),
             (_, Err(error)) => (Err(error), None),
         };
-        ChainAnswer { setup: self, omega_rad_s, motion, from_rest, cycles_to_settle }
+        ChainAnswer {
+            setup: self,
+            omega_rad_s,
+            motion,
+            from_rest,
+            cycles_to_settle,
+            interval: None,
+        }
     }
 
     /// Samples a motion at `samples` times per cycle: one steady-state cycle, or, if `from_rest`, all cycles from rest up
@@ -306,6 +346,8 @@ pub struct ChainAnswer<'a> {
     /// Number of cycles after which the robot, started from rest, stays within 1 % of its steady-state motion; `None`
     /// if unknown.
     pub cycles_to_settle: Option<usize>,
+    /// Confidence limits of the metrics, if requested.
+    pub interval: Option<Interval>,
 }
 
 /// Joints whose angles are among the numbers of a [`ChainAnswer`].
@@ -371,6 +413,19 @@ impl ChainAnswer<'_> {
         let numbers: Vec<_> = all().map(|answer| answer.numbers(Angles::Free)).collect();
         for (i, (name, _)) in numbers.first().into_iter().flatten().enumerate() {
             add(columns, name, numbers.iter().map(|of| of[i].1));
+            let Some(metric) = Metric::from_column(name) else { continue };
+            for (suffix, side) in [("lo", 0), ("hi", 1)] {
+                let limit = |interval: &Interval| [interval.lower, interval.upper][side][metric];
+                if all().any(|answer| answer.interval.is_some()) {
+                    let limits = all().map(|of| of.interval.as_ref().map_or(f64::NAN, limit));
+                    add(columns, &format!("{name}_{suffix}"), limits);
+                }
+            }
+        }
+        if all().any(|answer| answer.interval.is_some()) {
+            let reasons =
+                all().map(|of| of.interval.as_ref().and_then(|of| of.no_interval.clone()));
+            add(columns, "no_interval{}", reasons);
         }
         add(columns, "from_rest", all().map(|answer| answer.from_rest));
         let cycles = all().map(|answer| answer.cycles_to_settle.map(|cycles| cycles as i64));
@@ -405,6 +460,11 @@ impl Serialize for ChainAnswer<'_> {
         map.serialize_entry("sigma", &sigma)?;
         map.serialize_entry("from_rest", &self.from_rest)?;
         map.serialize_entry("cycles_to_settle", &self.cycles_to_settle)?;
+        if let Some(Interval { lower, upper, no_interval }) = &self.interval {
+            map.serialize_entry("lower", lower)?;
+            map.serialize_entry("upper", upper)?;
+            map.serialize_entry("no_interval", no_interval)?;
+        }
         map.serialize_entry("links", &self.setup.link_names())?;
         map.serialize_entry("parameters", parameters)?;
         if let Some(fitted) = fitted {

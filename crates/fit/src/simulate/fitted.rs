@@ -173,7 +173,8 @@ impl KnownFits {
                 measurements.len()
             ));
         }
-        MeasuredRange::new(&measurements, &input.setup().1)
+        let (robot, gait) = input.setup();
+        MeasuredRange::new(&measurements, &robot, &gait)
             .ok_or_else(|| "the fit is not based on any trial".to_owned())
     }
 

@@ -13,17 +13,19 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::{MotionError, Problem};
+use trilink_mechanics::{AnyProblem, MotionError, Problem};
 use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
-use trilink_tables::{Columns as _, Extrapolation, NoInterval, SensitivityRow, TrajectoryRow};
+use trilink_tables::{
+    Columns as _, Extrapolation, NoInterval, SENSITIVE_METRICS, SensitivityRow, TrajectoryRow,
+};
 
 use crate::bands::without_resample;
 use crate::{MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
 pub use any::AnySetup;
-pub use chain::{Angles, ChainAnswer, ChainSensitivity, ChainSetup};
+pub use chain::{Angles, ChainAnswer, ChainSetup};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
@@ -196,7 +198,7 @@ impl Setup {
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
         let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
-            let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0));
+            let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
             fitted.with_bands(&self.robot.clone().into(), &fits.data, |bands| {
                 InputUncertainty::fitted(bands, &problem, fitted.measured())
             })
@@ -212,8 +214,16 @@ impl Setup {
             if let (Some(draws), Ok(rows)) = (draws, &mut rows) {
                 let problem = self.problem(omega_rad_s);
                 if let Ok((solver, _)) = answer::solve_motion(&problem, from_rest) {
-                    let motion = (&problem, &solver);
-                    sensitivity::add_monte_carlo(rows, motion, &uncertainty, draws, cancel)?;
+                    let solve = |of: &AnyProblem| sensitivity::metrics_near(&solver, of);
+                    let motion = (&problem.into(), &SENSITIVE_METRICS.map(str::to_owned)[..]);
+                    sensitivity::add_monte_carlo(
+                        rows,
+                        motion,
+                        &solve,
+                        &uncertainty,
+                        draws,
+                        cancel,
+                    )?;
                 }
             }
             Ok((omega_rad_s, rows))

@@ -2,6 +2,7 @@
 //! layouts of these robots.
 
 mod check;
+mod deviation;
 mod split;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use trilink_robot::{
 
 pub(super) use split::take_chains;
 
+use super::robot::Deviation;
 use super::{Config, Free, GaitConfig, JointConfig, LinkMarkers, Weights};
 use crate::trial::TrialKind;
 
@@ -73,6 +75,13 @@ pub struct LinkConfig {
     pub drag_turning_nm_s_rad: Option<f64>,
     /// Moment of inertia of the rotor, kg m^2; `None` if the link has no rotor.
     pub rotor_inertia_kg_m2: Option<f64>,
+    /// Standard deviations of values by their keys; a value without one is exact.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub standard_deviation: BTreeMap<String, Deviation>,
+    /// Names of the common errors, such as that of a ruler, with which values were measured, by the keys of the values.
+    /// The errors of all values of the robot with the same name are fully correlated.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub same: BTreeMap<String, String>,
 }
 
 /// Joint of a [`ChainRobot`].
@@ -83,6 +92,13 @@ pub struct ChainJoint {
     pub stiffness_nm_rad: Option<f64>,
     pub damping_nm_s_rad: Option<f64>,
     pub rest_deg: Option<f64>,
+    /// Standard deviations of values by their keys; a value without one is exact.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub standard_deviation: BTreeMap<String, Deviation>,
+    /// Names of the common errors, such as that of a ruler, with which values were measured, by the keys of the values.
+    /// The errors of all values of the robot with the same name are fully correlated.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub same: BTreeMap<String, String>,
 }
 
 named! {
@@ -351,6 +367,8 @@ impl Config {
 mod tests {
     use std::path::Path;
 
+    use trilink_robot::{ChainNumber, CommandNumber, LinkNumber};
+
     use super::super::ConfigError;
     use super::*;
 
@@ -469,6 +487,41 @@ mod tests {
     }
 
     #[test]
+    fn standard_deviations_stand_beside_the_values_or_in_a_table_of_their_own() {
+        let beside = SNAKE
+            .replacen(
+                "mass_kg = 0.5",
+                "mass_kg = { value = 0.5, sd = \"2 %\", same = \"scale\" }",
+                1,
+            )
+            .replacen("mass_kg = 0.3", "mass_kg = { value = 0.3, sd = 0.002, same = \"scale\" }", 1)
+            .replacen("rest_deg = -5", "rest_deg = { value = -5, sd = 0.5 }", 1);
+        let apart = SNAKE
+            .replacen(
+                "mass_kg = 0.5",
+                "mass_kg = 0.5\nstandard_deviation = { mass_kg = \"2 %\" }\nsame = { mass_kg = \"scale\" }",
+                1,
+            )
+            .replacen(
+                "mass_kg = 0.3",
+                "mass_kg = 0.3\nstandard_deviation.mass_kg = 0.002\nsame.mass_kg = \"scale\"",
+                1,
+            )
+            .replacen("rest_deg = -5", "rest_deg = -5, standard_deviation = { rest_deg = 0.5 }", 1);
+        let [beside, apart] = [beside, apart].map(|text| load(&text).unwrap());
+        assert_eq!(beside.chains, apart.chains);
+        let [masses, rest] = &beside.chains.robot["snake"].errors()[..] else { panic!("two") };
+        let mass = |link| ChainNumber::Link(link, LinkNumber::Mass);
+        assert_eq!(masses[..], [(mass(0), 0.02 * 0.5), (mass(1), 0.002)]);
+        let number = ChainNumber::Command(2, CommandNumber::Offset);
+        assert_eq!(rest[..], [(number, 0.5_f64.to_radians())]);
+        assert_eq!(beside.chain_setup("swim"), load(SNAKE).unwrap().chain_setup("swim"));
+        // A configuration that is written is read again.
+        let written = toml::to_string(&beside.chains.robot["snake"]).unwrap();
+        assert_eq!(toml::from_str::<ChainRobot>(&written).unwrap(), beside.chains.robot["snake"]);
+    }
+
+    #[test]
     fn a_chain_has_markers_by_the_names_of_its_links() {
         const LAYOUT: &str = "[layout.snake]\nhead = { H1 = [1, 2, 3], H2 = [20, 2, 3] }\n\
                               \"link 3\" = { C1 = [1, 2, 3], C2 = [20, 2, 3] }\n\
@@ -534,6 +587,26 @@ mod tests {
             ("mass_kg = 0.5", "mass_kgs = 0.5", "line 13: unknown field `mass_kgs`"),
             ("mass_kg = 0.5", "mass_kgs = 0.5", "did you mean `mass_kg`?"),
             ("mass_kg = 0.5", "", "missing field `mass_kg`"),
+            (
+                "mass_kg = 0.5",
+                "mass_kg = { value = 0.5, sd = -1 }",
+                "key `robot.snake.links.head.standard_deviation.mass_kg`: found -1.0, needed a number from 0",
+            ),
+            (
+                "mass_kg = 0.5",
+                "mass_kg = { value = 0.5, sd = 0.1, same = \"scale\" }",
+                "key `robot.snake`: found same = \"scale\" for one value alone, needed a name that at least two",
+            ),
+            (
+                "mass_kg = 0.5",
+                "mass_kg = 0.5\nstandard_deviation = { load_n = 1 }",
+                "links.head.standard_deviation.load_n`: found `load_n`, needed the key of a value",
+            ),
+            (
+                "mass_kg = 0.3",
+                "mass_kg = 0.3\nstandard_deviation = { wheel_m = 1 }",
+                "links.link 2.standard_deviation.wheel_m`: found a standard deviation, needed wheel_m as well",
+            ),
             (
                 "mass_kg = 0.5",
                 "mass_kg = 0",

@@ -384,7 +384,7 @@ impl<'de> Visitor<'de> for OneOrEach {
 
 /// Standard deviation as configured.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Deviation {
+pub enum Deviation {
     /// Standard deviation in the unit of the value.
     Absolute(f64),
     /// Standard deviation as a fraction of the value, configured as a percentage.
@@ -408,7 +408,7 @@ impl Deviation {
     }
 
     /// Returns the standard deviation of a value, in the unit of the value.
-    fn of(self, value: f64) -> f64 {
+    pub(super) fn of(self, value: f64) -> f64 {
         match self {
             Self::Absolute(sd) => sd,
             Self::Relative(fraction) => fraction * value.abs(),
@@ -417,6 +417,15 @@ impl Deviation {
 
     fn is_zero(self) -> bool {
         matches!(self, Self::Absolute(0.0) | Self::Relative(0.0))
+    }
+}
+
+impl Serialize for Deviation {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Absolute(sd) => sd.serialize(serializer),
+            Self::Relative(fraction) => format!("{} %", 100.0 * fraction).serialize(serializer),
+        }
     }
 }
 

@@ -8,10 +8,10 @@
 //!
 //! Reference: JCGM 100:2008, *Guide to the expression of uncertainty in measurement*, section 5.
 
-use trilink_mechanics::Problem;
-use trilink_robot::{Gait, Laws, Parameter, Quantity as RobotQuantity, Robot};
+use trilink_mechanics::AnyProblem;
+use trilink_robot::{AnyRobot, ChainNumber, Gait, Laws, Parameter, Quantity as RobotQuantity};
 use trilink_tables::KnownFrom;
-use trilink_tables::config::RobotConfig;
+use trilink_tables::config::{ChainRobot, RobotConfig};
 
 use super::quantity::Quantity;
 use crate::PredictionBands;
@@ -43,10 +43,28 @@ pub(super) struct FittedCoefficients {
 impl InputUncertainty {
     /// Takes the standard deviations from the configuration, for all parameters that influence the metrics.
     pub(in crate::simulate) fn configured(robot: &RobotConfig, laws: Laws, gait: &Gait) -> Self {
-        let independent = robot.errors(laws, gait).into_iter().map(|shared| {
-            let quantities = shared.into_iter().map(|(of, sd)| (Quantity::Robot(of), sd));
-            let quantities = quantities.collect();
-            IndependentError { quantities, source: KnownFrom::Configured, refit: Vec::new() }
+        let errors = robot.errors(laws, gait).into_iter();
+        Self::of_errors(
+            errors.map(|shared| {
+                shared.into_iter().map(|(of, sd)| (Quantity::Robot(of), sd)).collect()
+            }),
+        )
+    }
+
+    /// Takes the standard deviations of a chain's numbers from the configuration.
+    pub(in crate::simulate) fn of_chain(robot: &ChainRobot) -> Self {
+        Self::of_errors(
+            robot.errors().into_iter().map(|shared| {
+                shared.into_iter().map(|(of, sd)| (Quantity::Number(of), sd)).collect()
+            }),
+        )
+    }
+
+    fn of_errors(errors: impl Iterator<Item = Vec<(Quantity, f64)>>) -> Self {
+        let independent = errors.map(|quantities| IndependentError {
+            quantities,
+            source: KnownFrom::Configured,
+            refit: Vec::new(),
         });
         Self { independent: independent.collect(), fitted: None }
     }
@@ -55,21 +73,23 @@ impl InputUncertainty {
     /// the robot's assumed parameters. `measured` lists coefficients that are known from other kinds of trials.
     pub(in crate::simulate) fn fitted(
         bands: &PredictionBands,
-        problem: &Problem,
+        problem: &AnyProblem,
         measured: &[Parameter],
     ) -> Self {
         let (coefficients, replicates) = bands.replicates();
         let covariance = covariance(replicates, coefficients.len());
-        let robots = bands.assumed().filter_map(|(robot, shifts)| {
-            Some((bands.robot().three_links()?, robot.three_links()?, shifts))
-        });
-        let independent = robots.filter_map(|(own, robot, shifts)| {
-            let parameters = changed_parameters(problem, own, robot);
-            let is_measured = measured.contains(parameters.first()?);
+        let independent = bands.assumed().filter_map(|(robot, shifts)| {
+            let own = bands.robot();
+            let changed = changed_quantities(problem, own, robot);
+            let is_measured = match changed.first()? {
+                Quantity::Robot(first) => measured.contains(first),
+                _ => false,
+            };
             let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
-            let quantities = parameters
-                .into_iter()
-                .map(|of| (Quantity::Robot(of), of.value_in(robot) - of.value_in(own)));
+            let [before, after] =
+                [own, robot].map(|robot| AnyProblem { robot: robot.clone(), ..problem.clone() });
+            let quantities = changed.into_iter();
+            let quantities = quantities.map(|of| (of, of.value(&after) - of.value(&before)));
             let quantities = quantities.collect();
             Some(IndependentError { quantities, source, refit: shifts.to_vec() })
         });
@@ -79,26 +99,35 @@ impl InputUncertainty {
         }
     }
 
-    /// Returns all uncertain quantities.
-    pub(super) fn quantities(&self) -> impl Iterator<Item = Quantity> {
+    /// Returns all uncertain quantities of a robot.
+    pub(super) fn quantities(&self, robot: &AnyRobot) -> impl Iterator<Item = Quantity> {
         let own = self.independent.iter().flat_map(|of| of.quantities.iter().map(|(of, _)| *of));
         let fitted = self.fitted.iter().flat_map(|of| of.coefficients.iter().copied());
-        own.chain(fitted.map(Quantity::Robot))
+        own.chain(fitted.map(|of| Quantity::of(of, robot)))
     }
 }
 
 /// Maximum relative difference that is attributed to rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Returns the parameters in which two robots differ and which affect the problem. Where several components of a
+/// Returns the quantities in which two robots differ and which affect the problem. Of robots of three links, where several components of a
 /// quantity differ (such as the values for each wheel or joint) as a change of their sum or a common change of both
 /// joints implies, the parameter that stands for the sum or for both joints is returned.
-fn changed_parameters(problem: &Problem, robot: &Robot, other: &Robot) -> Vec<Parameter> {
+fn changed_quantities(problem: &AnyProblem, robot: &AnyRobot, other: &AnyRobot) -> Vec<Quantity> {
+    let (Some(robot), Some(other)) = (robot.three_links(), other.three_links()) else {
+        let (Some(robot), Some(other)) = (robot.as_chain(), other.as_chain()) else {
+            return Vec::new();
+        };
+        let numbers = robot.numbers().into_iter();
+        let is_changed = |of: &ChainNumber| robot.number(*of) != other.number(*of);
+        return numbers.filter(is_changed).map(Quantity::Number).collect();
+    };
+    let gait = Gait::from(problem.gait);
     let of_quantity = |quantity: RobotQuantity| {
         let components = (0..quantity.count()).map(|index| quantity.parameter(index));
         let changed: Vec<Parameter> = components
             .filter(|parameter| {
-                problem.laws.is_relevant(*parameter, &problem.gait)
+                problem.laws.is_relevant(*parameter, &gait)
                     && parameter.value_in(robot) != parameter.value_in(other)
             })
             .collect();
@@ -113,7 +142,7 @@ fn changed_parameters(problem: &Problem, robot: &Robot, other: &Robot) -> Vec<Pa
             _ => changed,
         }
     };
-    RobotQuantity::ALL.into_iter().flat_map(of_quantity).collect()
+    RobotQuantity::ALL.into_iter().flat_map(of_quantity).map(Quantity::Robot).collect()
 }
 
 /// Returns the sample covariance matrix of the columns of `shifts`.
@@ -170,15 +199,16 @@ impl Budget {
     /// Propagates the uncertainties, given the derivatives of the metric with respect to each quantity.
     pub(super) fn new(
         uncertainty: &InputUncertainty,
-        problem: &Problem,
+        problem: &AnyProblem,
         derivative: &dyn Fn(Quantity) -> f64,
     ) -> Self {
+        let AnyProblem { robot, .. } = problem;
         let fitted = uncertainty.fitted.as_ref();
         let coefficients = fitted.map_or(&[][..], |fitted| &fitted.coefficients);
         // Derivatives with respect to the coefficients' logarithms.
         let slopes: Vec<f64> = coefficients
             .iter()
-            .map(|of| derivative(Quantity::Robot(*of)) * of.value_in(&problem.robot))
+            .map(|of| derivative(Quantity::of(*of, robot)) * robot.value(*of))
             .collect();
         let change = |shifts: &[f64]| -> f64 {
             slopes.iter().zip(shifts).map(|(slope, shift)| slope * shift).sum()
@@ -194,19 +224,20 @@ impl Budget {
                     contribution: change.abs(),
                     variance_share: change.powi(2) / quantities.len() as f64,
                 };
-                add_contribution(&mut contributions, quantity.name(), contribution);
+                add_contribution(&mut contributions, quantity.name(robot), contribution);
             }
         }
         for (index, coefficient) in coefficients.iter().enumerate() {
             let row = fitted.map_or(&[][..], |fitted| &fitted.covariance[index]);
             let deviation = row[index].sqrt();
             let contribution = Contribution {
-                deviation: deviation * coefficient.value_in(&problem.robot),
+                deviation: deviation * robot.value(*coefficient),
                 source: KnownFrom::Fitted,
                 contribution: (slopes[index] * deviation).abs(),
                 variance_share: slopes[index] * change(row),
             };
-            add_contribution(&mut contributions, coefficient.name().to_owned(), contribution);
+            let name = Quantity::of(*coefficient, robot).name(robot);
+            add_contribution(&mut contributions, name, contribution);
         }
         let variance: f64 = contributions.iter().map(|(_, of)| of.variance_share).sum();
         for (_, contribution) in &mut contributions {

@@ -7,7 +7,7 @@
 //! effect of the solver's error.
 
 use trilink_mechanics::{
-    Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
+    AnyProblem, Derivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_tables::SENSITIVE_METRICS;
@@ -88,13 +88,13 @@ impl<'p> MotionDerivatives<'p> {
                 (&self.metrics.gait[joint][number], self.work.gait[joint][number])
             }
             Quantity::Omega => (&self.metrics.omega, self.work.omega),
-            Quantity::Robot(_) => return self.finite_differences(quantity),
+            Quantity::Robot(_) | Quantity::Number(_) => return self.finite_differences(quantity),
         };
         Ok((by_metric(metrics, work), [f64::NAN; COUNT]))
     }
 
     fn finite_differences(&self, quantity: Quantity) -> Result<(ByMetric, ByMetric), MotionError> {
-        let value = quantity.value(self.problem);
+        let value = quantity.value(&self.problem.clone().into());
         let step = STEP * if value == 0.0 { 1.0 } else { value.abs() };
         let mut differences = [[0.0; COUNT]; 3];
         for (index, differences) in differences.iter_mut().enumerate() {
@@ -116,8 +116,9 @@ impl<'p> MotionDerivatives<'p> {
     }
 
     fn metrics_at(&self, quantity: Quantity, value: f64) -> Result<ByMetric, MotionError> {
-        let mut problem = self.problem.clone();
+        let mut problem = AnyProblem::from(self.problem.clone());
         quantity.set(&mut problem, value);
+        let problem = problem.three_links().ok_or(MotionError::Unsolved)?;
         let mut solver = self.solver.clone();
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY)?;
         let [work_j, _] = solver.work_and_loss_j()?;

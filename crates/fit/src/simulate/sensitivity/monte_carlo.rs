@@ -10,13 +10,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
+use trilink_mechanics::AnyProblem;
 use trilink_statistics::variance_components::covariance_root;
 use trilink_statistics::{mean, quantiles};
-use trilink_tables::{SENSITIVE_METRICS, SensitivityRow};
+use trilink_tables::SensitivityRow;
 
 use super::budget::InputUncertainty;
-use super::derivative::{ByMetric, by_metric};
 use super::quantity::Quantity;
 
 /// Largest part of the draws that may have no periodic solution; the limits of 95 % would hardly change if these draws
@@ -31,14 +30,16 @@ pub struct Draws {
 }
 
 /// Adds to the rows of one motion the standard deviations and limits of the metrics over `draws` motions with inputs
-/// drawn at random. `solver` must have solved `problem` last. They stay missing (NaN) if no input is uncertain, or if
+/// drawn at random. `solve` returns the values of `metrics` for a problem, or `None` if it has no periodic solution. They
+/// stay missing (NaN) if no input is uncertain, or if
 /// more than 0.1 % of the drawn problems have no periodic solution.
 ///
 /// # Errors
 /// Returns an error if the computation is cancelled.
 pub(in crate::simulate) fn add_monte_carlo(
     rows: &mut [SensitivityRow],
-    (problem, solver): (&Problem, &Solver),
+    (problem, metrics): (&AnyProblem, &[String]),
+    solve: &(impl Fn(&AnyProblem) -> Option<Vec<f64>> + Sync),
     uncertainty: &InputUncertainty,
     draws: Draws,
     cancel: &CancelToken,
@@ -48,25 +49,19 @@ pub(in crate::simulate) fn add_monte_carlo(
         covariance_root(DMatrix::from_fn(size, size, |i, j| fitted.covariance[i][j]))
     });
     let is_known = uncertainty.fitted.is_some() == root.is_some();
-    if !is_known || uncertainty.quantities().next().is_none() {
+    if !is_known || uncertainty.quantities(&problem.robot).next().is_none() {
         return Ok(());
     }
     let drawn = (0..draws.count as u64).into_par_iter().map(|stream| {
         cancel.check()?;
         let mut random = ChaCha8Rng::seed_from_u64(draws.seed);
         random.set_stream(stream);
-        let problem = drawn_problem(problem, uncertainty, root.as_ref(), &mut random);
-        let mut solver = solver.clone();
-        let metrics = solver.solve(&problem, FIT_ACCURACY).and_then(|metrics| {
-            let [work_j, _] = solver.work_and_loss_j()?;
-            Ok(by_metric(&metrics, work_j))
-        });
-        Ok(metrics.ok())
+        Ok(solve(&drawn_problem(problem, uncertainty, root.as_ref(), &mut random)))
     });
-    let drawn = drawn.collect::<Result<Vec<Option<ByMetric>>, Cancelled>>()?;
-    let solved: Vec<ByMetric> = drawn.iter().copied().flatten().collect();
+    let drawn = drawn.collect::<Result<Vec<Option<Vec<f64>>>, Cancelled>>()?;
+    let solved: Vec<&Vec<f64>> = drawn.iter().flatten().collect();
     let unsolved = drawn.len() - solved.len();
-    for (index, metric) in SENSITIVE_METRICS.iter().enumerate() {
+    for (index, metric) in metrics.iter().enumerate() {
         let values: Vec<f64> = solved.iter().map(|metrics| metrics[index]).collect();
         let mut limits = [f64::NAN; 3];
         if unsolved as f64 <= MAX_UNSOLVED * drawn.len() as f64 {
@@ -87,11 +82,11 @@ pub(in crate::simulate) fn add_monte_carlo(
 
 /// Draws the inputs of a problem.
 fn drawn_problem(
-    problem: &Problem,
+    problem: &AnyProblem,
     uncertainty: &InputUncertainty,
     root: Option<&DMatrix<f64>>,
     random: &mut ChaCha8Rng,
-) -> Problem {
+) -> AnyProblem {
     let mut normal = StandardNormal.sample_iter(random);
     let mut drawn = problem.clone();
     let coefficients = uncertainty.fitted.as_ref().map_or(&[][..], |of| &of.coefficients);

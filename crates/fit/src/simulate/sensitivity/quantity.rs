@@ -1,12 +1,15 @@
 //! Quantities that influence the metrics.
 
-use trilink_mechanics::Problem;
-use trilink_robot::{JointCommand, Parameter, Quantity as RobotQuantity, SecondHarmonic};
+use trilink_mechanics::{AnyProblem, Problem};
+use trilink_robot::{
+    AnyRobot, ChainNumber, JointCommand, Parameter, Quantity as RobotQuantity, SecondHarmonic,
+};
 
-/// Robot parameter, gait parameter, or the frequency.
+/// Robot parameter, gait parameter, number of a chain, or the frequency.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Quantity {
     Robot(Parameter),
+    Number(ChainNumber),
     /// Gait parameter: the joint (0 or 1), and the index of the parameter in [`JOINT_NUMBERS`].
     Gait(usize, usize),
     Omega,
@@ -19,7 +22,17 @@ const JOINT_NUMBERS: [&str; 5] =
 pub(super) const FIRST_HARMONIC_NUMBERS: usize = 3;
 
 impl Quantity {
-    /// Returns all quantities that can influence the metrics, except sums of other quantities.
+    /// Returns the quantity that a coefficient stands for: of a chain, the only number that it comprises.
+    pub(super) fn of(coefficient: Parameter, robot: &AnyRobot) -> Self {
+        let numbers = robot.as_chain().map(|chain| chain.numbers_of(coefficient));
+        match numbers.as_deref() {
+            Some([number]) => Self::Number(*number),
+            _ => Self::Robot(coefficient),
+        }
+    }
+
+    /// Returns all quantities that can influence the metrics of a robot of three links, except sums of other
+    /// quantities.
     pub(super) fn all(problem: &Problem) -> Vec<Self> {
         let mut all: Vec<Self> = RobotQuantity::ALL
             .into_iter()
@@ -38,8 +51,11 @@ impl Quantity {
     }
 
     /// Returns the name with the unit, as in the option `--set`.
-    pub(super) fn name(self) -> String {
+    pub(super) fn name(self, robot: &AnyRobot) -> String {
         match self {
+            Self::Number(number) => {
+                robot.as_chain().map_or(String::new(), |chain| chain.number_name(number))
+            }
             Self::Robot(parameter) => parameter.name().to_owned(),
             Self::Gait(joint, number) => format!("{}{}_deg", JOINT_NUMBERS[number], joint + 1),
             Self::Omega => "omega_rad_s".to_owned(),
@@ -50,15 +66,17 @@ impl Quantity {
     pub(super) fn scale(self) -> f64 {
         match self {
             Self::Robot(parameter) => 1.0 / parameter.quantity().definition().unit.in_si(),
+            Self::Number(number) => 1.0 / number.in_si(),
             Self::Gait(..) => 1_f64.to_degrees(),
             Self::Omega => 1.0,
         }
     }
 
     /// Returns the value of the quantity in a problem, in SI units.
-    pub(super) fn value(self, problem: &Problem) -> f64 {
+    pub(super) fn value(self, problem: &AnyProblem) -> f64 {
         match self {
-            Self::Robot(parameter) => parameter.value_in(&problem.robot),
+            Self::Robot(parameter) => problem.robot.value(parameter),
+            Self::Number(number) => problem.number(number).unwrap_or(f64::NAN),
             Self::Gait(joint, number) => problem.gait.joints[joint]
                 .as_ref()
                 .map_or(f64::NAN, |command| command_number(command, number)),
@@ -67,9 +85,14 @@ impl Quantity {
     }
 
     /// Sets the value of the quantity in a problem, in SI units.
-    pub(super) fn set(self, problem: &mut Problem, value: f64) {
+    pub(super) fn set(self, problem: &mut AnyProblem, value: f64) {
         match self {
-            Self::Robot(parameter) => parameter.set(&mut problem.robot, value),
+            Self::Robot(parameter) => problem.robot.set(parameter, value),
+            Self::Number(number) => {
+                if let Some(number) = problem.number_mut(number) {
+                    *number = value;
+                }
+            }
             Self::Gait(joint, number) => {
                 if let Some(command) = &mut problem.gait.joints[joint] {
                     match number {

@@ -1,4 +1,4 @@
-use trilink_mechanics::{REFERENCE_ACCURACY, Solver};
+use trilink_mechanics::Solver;
 use trilink_robot::{Model, Parameter, Quantity as RobotQuantity, RollLaw, SkidLaw};
 use trilink_tables::config::{Config, ModelConfig};
 
@@ -67,21 +67,23 @@ fn derivatives_equal_independent_finite_differences() {
         let rows =
             sensitivities(&setup, 3.9, false, &InputUncertainty::default()).expect("a motion");
         let problem = setup.problem(3.9);
+        let any = AnyProblem::from(problem.clone());
         let mut solver = Solver::default();
         let mut metrics_at = |quantity: Quantity, value: f64| {
-            let mut problem = problem.clone();
+            let mut problem = any.clone();
             quantity.set(&mut problem, value);
+            let problem = problem.three_links().expect("three links");
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion nearby");
             let [work_j, _] = solver.work_and_loss_j().expect("it is solved for");
             derivative::by_metric(&metrics, work_j)
         };
         for quantity in Quantity::all(&problem) {
-            let value = quantity.value(&problem);
+            let value = quantity.value(&any);
             // Fourth-order differences, with another step than in the derivatives under test.
             let step = 2e-3 * if value == 0.0 { 1.0 } else { value.abs() };
             let [far, near, back, behind] =
                 [2.0, 1.0, -1.0, -2.0].map(|steps| metrics_at(quantity, value + steps * step));
-            let own = rows.iter().filter(|row| row.parameter == quantity.name());
+            let own = rows.iter().filter(|row| row.parameter == quantity.name(&any.robot));
             for (metric, row) in own.enumerate() {
                 let known = 8.0 * (near[metric] - back[metric]) - (far[metric] - behind[metric]);
                 let known = known / (12.0 * step * quantity.scale());
@@ -179,16 +181,17 @@ fn a_setting_changes_the_quantity_of_the_same_name() {
             Setup::new(config.clone(), campaign, model, settings).expect(campaign)
         };
         let problem = with(&[]).problem(3.0);
+        let any = AnyProblem::from(problem.clone());
         let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum()).map(Quantity::Robot);
         let all = Quantity::all(&problem).into_iter().chain(sums);
         for quantity in all.filter(|of| *of != Quantity::Omega) {
-            let name = quantity.name();
-            let value = quantity.value(&problem) * quantity.scale();
+            let name = quantity.name(&any.robot);
+            let value = quantity.value(&any) * quantity.scale();
             // Setting the current value changes nothing; setting a scaled value scales only this quantity.
             for factor in [1.0, 1.01] {
-                let set = with(&[format!("{name}={}", factor * value)]).problem(3.0);
+                let set = with(&[format!("{name}={}", factor * value)]).problem(3.0).into();
                 for of in Quantity::all(&problem) {
-                    let known = of.value(&problem);
+                    let known = of.value(&any);
                     let known = if of == quantity { factor * known } else { known };
                     let is_part = matches!((of, quantity),
                         (Quantity::Robot(one), Quantity::Robot(all))

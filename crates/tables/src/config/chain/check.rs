@@ -42,6 +42,13 @@ fn table_of(value: &impl Serialize) -> Table {
     Table::try_from(value).expect("the parts of a chain are tables")
 }
 
+/// Returns the table of a link or joint without its standard deviations.
+pub(super) fn plain_table_of(part: &impl Serialize) -> Table {
+    let mut table = table_of(part);
+    ["standard_deviation", "same"].iter().for_each(|key| drop(table.remove(*key)));
+    table
+}
+
 impl Config {
     /// Checks all chains with their gaits and campaigns.
     pub(in super::super) fn check_chains(&self, check: &Checker) -> Result<(), ConfigError> {
@@ -231,6 +238,7 @@ impl ChainRobot {
         for (number, joint) in (1..).zip(&self.joints) {
             joint.check(check, &format!("robot.{robot}.joint{number}"))?;
         }
+        self.check_all_deviations(check, robot)?;
         let moves = self.links.iter().any(|link| link.rotor_inertia_kg_m2.is_some())
             || self.joints.iter().any(|joint| joint.kind != JointKind::Spring);
         let needed =
@@ -257,7 +265,7 @@ impl ChainRobot {
         name: &str,
         index: usize,
     ) -> Result<(), ConfigError> {
-        let table = table_of(&self.links[index]);
+        let table = plain_table_of(&self.links[index]);
         check.numbers(&format!("robot.{robot}.links.{name}"), &table.clone().into())?;
         let found = |key: &str| table.get(key).map_or("nothing".to_owned(), Value::to_string);
         for (key, is_there, place) in [
@@ -285,8 +293,8 @@ impl ChainRobot {
 impl ChainJoint {
     /// Checks a joint, whose key is `key`.
     fn check(&self, check: &Checker, key: &str) -> Result<(), ConfigError> {
-        let Self { kind, stiffness_nm_rad, .. } = *self;
-        let mut table = table_of(self);
+        let (kind, stiffness_nm_rad) = (self.kind, self.stiffness_nm_rad);
+        let mut table = plain_table_of(self);
         table.remove("kind");
         check.numbers(key, &table.clone().into())?;
         let known = match kind.keys() {

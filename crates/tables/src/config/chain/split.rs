@@ -10,6 +10,7 @@ use trilink_robot::Quantity;
 
 use super::super::strict::Strict;
 use super::Chains;
+use super::deviation::spread;
 
 /// Key of a robot that makes it a chain.
 const LINKS: &str = "links";
@@ -35,7 +36,12 @@ const LINK_KEYS: [&str; 3] = ["link0", "link1", "link2"];
 /// have from a configuration, and parses them. A gait that has no key of chains belongs to them if only their campaigns
 /// use it. A layout of an unknown robot belongs to them if it has none of the keys of the robot with three links.
 pub(in super::super) fn take_chains(config: &mut DeTable) -> Result<Chains, Error> {
-    let robots = take(config, "robot", |_, robot| robot.contains_key(LINKS));
+    let mut robots = take(config, "robot", |_, robot| robot.contains_key(LINKS));
+    for (_, robot) in robots.iter_mut() {
+        if let DeValue::Table(robot) = robot.get_mut() {
+            spread(robot);
+        }
+    }
     let campaigns = take(config, "campaign", |_, campaign| {
         text_at(campaign, "robot").is_some_and(|robot| robots.contains_key(robot))
     });

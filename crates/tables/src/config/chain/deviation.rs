@@ -1,0 +1,202 @@
+//! Standard deviations of the values of a chain.
+
+use std::collections::BTreeMap;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+use trilink_robot::{ChainNumber, CommandNumber, JointNumber, LinkNumber};
+
+use super::super::ConfigError;
+use super::super::check::Checker;
+use super::super::robot::Deviation;
+use super::check::plain_table_of;
+use super::{ChainGait, ChainRobot};
+
+/// Values of a link that can have a standard deviation.
+const OF_LINK: [LinkNumber; 13] = [
+    LinkNumber::FrontJoint,
+    LinkNumber::RearJoint,
+    LinkNumber::Com,
+    LinkNumber::Mass,
+    LinkNumber::Inertia,
+    LinkNumber::WheelPlace,
+    LinkNumber::WheelSteer,
+    LinkNumber::Skid,
+    LinkNumber::Roll,
+    LinkNumber::DragAlong,
+    LinkNumber::DragAcross,
+    LinkNumber::DragTurning,
+    LinkNumber::RotorInertia,
+];
+
+/// Returns the number of a link, given its key, if it can have a standard deviation.
+fn of_link(link: usize, key: &str) -> Option<ChainNumber> {
+    let number = OF_LINK.into_iter().find(|number| number.name() == key)?;
+    Some(ChainNumber::Link(link, number))
+}
+
+/// Returns the number of a joint, given its key, if it can have a standard deviation.
+fn of_joint(joint: usize, key: &str) -> Option<ChainNumber> {
+    match key {
+        "stiffness_nm_rad" => Some(ChainNumber::Joint(joint, JointNumber::Stiffness)),
+        "damping_nm_s_rad" => Some(ChainNumber::Joint(joint, JointNumber::Damping)),
+        "rest_deg" => Some(ChainNumber::Command(joint, CommandNumber::Offset)),
+        _ => None,
+    }
+}
+
+/// Standard deviations and names of common errors of a link or joint, by keys.
+type Uncertain<'c> = (&'c BTreeMap<String, Deviation>, &'c BTreeMap<String, String>);
+
+impl ChainRobot {
+    /// Returns the independent errors of the uncertain values: for each error, the numbers of the chain that share it with
+    /// their standard deviations in SI units.
+    pub fn errors(&self) -> Vec<Vec<(ChainNumber, f64)>> {
+        let chain = self.to_chain(&ChainGait::default());
+        let mut names: Vec<Option<&String>> = Vec::new();
+        let mut errors: Vec<Vec<(ChainNumber, f64)>> = Vec::new();
+        for (number, deviation, name) in self.deviations() {
+            let value = chain.number(number).unwrap_or_default() / number.in_si();
+            let error = (number, deviation.of(value) * number.in_si());
+            if error.1 <= 0.0 {
+                continue;
+            }
+            match names.iter().position(|other| name.is_some() && *other == name) {
+                Some(known) => errors[known].push(error),
+                None => {
+                    names.push(name);
+                    errors.push(vec![error]);
+                }
+            }
+        }
+        errors
+    }
+
+    /// Returns all standard deviations with the names of their common errors, those of the links first.
+    fn deviations(&self) -> impl Iterator<Item = (ChainNumber, Deviation, Option<&String>)> {
+        type Of = fn(usize, &str) -> Option<ChainNumber>;
+        let links = self.links.iter().map(|link| (&link.standard_deviation, &link.same));
+        let joints = self.joints.iter().map(|joint| (&joint.standard_deviation, &joint.same));
+        let links = links.enumerate().map(|(i, uncertain)| (of_link as Of, i, uncertain));
+        let joints = joints.enumerate().map(|(i, uncertain)| (of_joint as Of, i, uncertain));
+        links.chain(joints).flat_map(|(of, i, (deviations, same))| {
+            let error = move |(key, deviation): (&String, &Deviation)| {
+                Some((of(i, key)?, *deviation, same.get(key)))
+            };
+            deviations.iter().filter_map(error)
+        })
+    }
+
+    /// Checks the standard deviations of a link or joint: `part` is its key, and `value` returns the value with a key
+    /// if it is configured.
+    pub(super) fn check_deviations(
+        check: &Checker,
+        part: &str,
+        (deviations, same): Uncertain,
+        is_known: impl Fn(&str) -> bool,
+        value: impl Fn(&str) -> Option<f64>,
+    ) -> Result<(), ConfigError> {
+        for (key, deviation) in deviations {
+            // A place or an angle may be smaller than its standard deviation.
+            let is_size = !key.ends_with("_m") && !key.ends_with("_deg");
+            let full = format!("{part}.standard_deviation.{key}");
+            let needed = "the key of a value that can have a standard deviation";
+            check.that(is_known(key), &full, &format_args!("`{key}`"), needed)?;
+            let needed = format!("{key} as well, the value itself");
+            let value = value(key);
+            check.that(value.is_some(), &full, &format_args!("a standard deviation"), &needed)?;
+            let value = value.unwrap_or_default();
+            let sd = deviation.of(value);
+            let most = if is_size { value } else { 1e6 };
+            let needed = format!("a number from 0 to {most}, or a percentage");
+            check.that((0.0..=most).contains(&sd), &full, &sd, &needed)?;
+        }
+        for key in same.keys() {
+            let full = format!("{part}.same.{key}");
+            let needed = "a standard deviation of this value as well";
+            check.that(deviations.contains_key(key), &full, &format_args!("a name"), needed)?;
+        }
+        Ok(())
+    }
+
+    /// Checks the standard deviations of the links and joints of a robot, and that each common error has several values.
+    pub(super) fn check_all_deviations(
+        &self,
+        check: &Checker,
+        robot: &str,
+    ) -> Result<(), ConfigError> {
+        for (i, (name, link)) in self.names().iter().zip(&self.links).enumerate() {
+            let uncertain = (&link.standard_deviation, &link.same);
+            let is_known = |key: &str| of_link(i, key).is_some();
+            let table = plain_table_of(link);
+            let value = |key: &str| table.get(key)?.as_float();
+            let part = format!("robot.{robot}.links.{name}");
+            Self::check_deviations(check, &part, uncertain, is_known, value)?;
+        }
+        for (i, joint) in self.joints.iter().enumerate() {
+            let uncertain = (&joint.standard_deviation, &joint.same);
+            let is_known = |key: &str| of_joint(i, key).is_some();
+            let table = plain_table_of(joint);
+            let value = |key: &str| table.get(key)?.as_float();
+            let part = format!("robot.{robot}.joint{}", i + 1);
+            Self::check_deviations(check, &part, uncertain, is_known, value)?;
+        }
+        let names = self.deviations().filter_map(|(.., name)| name);
+        let mut counts: BTreeMap<&String, usize> = BTreeMap::new();
+        names.for_each(|name| *counts.entry(name).or_default() += 1);
+        for (name, count) in counts {
+            let needed = "a name that at least two values share";
+            let found = format!("same = \"{name}\" for one value alone");
+            check.that(count > 1, &format!("robot.{robot}"), &format_args!("{found}"), needed)?;
+        }
+        Ok(())
+    }
+}
+
+/// Moves the standard deviations and the names of common errors of the links and joints of a robot from beside their
+/// values, `{ value = .., sd = .., same = .. }`, to the tables `standard_deviation` and `same`.
+pub(super) fn spread(robot: &mut DeTable) {
+    for parts in ["links", "joints"] {
+        let Some(DeValue::Array(parts)) = robot.get_mut(parts).map(Spanned::get_mut) else {
+            continue;
+        };
+        for part in parts.iter_mut() {
+            if let DeValue::Table(part) = part.get_mut() {
+                spread_part(part);
+            }
+        }
+    }
+}
+
+fn spread_part(part: &mut DeTable) {
+    const TABLES: [(&str, &str); 2] = [("sd", "standard_deviation"), ("same", "same")];
+    let keys: Vec<_> = part.keys().cloned().collect();
+    for key in keys {
+        if TABLES.iter().any(|(_, table)| key.get_ref() == table) {
+            continue;
+        }
+        // Other tables are left for the error about the type of the value.
+        let Some(DeValue::Table(beside)) = part.get_mut(&key).map(Spanned::get_mut) else {
+            continue;
+        };
+        let is_known = |own: &str| ["value", "sd", "same"].contains(&own);
+        if !["value", "sd"].iter().all(|own| beside.contains_key(*own))
+            || !beside.keys().all(|own| is_known(own.get_ref()))
+        {
+            continue;
+        }
+        let Some(value) = beside.remove("value") else { continue };
+        let moved = TABLES.map(|(own, table)| (table, beside.remove(own)));
+        part.insert(key.clone(), value);
+        for (table, moved) in moved {
+            let Some(moved) = moved else { continue };
+            let name = Spanned::new(key.span(), table.into());
+            let all = part
+                .entry(name)
+                .or_insert_with(|| Spanned::new(key.span(), DeValue::Table(DeTable::new())));
+            if let DeValue::Table(all) = all.get_mut() {
+                all.insert(key.clone(), moved);
+            }
+        }
+    }
+}
