@@ -155,7 +155,8 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
 
 #[test]
 fn a_chain_of_three_links_has_the_branches_of_a_robot_of_three_links() {
-    let cases: [(fn(f64) -> Problem, [f64; 2]); 3] = [
+    type Campaign = fn(f64) -> Problem;
+    let cases: [(Campaign, [f64; 2]); 3] = [
         (semi_passive, [11.3, 11.6]),
         (without_roll_resistance, [0.345, 0.365]),
         (doubling, [3.4, 3.7]),

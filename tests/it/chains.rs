@@ -435,7 +435,7 @@ fn mistakes_in_trials_of_chains_are_named() {
         assert!(rows[0].message.contains(expected), "{}", rows[0].message);
     }
     std::fs::write(&path, bare).unwrap();
-    let error = refused(&["synth", "raw/other"]);
+    let error = self::text(&trilink(folder.path(), &["synth", "raw/other"]).stderr);
     let expected = "campaign twistcar: needed a robot whose marker layout is configured";
     assert!(error.contains(expected), "{error}");
 }

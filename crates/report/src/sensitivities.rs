@@ -4,7 +4,7 @@ use trilink_base::Named as _;
 use trilink_base::numbers::fixed;
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Scale};
 use trilink_robot::metrics::Metric;
-use trilink_robot::Robot;
+use trilink_robot::{Parameter, Robot};
 use trilink_tables::SensitivityRow;
 
 use super::ReportError;

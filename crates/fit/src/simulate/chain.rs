@@ -147,7 +147,8 @@ impl ChainSetup {
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
         let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
-            let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
+            let problem: AnyProblem =
+                self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
             fitted.with_bands(&problem.robot, &fits.data, |bands| {
                 InputUncertainty::fitted(bands, &problem, fitted.measured())
             })
@@ -177,12 +178,7 @@ impl ChainSetup {
     /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed with
     /// the same `from_rest`; does nothing for configured coefficients. `fits` must come from [`KnownFits::read`] with
     /// `bands`.
-    pub fn add_bands(
-        &self,
-        answers: &mut [&mut ChainAnswer],
-        from_rest: bool,
-        fits: &KnownFits,
-    ) {
+    pub fn add_bands(&self, answers: &mut [&mut ChainAnswer], from_rest: bool, fits: &KnownFits) {
         let Some(fitted) = &self.fitted else { return };
         let robot = self.chain.clone().into();
         let result = fitted.with_bands(&robot, &fits.data, |bands| {
@@ -194,8 +190,7 @@ impl ChainSetup {
                     let attractor = solver.attractor(&problem, metrics, REFERENCE_ACCURACY);
                     metrics = attractor.map(|attractor| attractor.motion.metrics);
                 }
-                let limits =
-                    metrics.and_then(|metrics| bands.limits(solver, &problem, metrics));
+                let limits = metrics.and_then(|metrics| bands.limits(solver, &problem, metrics));
                 answer.interval = Some(match limits {
                     Ok([lower, upper]) => Interval { lower, upper, no_interval: None },
                     Err(error) => Interval::unknown(without_resample(&error)),
