@@ -147,20 +147,8 @@ impl RobotConfig {
 
     /// Returns the independent errors of the uncertain parameters for which `is_wanted`, as [`Self::errors`] does.
     fn errors_of(&self, is_wanted: impl Fn(Parameter) -> bool) -> Vec<Vec<(Parameter, f64)>> {
-        let uncertain = self.all_deviations().filter(|(of, sd)| *sd > 0.0 && is_wanted(*of));
-        let mut names: Vec<Option<&String>> = Vec::new();
-        let mut errors: Vec<Vec<(Parameter, f64)>> = Vec::new();
-        for (parameter, sd) in uncertain {
-            let name = self.same.get(&parameter.quantity());
-            match names.iter().position(|other| name.is_some() && *other == name) {
-                Some(known) => errors[known].push((parameter, sd)),
-                None => {
-                    names.push(name);
-                    errors.push(vec![(parameter, sd)]);
-                }
-            }
-        }
-        errors
+        let wanted = self.all_deviations().filter(|(of, _)| is_wanted(*of));
+        independent_errors(wanted.map(|(of, sd)| (of, sd, self.same.get(&of.quantity()))))
     }
 
     /// Checks that every value with a common error has a standard deviation, and that at least two values share each of
@@ -272,6 +260,25 @@ impl RobotConfig {
         let loads = (0..Robot::LINKS).filter(|_| self.load_n.is_some()).map(load_name);
         given.map(|parameter| parameter.name().to_owned()).chain(loads).collect()
     }
+}
+
+/// Returns the independent errors of uncertain numbers, given with their standard deviations and the names of their common
+/// errors: for each error, the numbers that share it with their standard deviations.
+pub(super) fn independent_errors<'n, T>(
+    uncertain: impl Iterator<Item = (T, f64, Option<&'n String>)>,
+) -> Vec<Vec<(T, f64)>> {
+    let mut names: Vec<Option<&String>> = Vec::new();
+    let mut errors: Vec<Vec<(T, f64)>> = Vec::new();
+    for (of, sd, name) in uncertain.filter(|(_, sd, _)| *sd > 0.0) {
+        match names.iter().position(|other| name.is_some() && *other == name) {
+            Some(known) => errors[known].push((of, sd)),
+            None => {
+                names.push(name);
+                errors.push(vec![(of, sd)]);
+            }
+        }
+    }
+    errors
 }
 
 /// Returns the value for the link, wheel or joint `index`; a single value in `given` applies to both joints.

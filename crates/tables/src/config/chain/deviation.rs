@@ -8,7 +8,7 @@ use trilink_robot::{ChainNumber, CommandNumber, JointNumber, LinkNumber};
 
 use super::super::ConfigError;
 use super::super::check::Checker;
-use super::super::robot::Deviation;
+use super::super::robot::{Deviation, independent_errors};
 use super::check::plain_table_of;
 use super::{ChainGait, ChainRobot};
 
@@ -53,23 +53,10 @@ impl ChainRobot {
     /// their standard deviations in SI units.
     pub fn errors(&self) -> Vec<Vec<(ChainNumber, f64)>> {
         let chain = self.to_chain(&ChainGait::default());
-        let mut names: Vec<Option<&String>> = Vec::new();
-        let mut errors: Vec<Vec<(ChainNumber, f64)>> = Vec::new();
-        for (number, deviation, name) in self.deviations() {
+        independent_errors(self.deviations().map(|(number, deviation, name)| {
             let value = chain.number(number).unwrap_or_default() / number.in_si();
-            let error = (number, deviation.of(value) * number.in_si());
-            if error.1 <= 0.0 {
-                continue;
-            }
-            match names.iter().position(|other| name.is_some() && *other == name) {
-                Some(known) => errors[known].push(error),
-                None => {
-                    names.push(name);
-                    errors.push(vec![error]);
-                }
-            }
-        }
-        errors
+            (number, deviation.of(value) * number.in_si(), name)
+        }))
     }
 
     /// Returns all standard deviations with the names of their common errors, those of the links first.
