@@ -394,6 +394,32 @@ fn friction_that_varies_between_cycles_scatters_the_cycles() {
 }
 
 #[test]
+fn motions_of_chains_with_dry_friction_have_their_sharp_limit() {
+    let folder = folder_of("twistcar.toml");
+    let path = folder.path().join("pipeline.toml");
+    let settings = std::fs::read_to_string(&path).expect("a configuration");
+    let dry = settings.replace("skid_kg_s", "skid_dry_n = 2.0\nskid_kg_s");
+    std::fs::write(&path, dry).unwrap();
+    let line = ["simulate", "twistcar", "--model", "coulomb", "--omega", "4", "--json"];
+    let of = |settings: &[&str]| -> Value {
+        let json = succeed(folder.path(), &[&line[..], settings].concat());
+        serde_json::from_str::<Vec<Value>>(&json).unwrap().remove(0)
+    };
+    let transitions = ["front.transition_m_s=0.0005", "rear.transition_m_s=0.0005"];
+    let [wide, narrow] = [of(&[]), of(&["--set", transitions[0], transitions[1]])];
+    let d_m = |answer: &Value| answer["d_m"].as_f64().unwrap();
+    let limit_m = wide["sharp_limit"]["metrics"]["d_m"].as_f64().unwrap();
+    let [before, after] = [d_m(&wide), d_m(&narrow)].map(|d_m| (d_m - limit_m).abs());
+    assert!(before > 0.0 && after < 0.3 * before, "{before} {after}");
+    let [line @ .., _] = line;
+    let table = succeed(folder.path(), &line);
+    assert!(table.contains("as transition_m_s goes to zero"), "{table}");
+    let csv = succeed(folder.path(), &[&line[..], &["--csv"]].concat());
+    assert!(csv.lines().next().unwrap().contains("sharp_limit_sigma1_uncertainty"), "{csv}");
+    assert!(of(&[])["sharp_limit"]["uncertainty"]["d_m"].as_f64().unwrap() < before);
+}
+
+#[test]
 fn mistakes_in_trials_of_chains_are_named() {
     let folder = folder_of("twistcar.toml");
     let path = folder.path().join("pipeline.toml");

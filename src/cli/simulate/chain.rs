@@ -118,7 +118,7 @@ fn legend(setup: &ChainSetup) -> String {
     format!("links: {}", links.join(", "))
 }
 
-/// Line of the table: a solution, or one of its confidence limits.
+/// Line of the table: a solution, one of its confidence limits, or a remark on it.
 struct Line {
     model: &'static str,
     omega: String,
@@ -126,7 +126,7 @@ struct Line {
     status: Text,
 }
 
-/// Returns the line of a solution and those of its confidence limits.
+/// Returns the line of a solution and those below it.
 fn lines_of(answer: &ChainAnswer) -> Vec<Line> {
     let numbers = answer.numbers(Angles::Free);
     let line = |omega: &str, limits: &GaitMetrics| {
@@ -135,7 +135,7 @@ fn lines_of(answer: &ChainAnswer) -> Vec<Line> {
         Line { model: "", omega: omega.to_owned(), numbers, status: Text::default() }
     };
     let missing = GaitMetrics::MISSING;
-    let below = match &answer.interval {
+    let mut below = match &answer.interval {
         Some(Interval { no_interval: Some(why), .. }) => {
             let status = format!("no intervals: {why}").into();
             vec![Line { status, ..line("", &missing) }]
@@ -143,6 +143,10 @@ fn lines_of(answer: &ChainAnswer) -> Vec<Line> {
         Some(Interval { lower, upper, .. }) => vec![line("95 % from", lower), line("to", upper)],
         None => Vec::new(),
     };
+    if let (Some(limit), Ok(motion)) = (&answer.sharp_limit, &answer.motion) {
+        let status = table::sharp_in_words(limit, motion.metrics.d_m).into();
+        below.push(Line { status, ..line("", &missing) });
+    }
     let first = Line {
         model: answer.setup.model.name(),
         omega: answer.omega_rad_s.to_string(),
@@ -152,7 +156,7 @@ fn lines_of(answer: &ChainAnswer) -> Vec<Line> {
     std::iter::once(first).chain(below).collect()
 }
 
-/// Prints a line for each solution, followed by lines with its confidence limits.
+/// Prints the lines of each solution.
 fn print(answers: &[ChainAnswer]) {
     let lines: Vec<Line> = answers.iter().flat_map(lines_of).collect();
     let Some(first) = lines.first() else { return };

@@ -75,16 +75,20 @@ fn lines_of(answer: &Answer) -> Vec<Line> {
         }
         None => {}
     }
-    if let Some(SharpLimit { metrics, uncertainty }) = &answer.sharp_limit {
-        let d_m = answer.metrics.d_m;
-        let status = format!(
-            "d changes by {:+.2} % (\u{b1}{:.2}) as transition_m_s goes to zero",
-            100.0 * (metrics.d_m - d_m) / d_m,
-            100.0 * uncertainty.d_m / d_m,
-        );
+    if let Some(limit) = &answer.sharp_limit {
+        let status = sharp_in_words(limit, answer.metrics.d_m);
         lines.push(Line { status: status.into(), ..Line::default() });
     }
     lines
+}
+
+/// Describes how a displacement changes as dry friction becomes discontinuous.
+pub(super) fn sharp_in_words(SharpLimit { metrics, uncertainty }: &SharpLimit, d_m: f64) -> String {
+    format!(
+        "d changes by {:+.2} % (\u{b1}{:.2}) as transition_m_s goes to zero",
+        100.0 * (metrics.d_m - d_m) / d_m,
+        100.0 * uncertainty.d_m / d_m,
+    )
 }
 
 /// Describes the symmetry of a steady-state motion and whether the robot reaches it from rest.

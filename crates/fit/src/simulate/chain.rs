@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{
     AnyProblem, AnySolver, ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest,
-    MotionError, MotionStatus, REFERENCE_ACCURACY,
+    MotionError, MotionStatus, REFERENCE_ACCURACY, SharpLimit,
 };
 use trilink_robot::metrics::Metric;
 use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
@@ -260,12 +260,17 @@ impl ChainSetup {
             (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => (Err(error), None),
             (_, Err(error)) => (Err(error), None),
         };
+        let sharp_limit = motion
+            .as_ref()
+            .ok()
+            .and_then(|_| AnyProblem::from(problem).sharp_limit(REFERENCE_ACCURACY).ok().flatten());
         ChainAnswer {
             setup: self,
             omega_rad_s,
             motion,
             from_rest,
             cycles_to_settle,
+            sharp_limit,
             interval: None,
         }
     }
@@ -341,6 +346,8 @@ pub struct ChainAnswer<'a> {
     /// Number of cycles after which the robot, started from rest, stays within 1 % of its steady-state motion; `None`
     /// if unknown.
     pub cycles_to_settle: Option<usize>,
+    /// Metrics at zero transition speed; `None` if no friction is dry, or if they could not be computed.
+    pub sharp_limit: Option<SharpLimit>,
     /// Confidence limits of the metrics, if requested.
     pub interval: Option<Interval>,
 }
@@ -416,6 +423,13 @@ impl ChainAnswer<'_> {
                     add(columns, &format!("{name}_{suffix}"), limits);
                 }
             }
+            for (suffix, side) in [("", 0), ("_uncertainty", 1)] {
+                let sharp = |limit: &SharpLimit| [limit.metrics, limit.uncertainty][side][metric];
+                if all().any(|answer| answer.sharp_limit.is_some()) {
+                    let limits = all().map(|of| of.sharp_limit.as_ref().map_or(f64::NAN, sharp));
+                    add(columns, &format!("sharp_limit_{name}{suffix}"), limits);
+                }
+            }
         }
         if all().any(|answer| answer.interval.is_some()) {
             let reasons =
@@ -455,6 +469,9 @@ impl Serialize for ChainAnswer<'_> {
         map.serialize_entry("sigma", &sigma)?;
         map.serialize_entry("from_rest", &self.from_rest)?;
         map.serialize_entry("cycles_to_settle", &self.cycles_to_settle)?;
+        if let Some(limit) = &self.sharp_limit {
+            map.serialize_entry("sharp_limit", limit)?;
+        }
         if let Some(Interval { lower, upper, no_interval }) = &self.interval {
             map.serialize_entry("lower", lower)?;
             map.serialize_entry("upper", upper)?;
