@@ -376,14 +376,22 @@ impl FitInput {
     /// error increased by their standard deviations. The standard deviations are configured or, if measured values are
     /// used, derived from the trials that measured the parameter.
     pub(super) fn perturbed_robots(&self, robot: &AnyRobot, data: &FitData) -> Vec<AnyRobot> {
-        let mut errors = match (&self.robot.value, robot) {
+        let increased = |error: Vec<(Parameter, f64)>| {
+            let mut perturbed = robot.clone();
+            for (parameter, deviation) in error {
+                perturbed.set(parameter, robot.value(parameter) + deviation);
+            }
+            perturbed
+        };
+        let mut robots: Vec<AnyRobot> = match (&self.robot.value, robot) {
             (FitRobot::ThreeLinks(config), _) => {
                 let (_, gait) = self.setup();
-                config.errors(self.model.value.laws(), &gait.into())
+                let errors = config.errors(self.model.value.laws(), &gait.into());
+                errors.into_iter().map(increased).collect()
             }
             (FitRobot::Chain(config), AnyRobot::Chain(chain)) => {
                 let errors = config.errors().into_iter();
-                return errors.map(|error| perturbed_chain(chain, &error).into()).collect();
+                errors.map(|error| perturbed_chain(chain, &error).into()).collect()
             }
             (FitRobot::Chain(_), AnyRobot::ThreeLinks(_)) => Vec::new(),
         };
@@ -398,18 +406,11 @@ impl FitInput {
                     estimates.map(|(of, pooled)| pooled * of.se.powi(2)).collect();
                 let error = squares.iter().sum::<f64>().sqrt() / squares.len() as f64;
                 if error > 0.0 {
-                    errors.push(vec![(of.parameter, error)]);
+                    robots.push(increased(vec![(of.parameter, error)]));
                 }
             }
         }
-        let robots = errors.into_iter().map(|shared| {
-            let mut perturbed = robot.clone();
-            for (parameter, deviation) in shared {
-                perturbed.set(parameter, robot.value(parameter) + deviation);
-            }
-            perturbed
-        });
-        robots.collect()
+        robots
     }
 
     /// Returns the gait and the weights common to the campaign's trials.
