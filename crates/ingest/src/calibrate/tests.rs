@@ -239,7 +239,7 @@ fn layouts_of_chains_are_found() {
                 let configured = marker.configured_mm.expect("it is configured");
                 for (axis, found) in marker.position_mm.iter().enumerate() {
                     let off = (found.value - configured[axis]).abs();
-                    assert!(off < 0.4 && found.se < 0.3, "{robot} {}: {found:?}", marker.label);
+                    assert!(off < 0.6 && found.se < 0.3, "{robot} {}: {found:?}", marker.label);
                 }
             }
         }
