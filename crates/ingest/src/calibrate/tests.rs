@@ -235,11 +235,12 @@ fn layouts_of_chains_are_found() {
                 let Some(joint) = joint else { continue };
                 assert!((joint.value - configured_mm).abs() < 0.15, "{robot}: {joint:?}");
             }
+            // The directions of end links are known to half a degree, at 150 mm from the joint.
             for marker in &link.markers {
                 let configured = marker.configured_mm.expect("it is configured");
                 for (axis, found) in marker.position_mm.iter().enumerate() {
                     let off = (found.value - configured[axis]).abs();
-                    assert!(off < 0.6 && found.se < 0.3, "{robot} {}: {found:?}", marker.label);
+                    assert!(off < 1.3 && found.se < 0.3, "{robot} {}: {found:?}", marker.label);
                 }
             }
         }
