@@ -25,7 +25,7 @@ pub(super) struct ChainLayout {
     pub path: PathBuf,
     /// Distances from the joints to the wheels of the first and last link, mm.
     pub levers_mm: [f64; 2],
-    /// Whether the motion determines these distances.
+    /// Whether these distances are given or determined by the motion.
     pub is_rolling: [bool; 2],
     /// Whether a coast-down determines the directions of the first and last link.
     pub is_straightened: bool,
@@ -124,6 +124,7 @@ fn calibrate(
         None => wheel_distances_mm(&file, &groups, rate_hz).map_err(failed)?,
     };
     let [front_mm, rear_mm] = found_mm.map(|found_mm| found_mm.unwrap_or(DEFAULT_LEVER_MM));
+    // Of an inner link only the proportion of the two distances is used: its origin is halfway between the joints.
     let inner = LinkPlaces {
         front_joint_mm: 1.0,
         rear_joint_mm: 1.0,

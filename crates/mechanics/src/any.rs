@@ -248,7 +248,7 @@ impl AnySolver {
     pub fn loss_j(&mut self) -> Result<f64> {
         match self.chain.last() {
             None => self.three_links.loss_j(),
-            Some(_) => Ok(self.chain.motion()?.loss_j),
+            Some(_) => self.chain.loss_j(),
         }
     }
 
@@ -435,8 +435,8 @@ struct InputSlopes {
     motion: ChainMotion,
     /// With respect to the given numbers.
     numbers: Vec<ChainSlopes>,
-    /// With respect to the numbers that scale with the frequency, each with the derivative of the number with respect to
-    /// the frequency at which the motion as a function of phase remains the same, with the opposite sign.
+    /// With respect to the numbers that scale with the frequency, each with the negative of the rate, per rad/s, at which
+    /// it would have to change with the frequency to keep the motion as a function of phase.
     scaled: Vec<(f64, ChainSlopes)>,
 }
 

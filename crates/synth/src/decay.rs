@@ -15,13 +15,13 @@ const RELEASED_RAD: std::ops::Range<f64> = 0.45..0.55;
 const HELD_S: f64 = 0.5;
 /// Range of the initial speed of a coast-down, m/s.
 const PUSHED_M_S: std::ops::Range<f64> = 0.7..0.9;
-/// Duration for which the robot is at rest before it is pushed, s.
+/// Duration for which the robot is at rest before it is pushed, and after friction has stopped it, s.
 const REST_S: f64 = 0.4;
 /// Duration of the push, s.
 const PUSH_S: f64 = 0.5;
 /// Amplitude of the swing at the end of the recording, relative to the initial amplitude.
 const SWING_LEFT: f64 = 0.002;
-/// Speed at the end of the recording, relative to the initial speed.
+/// Speed at the end of the recording, relative to the initial speed, if friction does not stop the robot.
 const SPEED_LEFT: f64 = 0.05;
 /// Maximum duration of a recording, s.
 const MAX_DURATION_S: f64 = 30.0;
@@ -78,7 +78,7 @@ pub(super) struct Decay {
 }
 
 /// Returns the motion of a free joint, given its index, when it is deflected from its rest angle and released while the
-/// robot is lifted and clamped; `None` if the joint would barely swing. The other joints of a chain are held at the
+/// robot is lifted and clamped; `None` if the joint would barely swing, or has no damping to measure. The other joints of a chain are held at the
 /// angles at which their springs are relaxed.
 pub(super) fn released(
     name: &str,
@@ -127,7 +127,7 @@ pub(super) fn released(
 }
 
 /// Returns the motion of the straight robot when it rests, is pushed, and coasts against viscous and dry resistance, in
-/// the direction `heading_rad` on a sloping floor if there is one; `None` if nothing stops it. The recording ends
+/// the direction `heading_rad` on a sloping floor if there is one; `None` if its speed neither decays nor reaches zero. The recording ends
 /// before a robot that gravity has stopped rolls back.
 pub(super) fn coasting(
     name: &str,
@@ -186,7 +186,7 @@ mod tests {
         };
         let decay = of([0.0; 3], [0.4, 0.2, 0.2]).expect("it is resisted");
         let path_m: Vec<f64> = decay.frames.iter().map(|(pose, _)| pose.x_m).collect();
-        // The robot is pushed to a speed over 0.5 s; friction then stops it over twice that distance.
+        // The robot is pushed to a speed v over 0.5 s; friction F then stops it over m v^2 / (2 F).
         let pushed_m = path_m[108];
         let speed_m_s = 2.0 * pushed_m / PUSH_S;
         let way_m = 0.5 * speed_m_s.powi(2) * 1.44 / 0.8;

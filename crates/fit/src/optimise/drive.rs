@@ -20,13 +20,13 @@ pub enum Drive {
 }
 
 impl Drive {
-    /// Returns the drives of a problem: the commanded joints from front to rear, then the rotors. Joints
-    /// and rotors whose command is constantly zero are left out, as are springs.
+    /// Returns the drives of a problem that move the robot: the driven joints, the elastic joints whose commanded angle
+    /// varies and the torques that are not zero, from front to rear, then the rotors whose angle varies.
     pub fn all(problem: &AnyProblem) -> Vec<Self> {
         let mut drives = Vec::new();
         for joint in 0..problem.robot.joints() {
-            let free = problem.robot.as_chain().map(|chain| &chain.joints[joint]);
-            match free {
+            let joint_of_chain = problem.robot.as_chain().map(|chain| &chain.joints[joint]);
+            match joint_of_chain {
                 Some(Joint::Free(FreeJoint { target, torque, .. })) => {
                     if target.half_range_rad() > 0.0 {
                         drives.push(Self::Angle(joint));

@@ -25,7 +25,7 @@ pub struct AnySample {
     pub lateral_n: Vec<f64>,
     /// Rolling friction forces on the wheels by number, N; NaN for a link without a wheel.
     pub roll_n: Vec<f64>,
-    /// Torques at the joints from front to rear, N m: of the actuator, or of the spring and the damper.
+    /// Torques at the joints from front to rear, N m: of the actuator, or of the spring, the damper and the command.
     pub torque_nm: Vec<f64>,
     /// Power of the actuators, W.
     pub power_w: f64,
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use crate::FIT_ACCURACY;
 
-    /// Asserts that samples agree, relative to the largest force.
+    /// Asserts that samples agree to 1e-4 in SI units.
     fn assert_alike(found: &[AnySample], known: &[AnySample]) {
         assert_eq!(found.len(), known.len());
         for (found, known) in found.iter().zip(known) {

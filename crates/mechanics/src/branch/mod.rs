@@ -134,6 +134,7 @@ pub(super) fn trace_all<const N: usize, R: Reduced<N>>(
 ) -> Result<Vec<Branch>> {
     let model = model_at(range[0]);
     let mut orbit = PeriodicOrbit::default();
+    // `find` would leave the symmetric branch where that is unstable.
     if orbit.solve(&model, Start::Guess, ACCURACY).is_err() {
         Collocation { model: &model, orbit: &mut orbit }.find(false, ACCURACY)?;
     }

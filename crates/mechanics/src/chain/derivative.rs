@@ -56,7 +56,7 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize>(
     numbers: &[ChainNumber],
 ) -> Result<Vec<ChainSlopes>> {
     orbit.linearise(model)?;
-    // First of the numbers that leave the motion's half-period symmetry, if it has one, as it is.
+    // First those with respect to numbers whose change preserves the half-period symmetry, if the motion has it.
     let mut slopes = slopes_on(problem, model, orbit, numbers)?;
     if slopes.iter().any(Option::is_none) {
         let mut whole = orbit.clone();
@@ -121,8 +121,8 @@ fn slope<const N: usize, const C: usize, const D: usize>(
 }
 
 /// Returns the step of the central differences for a number with the given value: relative to the robot's size for
-/// places, to at least a tenth of a radian for angles, and to the number itself or, if it is zero, to the size that it
-/// would have if it were to matter for all others.
+/// places, to at least a tenth of a radian for angles, and to the number itself or, if it is zero, to the natural unit
+/// formed from the chain's mass and length and the frequency.
 fn step_of(value: f64, problem: &ChainProblem, number: ChainNumber) -> f64 {
     use trilink_robot::LinkNumber as L;
     const RELATIVE: f64 = 2e-5;
@@ -134,7 +134,11 @@ fn step_of(value: f64, problem: &ChainProblem, number: ChainNumber) -> f64 {
         ChainNumber::Link(_, L::FrontJoint | L::RearJoint | L::Com | L::WheelPlace) => length_m,
         _ if number.key().ends_with("_deg") => value.abs().max(0.1),
         _ if value != 0.0 => value.abs(),
-        ChainNumber::Joint(..) => mass_kg * length_m.powi(2) * frequency,
+        ChainNumber::Joint(..) | ChainNumber::Link(_, L::DragTurning | L::RotorInertia) => {
+            mass_kg * length_m.powi(2) * frequency
+        }
+        ChainNumber::Link(_, L::Transition | L::Stribeck) => length_m * frequency,
+        _ if number.power_of_omega() == 2 => mass_kg * length_m * frequency,
         _ => mass_kg * frequency,
     };
     RELATIVE * scale

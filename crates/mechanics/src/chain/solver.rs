@@ -10,7 +10,7 @@ use super::{
     ChainAttractor, ChainMetrics, ChainMotion, ChainProblem, ChainSample, metrics_of, motion_of,
 };
 use crate::branch::{Branch, Sweep, trace_all};
-use crate::method::Collocation;
+use crate::method::{Collocation, loss_j};
 use crate::orbit::PeriodicOrbit;
 use crate::transient::{self, Frames, Posture};
 use crate::{MotionError, Result, trajectory};
@@ -21,21 +21,21 @@ use crate::{MotionError, Result, trajectory};
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ChainSolver {
     kept: Option<Box<dyn Steady>>,
-    /// Kind of the motion from which the next solution starts; `None` if it starts from the initial guess.
-    start: Option<Kind>,
+    /// StartKind of the motion from which the next solution starts; `None` if it starts from the initial guess.
+    start: Option<StartKind>,
     /// Problem of the last solution.
     last: Option<ChainProblem>,
 }
 
 /// What two motions must have in common for one to be the start of the search for the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Kind {
+struct StartKind {
     free_joints: usize,
     skids: bool,
     is_linear: bool,
 }
 
-impl Kind {
+impl StartKind {
     fn of(problem: &ChainProblem) -> Self {
         Self {
             free_joints: problem.chain.free_joints(),
@@ -53,7 +53,7 @@ pub(super) trait Steady: Debug + Send + Sync {
     fn set_problem(&mut self, problem: ChainProblem) -> Result<()>;
 
     /// Solves for the steady-state motion. If `is_warm`, the search starts from the last solution; otherwise, or if that
-    /// fails, from the model's initial guess.
+    /// fails, from the model's initial guess and, if that fails, from the transient from rest.
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<ChainMetrics>;
 
     /// Solves for the steady-state motion, starting from the last solution or, if that fails, from the model's initial
@@ -63,7 +63,11 @@ pub(super) trait Steady: Debug + Send + Sync {
     /// Returns the last solution.
     fn motion(&mut self) -> Result<ChainMotion>;
 
-    /// Replaces the solution, if `is_solved`, by the attractor reached from rest.
+    /// Returns the energy dissipated over a cycle of the last solution, J.
+    fn loss_j(&mut self) -> f64;
+
+    /// Finds the attractor reached from rest, which becomes the solution; if `is_solved`, the present solution is the
+    /// first candidate.
     fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<ChainAttractor>;
 
     fn cycle(&self, samples: usize) -> Result<Vec<ChainSample>>;
@@ -87,7 +91,7 @@ pub(super) trait Steady: Debug + Send + Sync {
 
     fn copy(&self) -> Box<dyn Steady>;
 
-    /// Returns equations whose next solution can start from the same motion, without that motion.
+    /// Returns equations whose next solution can start from the same motion, but with no solution to query.
     fn successor(&self) -> Box<dyn Steady>;
 }
 
@@ -97,6 +101,7 @@ impl Clone for Box<dyn Steady> {
     }
 }
 
+/// Equations of motion with their last solution.
 #[derive(Debug, Clone)]
 pub(super) struct Kept<const N: usize, const C: usize, const D: usize> {
     model: Model<N, C, D>,
@@ -136,6 +141,11 @@ impl<const N: usize, const C: usize, const D: usize> Steady for Kept<N, C, D> {
     fn motion(&mut self) -> Result<ChainMotion> {
         let cycle = self.orbit.measure(&self.model);
         motion_of(&self.model, &mut self.orbit, &cycle)
+    }
+
+    fn loss_j(&mut self) -> f64 {
+        self.orbit.measure(&self.model);
+        loss_j(&self.model, &self.orbit.mesh, &self.orbit.path)
     }
 
     fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<ChainAttractor> {
@@ -187,7 +197,7 @@ impl ChainSolver {
     /// Returns an error if the description of the chain is wrong, if no such motion exists, or if it could not be found
     /// or resolved.
     pub(crate) fn solve(&mut self, problem: &ChainProblem, accuracy: f64) -> Result<ChainMetrics> {
-        let kind = Kind::of(problem);
+        let kind = StartKind::of(problem);
         let is_warm = self.start.take() == Some(kind);
         let metrics = self.set_problem(problem)?.solve(is_warm, accuracy)?;
         (self.start, self.last) = (Some(kind), Some(problem.clone()));
@@ -205,7 +215,7 @@ impl ChainSolver {
         problem: &ChainProblem,
         accuracy: f64,
     ) -> Result<ChainMetrics> {
-        if self.start != Some(Kind::of(problem)) {
+        if self.start != Some(StartKind::of(problem)) {
             return self.solve(problem, accuracy);
         }
         let metrics = self.set_problem(problem)?.solve_near(accuracy)?;
@@ -226,7 +236,7 @@ impl ChainSolver {
     ) -> Result<ChainAttractor> {
         self.start = None;
         let attractor = self.set_problem(problem)?.reach(is_solved, accuracy)?;
-        (self.start, self.last) = (Some(Kind::of(problem)), Some(problem.clone()));
+        (self.start, self.last) = (Some(StartKind::of(problem)), Some(problem.clone()));
         Ok(attractor)
     }
 
@@ -236,6 +246,14 @@ impl ChainSolver {
     /// Returns an error if there is no last solution, or if its linearisation is singular.
     pub(crate) fn motion(&mut self) -> Result<ChainMotion> {
         self.solved()?.1.motion()
+    }
+
+    /// Returns the energy dissipated over a cycle of the last solution, J.
+    ///
+    /// # Errors
+    /// Returns an error if there is no last solution.
+    pub(crate) fn loss_j(&mut self) -> Result<f64> {
+        Ok(self.solved()?.1.loss_j())
     }
 
     /// Returns the derivatives of the last solution with respect to numbers of the chain, in SI units.
@@ -250,7 +268,7 @@ impl ChainSolver {
     /// Samples one cycle of the last solution at `samples + 1` equally spaced times, the first at phase 0.
     ///
     /// # Errors
-    /// Returns an error as [`ChainSolver::motion`] does.
+    /// Returns an error if there is no last solution, or if its equations cannot be solved at a sample.
     pub(crate) fn cycle(&mut self, samples: usize) -> Result<Vec<ChainSample>> {
         self.solved()?.1.cycle(samples)
     }
@@ -267,7 +285,7 @@ impl ChainSolver {
         Self { kept, start: self.start, last: None }
     }
 
-    /// Makes the next solution start from the model's initial guess; the workspace is retained.
+    /// Discards the last solution: the next one starts from the model's initial guess. The workspace is retained.
     pub(crate) fn forget(&mut self) {
         (self.start, self.last) = (None, None);
     }
@@ -280,10 +298,14 @@ impl ChainSolver {
         self.last = None;
         let problem = problem.checked()?;
         let free_joints = problem.chain.free_joints();
-        let kept = match self.kept.take_if(|kept| kept.free_joints() == free_joints) {
-            Some(mut kept) => kept.set_problem(problem).map(|()| kept),
-            None => problem.steady(),
-        };
-        Ok(self.kept.insert(kept?))
+        // If the equations of a problem cannot be set up, the last solution remains the start of the next.
+        match self.kept.take_if(|kept| kept.free_joints() == free_joints) {
+            Some(mut kept) => {
+                let result = kept.set_problem(problem);
+                let kept = self.kept.insert(kept);
+                result.map(|()| kept)
+            }
+            None => Ok(self.kept.insert(problem.steady()?)),
+        }
     }
 }

@@ -599,6 +599,11 @@ mod tests {
             ),
             (
                 "mass_kg = 0.5",
+                "mass_kg = { value = 0.5, sd = 0.1 }\nstandard_deviation = { mass_kg = 0.2 }",
+                "key `mass_kg`: found an entry both in `mass_kg` and in the table `standard_deviation`",
+            ),
+            (
+                "mass_kg = 0.5",
                 "mass_kg = 0.5\nstandard_deviation = { load_n = 1 }",
                 "links.head.standard_deviation.load_n`: found `load_n`, needed the key of a value",
             ),

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use serde::de::Error as _;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeTable, DeValue, Error};
 use trilink_robot::{ChainNumber, CommandNumber, JointNumber, LinkNumber};
 
 use super::super::ConfigError;
@@ -142,31 +143,35 @@ impl ChainRobot {
 
 /// Moves the standard deviations and the names of common errors of the links and joints of a robot from beside their
 /// values, `{ value = .., sd = .., same = .. }`, to the tables `standard_deviation` and `same`.
-pub(super) fn spread(robot: &mut DeTable) {
+///
+/// # Errors
+/// Returns an error if a value has one in both places.
+pub(super) fn spread(robot: &mut DeTable) -> Result<(), Error> {
     for parts in ["links", "joints"] {
         let Some(DeValue::Array(parts)) = robot.get_mut(parts).map(Spanned::get_mut) else {
             continue;
         };
         for part in parts.iter_mut() {
             if let DeValue::Table(part) = part.get_mut() {
-                spread_part(part);
+                spread_part(part)?;
             }
         }
     }
+    Ok(())
 }
 
-fn spread_part(part: &mut DeTable) {
+fn spread_part(part: &mut DeTable) -> Result<(), Error> {
     const TABLES: [(&str, &str); 2] = [("sd", "standard_deviation"), ("same", "same")];
     let keys: Vec<_> = part.keys().cloned().collect();
     for key in keys {
         if TABLES.iter().any(|(_, table)| key.get_ref() == table) {
             continue;
         }
-        // Other tables are left for the error about the type of the value.
         let Some(DeValue::Table(beside)) = part.get_mut(&key).map(Spanned::get_mut) else {
             continue;
         };
         let is_known = |own: &str| ["value", "sd", "same"].contains(&own);
+        // Other tables are left for the error about the type of the value.
         if !["value", "sd"].iter().all(|own| beside.contains_key(*own))
             || !beside.keys().all(|own| is_known(own.get_ref()))
         {
@@ -181,9 +186,16 @@ fn spread_part(part: &mut DeTable) {
             let all = part
                 .entry(name)
                 .or_insert_with(|| Spanned::new(key.span(), DeValue::Table(DeTable::new())));
-            if let DeValue::Table(all) = all.get_mut() {
-                all.insert(key.clone(), moved);
+            if let DeValue::Table(all) = all.get_mut()
+                && all.insert(key.clone(), moved).is_some()
+            {
+                let key = key.get_ref();
+                return Err(Error::custom(format!(
+                    "key `{key}`: found an entry both in `{key}` and in the table `{table}`, but only one of them is \
+                     allowed"
+                )));
             }
         }
     }
+    Ok(())
 }

@@ -39,7 +39,7 @@ pub(in super::super) fn take_chains(config: &mut DeTable) -> Result<Chains, Erro
     let mut robots = take(config, "robot", |_, robot| robot.contains_key(LINKS));
     for (_, robot) in robots.iter_mut() {
         if let DeValue::Table(robot) = robot.get_mut() {
-            spread(robot);
+            spread(robot)?;
         }
     }
     let campaigns = take(config, "campaign", |_, campaign| {
