@@ -138,7 +138,8 @@ fn split(files: &[MeasuredGait], indices: &[usize]) -> Vec<Group> {
     groups.collect()
 }
 
-/// Returns the joint with the fewest distinct motions or, in a tie, with the smallest spread: it is commanded.
+/// Returns the joint that is taken as commanded: the one with the fewest distinct motions or, in a tie, with the
+/// smallest spread.
 fn commanded_joint(files: &[MeasuredGait], indices: &[usize]) -> usize {
     let of_joint = |joint: usize| {
         let swing = |i: usize| files[i].joints[joint].without_phase();

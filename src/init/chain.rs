@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 use std::path::PathBuf;
 
-use rayon::prelude::*;
 use trilink_ingest::calibrate::{LinkCalibration, LinkPlaces, calibrate_chain, wheel_distances_mm};
 use trilink_mocap::read_markers;
 use trilink_robot::rotated;
@@ -11,7 +10,7 @@ use trilink_statistics::wrap;
 
 use super::clusters::{Links, columns};
 use super::layout::{
-    Candidate, MAX_COURSE_DEG, TRIED_HZ, choose, headings_rad, mean_angles_rad, positions,
+    Candidate, MAX_COURSE_DEG, TRIED_HZ, headings_rad, mean_angles_rad, positions, try_all,
 };
 use super::motion::{Motion, Shape};
 
@@ -40,23 +39,14 @@ impl ChainLayout {
         coasts: &[&Motion],
         l_m: Option<f64>,
     ) -> Result<Self, Vec<String>> {
-        choose(&mut candidates);
-        let tried: Vec<_> = candidates
-            .par_iter()
-            .map(|candidate| calibrate(links, candidate, l_m, Some(TRIED_HZ)))
-            .collect();
         let score = |found: &Self| {
             let errors = found.links.iter().map(|link| link.direction_se_deg);
             errors.fold(0.0, f64::max)
         };
-        let successful = tried
-            .iter()
-            .zip(&candidates)
-            .filter_map(|(found, candidate)| Some((score(found.as_ref().ok()?), candidate)));
-        let Some((_, best)) = successful.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return Err(tried.into_iter().filter_map(Result::err).collect());
-        };
-        let mut layout = calibrate(links, best, l_m, None).map_err(|reason| vec![reason])?;
+        let try_one = |candidate: &Candidate| calibrate(links, candidate, l_m, Some(TRIED_HZ));
+        let (best, tried) = try_all(&mut candidates, try_one, score)?;
+        let mut layout =
+            calibrate(links, tried[best].0, l_m, None).map_err(|reason| vec![reason])?;
         layout.straighten(coasts);
         Ok(layout)
     }

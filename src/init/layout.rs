@@ -58,27 +58,18 @@ impl Layout {
         coasts: &[&Motion],
         l_m: Option<f64>,
     ) -> Result<Self, Vec<String>> {
-        choose(&mut candidates);
-        let tried: Vec<_> = candidates
-            .par_iter()
-            .map(|candidate| calibrate(links, candidate, l_m.unwrap_or(0.1), Some(TRIED_HZ)))
-            .collect();
         let score = |found: &Calibration| found.direction_se_deg[0].max(found.direction_se_deg[1]);
-        let successful = tried
-            .iter()
-            .zip(&candidates)
-            .filter_map(|(found, candidate)| Some((found.as_ref().ok()?, candidate)));
-        let Some((rough, best)) = successful.min_by(|a, b| score(a.0).total_cmp(&score(b.0)))
-        else {
-            return Err(tried.into_iter().filter_map(Result::err).collect());
-        };
+        let try_one =
+            |candidate: &Candidate| calibrate(links, candidate, l_m.unwrap_or(0.1), Some(TRIED_HZ));
+        let (best, tried) = try_all(&mut candidates, try_one, score)?;
+        let (best, rough) = &tried[best];
         let wheels_mm = mean(rough.l_mm.map(|l_mm| l_mm.value));
         let l_m = l_m.unwrap_or_else(|| match wheels_mm / rough.h_mm.value {
             ratio if (0.2..5.0).contains(&ratio) => wheels_mm / 1e3,
             _ => DEFAULT_L_OVER_H * rough.h_mm.value / 1e3,
         });
         let calibration = calibrate(links, best, l_m, None).map_err(|reason| vec![reason])?;
-        let others: Vec<&Calibration> = tried.iter().flatten().collect();
+        let others: Vec<&Calibration> = tried.iter().map(|(_, found)| found).collect();
         let scatter_deg = [1, 2].map(|link| scatter_deg(&calibration, &others, link));
         let direction_se_deg = score(&calibration).hypot(scatter_deg[0].max(scatter_deg[1]));
         let path = best.path.clone();
@@ -126,8 +117,32 @@ impl Layout {
     }
 }
 
+/// Candidates from which a layout was found, each with that layout.
+type Tried<'c, 'm, T> = Vec<(&'c Candidate<'m>, T)>;
+
+/// Tries the candidates whose joints all move most. Returns those from which `try_one` finds a layout, each with that
+/// layout, and the index of the one with the lowest score; if there is none, the reason for each file tried.
+pub(super) fn try_all<'c, 'm, T: Send>(
+    candidates: &'c mut Vec<Candidate<'m>>,
+    try_one: impl Fn(&Candidate) -> Result<T, String> + Send + Sync,
+    score: impl Fn(&T) -> f64,
+) -> Result<(usize, Tried<'c, 'm, T>), Vec<String>> {
+    choose(candidates);
+    let tried: Vec<Result<T, String>> = candidates.par_iter().map(try_one).collect();
+    let (mut found, mut reasons) = (Vec::new(), Vec::new());
+    for (candidate, tried) in candidates.iter().zip(tried) {
+        match tried {
+            Ok(layout) => found.push((candidate, layout)),
+            Err(reason) => reasons.push(reason),
+        }
+    }
+    let scores = found.iter().map(|(_, layout)| score(layout)).enumerate();
+    let best = scores.min_by(|a, b| a.1.total_cmp(&b.1));
+    best.map(|(best, _)| (best, found)).ok_or(reasons)
+}
+
 /// Keeps the candidates whose joints all move most, the best first.
-pub(super) fn choose(candidates: &mut Vec<Candidate>) {
+fn choose(candidates: &mut Vec<Candidate>) {
     let min_range =
         |candidate: &Candidate| candidate.motion.ranges_deg().into_iter().fold(90.0, f64::min);
     candidates.sort_by(|a, b| min_range(b).total_cmp(&min_range(a)));

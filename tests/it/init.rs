@@ -524,7 +524,7 @@ fn filled(draft: &str) -> String {
 #[test]
 fn the_links_of_chains_are_found_in_their_order_and_their_trials_can_be_processed() {
     let gallery = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/robots");
-    // The first letters of the labels of each link's markers, from front to rear, and the passive joints.
+    // The letter with which the labels of each link's markers begin, from front to rear, and the passive joints.
     for (robot, letters, passive) in [
         ("twistcar.toml", "FR", &[][..]),
         ("passive-snake.toml", "HBTN", &[2, 3]),

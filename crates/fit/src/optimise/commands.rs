@@ -75,8 +75,8 @@ impl Command {
         }
     }
 
-    /// Returns the index of the command among the offset, amplitude and phase of a drive's angle and the components of
-    /// its second harmonic; `None` if it is not one of them.
+    /// Returns the index of the command in this list: offset, amplitude and phase of the angle that a drive commands,
+    /// then the two components of its second harmonic; `None` for any other command.
     pub(super) fn index_in(self, drive: Drive) -> Option<usize> {
         let Self::Number(ChainNumber::Command(_, own) | ChainNumber::Rotor(_, own)) = self else {
             return None;

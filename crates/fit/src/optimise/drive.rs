@@ -11,11 +11,11 @@ use super::commands::Command;
 /// Periodic command that moves a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drive {
-    /// Angle of a driven joint, or the commanded angle of an elastic one, by the index of the joint.
+    /// Angle of a driven joint, or commanded angle of an elastic one, with the index of the joint.
     Angle(usize),
-    /// Torque of a joint, by the index of the joint.
+    /// Commanded torque, with the index of the joint.
     Torque(usize),
-    /// Angle of a rotor, by the index of its link from front to rear.
+    /// Angle of a rotor, with the index of its link from front to rear.
     Rotor(usize),
 }
 

@@ -21,7 +21,7 @@ use super::sensitivity::{
     InputUncertainty, add_monte_carlo, metrics_of_chain, sensitivities_of_chain,
 };
 use super::trajectory::UNSETTLED_CYCLES;
-use super::{Draws, Interval, Sensitivities, SetupError, keys_of, known_laws};
+use super::{Draws, Interval, Sensitivities, SetupError, keys_of, known_laws, uncertainty};
 use crate::MeasuredRange;
 use crate::bands::without_resample;
 
@@ -146,18 +146,9 @@ impl ChainSetup {
         draws: Option<Draws>,
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
-        let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
-            let problem: AnyProblem =
-                self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
-            fitted.with_bands(&problem.robot, &fits.data, |bands| {
-                InputUncertainty::fitted(bands, &problem, fitted.measured())
-            })
-        });
-        let (uncertainty, unknown) = match known {
-            Some(Ok(uncertainty)) => (uncertainty, None),
-            Some(Err(reason)) => (self.uncertainty.clone(), Some(reason)),
-            None => (self.uncertainty.clone(), None),
-        };
+        let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
+        let fitted = fits.zip(self.fitted.as_ref());
+        let (uncertainty, unknown) = uncertainty(&self.uncertainty, fitted, &problem);
         let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
             cancel.check()?;
             let mut rows = sensitivities_of_chain(self, omega_rad_s, &uncertainty);

@@ -62,6 +62,23 @@ pub struct Sensitivities {
     pub unknown: Option<NoInterval>,
 }
 
+/// Returns the uncertainty of the quantities that influence the motions of a problem: if the coefficients are fitted,
+/// that which includes the coefficients or, with the reason why it is unknown, the configured one.
+fn uncertainty(
+    configured: &InputUncertainty,
+    fitted: Option<(&KnownFits, &FittedSetup)>,
+    problem: &AnyProblem,
+) -> (InputUncertainty, Option<NoInterval>) {
+    let Some((fits, fitted)) = fitted else { return (configured.clone(), None) };
+    let known = fitted.with_bands(&problem.robot, &fits.data, |bands| {
+        InputUncertainty::fitted(bands, problem, fitted.measured())
+    });
+    match known {
+        Ok(uncertainty) => (uncertainty, None),
+        Err(reason) => (configured.clone(), Some(reason)),
+    }
+}
+
 /// Robot and gait of a campaign with the friction laws of a model.
 #[derive(Debug, Clone)]
 pub struct Setup {
@@ -197,17 +214,9 @@ impl Setup {
         draws: Option<Draws>,
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
-        let known = fits.zip(self.fitted.as_ref()).map(|(fits, fitted)| {
-            let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
-            fitted.with_bands(&self.robot.clone().into(), &fits.data, |bands| {
-                InputUncertainty::fitted(bands, &problem, fitted.measured())
-            })
-        });
-        let (uncertainty, unknown) = match known {
-            Some(Ok(uncertainty)) => (uncertainty, None),
-            Some(Err(reason)) => (self.uncertainty.clone(), Some(reason)),
-            None => (self.uncertainty.clone(), None),
-        };
+        let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
+        let fitted = fits.zip(self.fitted.as_ref());
+        let (uncertainty, unknown) = uncertainty(&self.uncertainty, fitted, &problem);
         let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
             cancel.check()?;
             let mut rows = sensitivity::sensitivities(self, omega_rad_s, from_rest, &uncertainty);

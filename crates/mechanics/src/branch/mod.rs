@@ -71,17 +71,20 @@ pub fn branches(
     let sweep = Sweep { range, omega_rad_s: &speed, is_cancelled };
     // All problems are converted to one frequency with the same motion per radian of phase, so that no time
     // scale depends on the parameter.
-    let at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s);
+    let kind_at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s).kind();
+    // A parameter does not change the kind of the robot.
     match first.kind() {
         Kind::ThreeLinks(first) => {
-            let at = |value: f64| match at(value).kind() {
+            let first = first.effective();
+            let at = |value: f64| match kind_at(value) {
                 Kind::ThreeLinks(problem) => problem.effective(),
                 Kind::Chain(_) => first.clone(),
             };
-            of_three_links(&at, &sweep, &first.effective())
+            of_three_links(&at, &sweep, &first)
         }
         Kind::Chain(first) => {
-            let at = |value: f64| match at(value).kind() {
+            let first = first.effective();
+            let at = |value: f64| match kind_at(value) {
                 Kind::Chain(problem) => problem.effective(),
                 Kind::ThreeLinks(_) => first.clone(),
             };

@@ -211,8 +211,8 @@ impl ChainProblem {
         Ok((solver.motion()?, solver.slopes(numbers)?))
     }
 
-    /// Traces all branches of motions as [`branches`](crate::branches) does, from that of this problem, which is the one
-    /// at the lower end of the parameter range; the problems that `problem_at` returns have no unused coefficients.
+    /// Traces branches as [`branches`](crate::branches) does. This problem is the one at the lower end of the parameter
+    /// range; in the problems that `problem_at` returns, the coefficients that the friction laws do not use are zero.
     pub(crate) fn branches(
         &self,
         problem_at: &dyn Fn(f64) -> Self,

@@ -21,7 +21,7 @@ use crate::{MotionError, Result, trajectory};
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ChainSolver {
     kept: Option<Box<dyn Steady>>,
-    /// StartKind of the motion from which the next solution starts; `None` if it starts from the initial guess.
+    /// Kind of the motion from which the next solution starts; `None` if it starts from the initial guess.
     start: Option<StartKind>,
     /// Problem of the last solution.
     last: Option<ChainProblem>,

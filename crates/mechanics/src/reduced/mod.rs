@@ -299,7 +299,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// half-period symmetry; `None` if the motion cannot have this symmetry.
     fn half_period_signs(&self) -> Option<[f64; N]>;
 
-    /// Returns the metrics of a motion, given the measurements on it.
+    /// Returns the metrics of the robot, given the measurements on a cycle of its motion.
     fn gait_metrics(&self, cycle: &Cycle<N>) -> GaitMetrics;
 
     /// Returns the state at phase 0 of a motion that starts from rest; only the commanded joints already
