@@ -7,6 +7,8 @@ mod adjoint;
 
 use trilink_robot::{Number, Pose};
 
+pub(super) use adjoint::fold_angles;
+
 use super::lu;
 use super::mesh::renew;
 use super::radau::{RADAU, Radau, STAGES};
@@ -189,28 +191,6 @@ impl<T: Number> Linearisation<T> {
             let value = model.value(&element.nodes[j], &element.stages[j], &dy);
             for i in 0..per_stage {
                 step[j * per_stage + i] = -value[i];
-            }
-        }
-    }
-
-    /// Evaluates, in place of the residuals, their derivatives with respect to a number in which two models differ by
-    /// `difference`; `nodes` contains the joint commands of each at the stages.
-    #[inline(always)]
-    pub(crate) fn differentiate<const N: usize, R: Reduced<N>>(
-        &mut self,
-        pack: usize,
-        [low, high]: [(&R, &[R::Node<T>]); 2],
-        element: &Element<N, R, T>,
-        difference: f64,
-    ) {
-        let size = R::UNKNOWNS * STAGES;
-        let step = &mut self.step[pack * size..][..size];
-        for j in 0..STAGES {
-            let dy = element.rate(j);
-            let [low, high] =
-                [low, high].map(|(model, nodes)| model.value(&nodes[j], &element.stages[j], &dy));
-            for i in 0..R::UNKNOWNS {
-                step[j * R::UNKNOWNS + i] = (low[i] - high[i]) * T::splat(1.0 / difference);
             }
         }
     }

@@ -64,6 +64,12 @@ pub(super) fn solve_transposed<T: Number, const C: usize>(
         2 => solve_transposed_blocks::<2, C, T>(first, factors, rhs),
         3 => solve_transposed_blocks::<3, C, T>(first, factors, rhs),
         4 => solve_transposed_blocks::<4, C, T>(first, factors, rhs),
+        5 => solve_transposed_blocks::<5, C, T>(first, factors, rhs),
+        6 => solve_transposed_blocks::<6, C, T>(first, factors, rhs),
+        7 => solve_transposed_blocks::<7, C, T>(first, factors, rhs),
+        8 => solve_transposed_blocks::<8, C, T>(first, factors, rhs),
+        9 => solve_transposed_blocks::<9, C, T>(first, factors, rhs),
+        10 => solve_transposed_blocks::<10, C, T>(first, factors, rhs),
         _ => unreachable!("no model has this number of unknowns"),
     }
 }

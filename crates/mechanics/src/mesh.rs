@@ -179,7 +179,12 @@ impl<const N: usize, R: Reduced<N>> Mesh<N, R> {
     /// Returns the joint command at the time in element `k` that follows the element's start by the given fraction of
     /// the element's duration.
     pub(crate) fn node_at(&self, model: &R, k: usize, fraction: f64) -> R::Node<f64> {
-        model.node(self.span_rad() * span_position(&self.bounds, k, fraction))
+        model.node(self.phase_rad(k, fraction))
+    }
+
+    /// Returns the phase at the time of [`Mesh::node_at`], rad.
+    pub(crate) fn phase_rad(&self, k: usize, fraction: f64) -> f64 {
+        self.span_rad() * span_position(&self.bounds, k, fraction)
     }
 
     /// Returns the joint command at the stages of element `k`.

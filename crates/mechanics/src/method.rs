@@ -261,7 +261,6 @@ pub(super) fn work_and_loss_j<const N: usize, R: Reduced<N>>(
     mesh: &Mesh<N, R>,
 ) -> [f64; 2] {
     let weights = RADAU.integrate[STAGES - 1];
-    let forces = model.forces();
     let mut sums = [Lanes::default(); 2];
     for pack in 0..mesh.packs() {
         let starts = mesh.starts(pack);
@@ -270,7 +269,7 @@ pub(super) fn work_and_loss_j<const N: usize, R: Reduced<N>>(
         let [_, duration_s] = mesh.weights(pack);
         for j in 0..STAGES {
             let rate = element.rate(j);
-            let powers = model.power_and_loss_w(&forces, phases_rad[j], &element.stages[j], &rate);
+            let powers = model.power_and_loss_w(phases_rad[j], &element.stages[j], &rate);
             let weight = Lanes::splat(weights[j]) * duration_s;
             sums.iter_mut().zip(powers).for_each(|(sum, power)| *sum += weight * power);
         }

@@ -121,7 +121,6 @@ struct SolvedElement<'a, const N: usize> {
 /// Sampler that evaluates a motion at regular times.
 struct Sampler<'a, const N: usize, R: Reduced<N>> {
     model: &'a R,
-    forces: R::Forces,
     omega_rad_s: f64,
     interval_s: f64,
     workspace: Linearisation,
@@ -134,8 +133,7 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
         let omega_rad_s = model.omega_rad_s();
         let interval_s = TAU / omega_rad_s / count as f64;
         let workspace = Linearisation::default();
-        let forces = model.forces();
-        Self { model, forces, omega_rad_s, interval_s, workspace, samples: Vec::new() }
+        Self { model, omega_rad_s, interval_s, workspace, samples: Vec::new() }
     }
 
     /// Samples an element, at whose start the robot has the given pose, and returns the pose at its end.
@@ -184,6 +182,6 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     fn push(&mut self, time_s: f64, state: &[f64; N], pose: Pose) {
         let node = self.model.node(self.omega_rad_s * time_s);
         let rates = self.model.rates(self.omega_rad_s * time_s, &node, state);
-        self.samples.push(self.model.sample(&self.forces, time_s, pose, &node, state, &rates));
+        self.samples.push(self.model.sample(time_s, pose, &node, state, &rates));
     }
 }

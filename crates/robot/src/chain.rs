@@ -233,6 +233,20 @@ impl CommandNumber {
 }
 
 impl LinkNumber {
+    /// Returns whether a motion can depend on the number under the given laws.
+    pub fn is_used(self, laws: Laws) -> bool {
+        let Laws { skid, roll } = laws;
+        match self {
+            Self::Skid => skid.is_viscous(),
+            Self::Roll => roll.is_viscous(),
+            Self::SkidDry => skid.is_dry(),
+            Self::SkidStatic | Self::Stribeck => skid.has_static(),
+            Self::SkidPower => skid == SkidLaw::Power,
+            Self::RollDry => roll.is_dry(),
+            _ => true,
+        }
+    }
+
     fn of(self, link: &mut Link) -> Option<&mut f64> {
         let wheel = link.wheel.as_mut();
         Some(match self {
@@ -289,6 +303,19 @@ impl ChainNumber {
     /// Returns the factor that converts a value in the unit of [`ChainNumber::key`] to the SI unit.
     pub fn in_si(self) -> f64 {
         if self.key().ends_with("_deg") { 1_f64.to_radians() } else { 1.0 }
+    }
+
+    /// Returns whether a change in the number breaks the half-period symmetry of a motion that has it, so that the
+    /// effects in the two halves of the period are opposite.
+    pub fn is_odd(self) -> bool {
+        use CommandNumber::{Offset, SecondInPhase, SecondQuadrature};
+        match self {
+            Self::Link(_, LinkNumber::WheelSteer) | Self::Joint(_, JointNumber::TorqueMean) => true,
+            Self::Command(_, number) | Self::Rotor(_, number) => {
+                matches!(number, Offset | SecondInPhase | SecondQuadrature)
+            }
+            _ => false,
+        }
     }
 
     /// Returns the exponent with which the number scales with frequency: if every number is multiplied by the ratio of
@@ -637,16 +664,15 @@ impl WheelFriction {
     /// Returns the coefficients with those that the laws do not use set to zero.
     #[must_use]
     pub fn effective(self, laws: Laws) -> Self {
-        let used = |is_used: bool, value: f64| if is_used { value } else { 0.0 };
-        let Laws { skid, roll } = laws;
+        let used = |number: LinkNumber, value: f64| if number.is_used(laws) { value } else { 0.0 };
         Self {
-            skid_kg_s: used(skid.is_viscous(), self.skid_kg_s),
-            roll_kg_s: used(roll.is_viscous(), self.roll_kg_s),
-            skid_dry_n: used(skid.is_dry(), self.skid_dry_n),
-            skid_static_n: used(skid.has_static(), self.skid_static_n),
-            stribeck_m_s: used(skid.has_static(), self.stribeck_m_s),
-            skid_power_n: used(skid == SkidLaw::Power, self.skid_power_n),
-            roll_dry_n: used(roll.is_dry(), self.roll_dry_n),
+            skid_kg_s: used(LinkNumber::Skid, self.skid_kg_s),
+            roll_kg_s: used(LinkNumber::Roll, self.roll_kg_s),
+            skid_dry_n: used(LinkNumber::SkidDry, self.skid_dry_n),
+            skid_static_n: used(LinkNumber::SkidStatic, self.skid_static_n),
+            stribeck_m_s: used(LinkNumber::Stribeck, self.stribeck_m_s),
+            skid_power_n: used(LinkNumber::SkidPower, self.skid_power_n),
+            roll_dry_n: used(LinkNumber::RollDry, self.roll_dry_n),
             ..self
         }
     }

@@ -14,7 +14,7 @@
 
 use std::fmt::Debug;
 
-use super::{Number, Parameter, Quantity, Robot, WheelFriction};
+use super::{LinkNumber, Number, Parameter, Quantity, Robot, WheelFriction};
 
 /// Friction law for a robot's wheels. Forces are resistances, so they have the sign of the velocity.
 pub trait Friction: Copy + Debug + Send + Sync + 'static {
@@ -130,6 +130,28 @@ impl Friction for Dry {
         add(wheel, slopes.viscous);
         add(3 + wheel, slopes.dry);
         add(6, slopes.transition);
+    }
+}
+
+impl WheelFriction {
+    /// Returns the derivatives of the resistances to rolling and to skidding at the given velocities with respect to a
+    /// number of the wheel: N per unit of the number; zero for a number that is not one of friction.
+    pub fn slopes<T: Number>(&self, number: LinkNumber, roll_m_s: T, skid_m_s: T) -> [T; 2] {
+        let zero = T::splat(0.0);
+        let skid = || Law::skid(self).slopes(skid_m_s);
+        let roll = || Law::roll(self).slopes(roll_m_s);
+        match number {
+            LinkNumber::Roll => [roll_m_s, zero],
+            LinkNumber::Skid => [zero, skid_m_s],
+            LinkNumber::RollDry => [roll().dry + roll().static_, zero],
+            LinkNumber::SkidDry => [zero, skid().dry],
+            LinkNumber::SkidStatic => [zero, skid().static_],
+            LinkNumber::Stribeck => [zero, skid().stribeck],
+            LinkNumber::SkidPower => [zero, skid().power],
+            LinkNumber::SkidExponent => [zero, skid().exponent],
+            LinkNumber::Transition => [roll().transition, skid().transition],
+            _ => [zero; 2],
+        }
     }
 }
 

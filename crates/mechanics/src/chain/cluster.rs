@@ -190,11 +190,6 @@ impl Cluster {
         clusters
     }
 
-    /// Returns the moment of inertia, kg m^2, and the angle of the rotor of the cluster's first link.
-    pub(super) fn rotor(&self) -> Option<(f64, Wave)> {
-        self.members[0].rotor
-    }
-
     /// Calls `visit` for each link of the cluster with its heading, [`Heading::unit`] and the motion of its origin, given
     /// the sine and cosine of the phase.
     #[inline(always)]

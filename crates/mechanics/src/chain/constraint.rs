@@ -28,6 +28,14 @@ pub(super) struct Constraints<const D: usize> {
     order: Vec<usize>,
 }
 
+/// Row of the residual.
+pub(super) enum Equation {
+    /// Equation of motion along the direction with the given index.
+    Motion(usize),
+    /// Constraint of the wheel with the given index.
+    Constraint(usize),
+}
+
 /// Square matrix as the product of a unit lower triangular matrix and one whose rows are orthogonal.
 struct RowOrthogonal<T, const N: usize> {
     lower: [[T; N]; N],
@@ -201,6 +209,36 @@ impl<const D: usize> Constraints<D> {
     pub(super) fn row_of_motion(&self) -> Option<usize> {
         let equations = (!self.speeds.is_empty()).then_some(&self.order)?;
         equations.iter().position(|equation| *equation == 0)
+    }
+
+    /// Returns the directions in which the chain can move and the constraint forces on the wheels, N; the latter are
+    /// followed by the other components of the balance.
+    #[inline(always)]
+    pub(super) fn directions<T: Number, const C: usize>(
+        &self,
+        system: &System,
+        node: &Node<T, C>,
+        posture: &Posture<T, C>,
+        force: &[T; D],
+    ) -> ([[T; D]; D], [T; D]) {
+        let (_, rows) = self.matrix(system, node, posture);
+        let matrix = RowOrthogonal::new(rows);
+        let mut null = [[T::splat(0.0); D]; D];
+        for (i, null) in null.iter_mut().enumerate().take(self.speeds.len()) {
+            let unit = |k: usize| T::splat(if k == self.count + i { 1.0 } else { 0.0 });
+            *null = matrix.solve(std::array::from_fn(unit));
+        }
+        (null, matrix.solve_transposed(force))
+    }
+
+    /// Returns the equation of a row of the residual: the index of a direction in which the chain can move, or that of a
+    /// constraint.
+    pub(super) fn equation(&self, row: usize) -> Equation {
+        let equation = self.order[row];
+        match equation.checked_sub(self.speeds.len()) {
+            Some(wheel) => Equation::Constraint(wheel),
+            None => Equation::Motion(equation),
+        }
     }
 
     /// Replaces the first `D` rows of a residual, and of its derivatives if `SLOPES`, by the equations of motion along the

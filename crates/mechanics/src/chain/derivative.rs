@@ -1,22 +1,30 @@
-//! Derivatives of a chain's steady motion with respect to the numbers that describe it.
+//! Derivatives of a chain's steady motion with respect to the numbers that describe it, by the adjoint method.
 //!
-//! A change in a number changes the steady motion by the solution of the linearised periodic problem, whose matrix is
-//! that of Newton's method. Its right-hand side is the derivative of the residuals with respect to the number at
-//! constant states; the derivative of the metrics follows along the change in the motion. Both are central differences
-//! of explicit expressions at fixed states, good to about ten digits, or seven where dry friction changes its sign;
-//! nothing is solved again. Where a change in the number leaves the half-period symmetry of the motion as it is, half a
-//! period suffices.
+//! The metrics are integrals over the cycle, or angles at turning points. The adjoint solution of each
+//! ([`PeriodicOrbit::solve_adjoint`]) weights the equations of motion at every stage; these are balances of forces, so
+//! that their weighted sum is a virtual power, whose derivatives with respect to all numbers follow together
+//! ([`Power`](super::power::Power)).
 
-use trilink_robot::{ChainError, ChainNumber};
+use std::f64::consts::TAU;
 
+use trilink_robot::{
+    ChainError, ChainNumber, CommandNumber, Joint, Lanes, MAX_LINKS, Number, Pose,
+};
+
+use super::balance::Node;
+use super::constraint::Equation;
+use super::links::Motion;
 use super::model::Model;
-use super::{ChainMetrics, ChainProblem, metrics_of};
+use super::power::{Resistance, Resisted, Virtual};
+use super::wave::Wave;
+use super::{ChainMetrics, ChainProblem};
 use crate::Result;
-use crate::cycle::measure;
-use crate::mesh::Mesh;
-use crate::method::loss_j;
-use crate::orbit::PeriodicOrbit;
-use crate::path::Path;
+use crate::cycle::Cycle;
+use crate::element::{Element, Stages};
+use crate::extreme::{Extremes, TurningPoint};
+use crate::orbit::{Adjoint, OfElements, PeriodicOrbit, sum_of_lanes};
+use crate::path::Leg;
+use crate::radau::{RADAU, STAGES};
 use crate::reduced::Reduced;
 
 /// Derivatives of a chain's motion, per unit of a number.
@@ -28,22 +36,65 @@ pub struct ChainSlopes {
     pub work_j: f64,
 }
 
-impl ChainSlopes {
-    fn between([low, high]: &[(ChainMetrics, f64); 2], step: f64) -> Self {
-        let slope = |low: f64, high: f64| (high - low) / (2.0 * step);
-        let each = |low: &[f64], high: &[f64]| {
-            low.iter().zip(high).map(|(low, high)| slope(*low, *high)).collect()
+/// Number of quantities whose derivatives are computed together.
+const TOGETHER: usize = 4;
+
+/// Quantity whose derivatives are computed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Quantity {
+    /// Skid ratio of a wheel, given its index from front to rear and that of its link.
+    Sigma {
+        wheel: usize,
+        link: usize,
+    },
+    Distance,
+    /// Displacement under a change that has opposite effects in the two halves of the period.
+    OddDistance,
+    /// Rotation per cycle.
+    Turn,
+    /// Half the range of the angle of a free joint, given its index among the free joints.
+    Range(usize),
+    /// Energy dissipated over a cycle.
+    Loss,
+}
+
+impl Quantity {
+    /// Returns whether the quantity changes its sign under the half-period symmetry.
+    fn is_odd(self) -> bool {
+        matches!(self, Self::OddDistance | Self::Turn)
+    }
+}
+
+/// Number with respect to which derivatives are computed, and the derivative of its command with respect to it, if it is
+/// one of a command.
+struct Wanted {
+    number: ChainNumber,
+    wave: Option<Wave>,
+}
+
+impl Wanted {
+    fn new(problem: &ChainProblem, number: ChainNumber) -> Result<Self> {
+        let chain = &problem.chain;
+        if chain.number(number).is_none() {
+            return Err(ChainError::NoNumber(number.key()).into());
+        }
+        let wave = match number {
+            ChainNumber::Command(joint, number) => {
+                Some(Wave::slope(chain.joints[joint].command(), number))
+            }
+            ChainNumber::Rotor(link, number) => {
+                chain.links[link].rotor.map(|rotor| Wave::slope(&rotor.angle, number))
+            }
+            ChainNumber::Link(..) | ChainNumber::Joint(..) => None,
         };
-        let ((low, low_j), (high, high_j)) = (low, high);
-        Self {
-            metrics: ChainMetrics {
-                d_m: slope(low.d_m, high.d_m),
-                v_m_s: slope(low.v_m_s, high.v_m_s),
-                dtheta_rad: slope(low.dtheta_rad, high.dtheta_rad),
-                sigma: each(&low.sigma, &high.sigma),
-                alpha_rad: each(&low.alpha_rad, &high.alpha_rad),
-            },
-            work_j: slope(*low_j, *high_j),
+        Ok(Self { number, wave })
+    }
+
+    /// Returns whether the motion can depend on the number.
+    fn is_used(&self, problem: &ChainProblem) -> bool {
+        match self.number {
+            ChainNumber::Link(_, number) => number.is_used(problem.laws),
+            _ => true,
         }
     }
 }
@@ -55,91 +106,440 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize>(
     orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
     numbers: &[ChainNumber],
 ) -> Result<Vec<ChainSlopes>> {
+    let wanted: Vec<Wanted> =
+        numbers.iter().map(|number| Wanted::new(problem, *number)).collect::<Result<_>>()?;
+    let cycle = orbit.measure(model);
     orbit.linearise(model)?;
-    // First those with respect to numbers whose change preserves the half-period symmetry, if the motion has it.
-    let mut slopes = slopes_on(problem, model, orbit, numbers)?;
-    if slopes.iter().any(Option::is_none) {
-        let mut whole = orbit.clone();
-        whole.cover_whole_periods(model)?;
-        let (at, others): (Vec<usize>, Vec<ChainNumber>) =
-            std::iter::zip(0.., numbers).filter(|(i, _): &(usize, _)| slopes[*i].is_none()).unzip();
-        for (i, slope) in at.into_iter().zip(slopes_on(problem, model, &mut whole, &others)?) {
-            slopes[i] = slope;
-        }
+    let is_half = orbit.mesh.is_half;
+    let has_odd = is_half && numbers.iter().any(|number| number.is_odd());
+    let wheels = model.system.wheels.iter().enumerate();
+    let skids = wheels.filter(|_| model.skids());
+    let mut quantities: Vec<Quantity> =
+        skids.map(|(wheel, (_, link, _))| Quantity::Sigma { wheel, link: *link }).collect();
+    quantities.push(Quantity::Distance);
+    quantities.extend((0..C - 1).map(Quantity::Range));
+    quantities.push(Quantity::Loss);
+    if has_odd {
+        quantities.push(Quantity::OddDistance);
     }
-    Ok(slopes.into_iter().flatten().collect())
+    if has_odd || !is_half {
+        quantities.push(Quantity::Turn);
+    }
+    let differentiation = Differentiation::new(model, orbit, &cycle, &wanted);
+    let mut adjoint = Adjoint::default();
+    let mut sums = Vec::with_capacity(quantities.len() * wanted.len());
+    for quantities in quantities.chunks(TOGETHER) {
+        sums.extend(differentiation.of(quantities, orbit, &mut adjoint)?);
+    }
+    let slope = |i: usize, wanted: &Wanted| {
+        let is_odd = is_half && wanted.number.is_odd();
+        let of = |quantity: Quantity| {
+            let at = quantities.iter().position(|one| *one == quantity);
+            let is_zero = !wanted.is_used(problem) || is_half && quantity.is_odd() != is_odd;
+            at.filter(|_| !is_zero).map_or(0.0, |at| sums[at * numbers.len() + i])
+        };
+        slopes_of(model, wanted.number, is_odd, of)
+    };
+    Ok(std::iter::zip(0.., &wanted).map(|(i, wanted)| slope(i, wanted)).collect())
 }
 
-/// Returns the derivatives with respect to each number; `None` as [`slope`] does.
-fn slopes_on<const N: usize, const C: usize, const D: usize>(
-    problem: &ChainProblem,
+/// Returns the derivatives with respect to a number, given those of the quantities.
+fn slopes_of<const N: usize, const C: usize, const D: usize>(
     model: &Model<N, C, D>,
-    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
-    numbers: &[ChainNumber],
-) -> Result<Vec<Option<ChainSlopes>>> {
-    let mut varied = [(); 2].map(|()| (orbit.mesh.clone(), Path::default()));
-    numbers.iter().map(|number| slope(problem, model, orbit, &mut varied, *number)).collect()
-}
-
-/// Returns the derivatives with respect to a number, given two meshes and paths as buffers; `None` if the mesh of the
-/// orbit covers half a period, and a change in the number breaks the half-period symmetry.
-fn slope<const N: usize, const C: usize, const D: usize>(
-    problem: &ChainProblem,
-    model: &Model<N, C, D>,
-    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
-    varied: &mut [(Mesh<N, Model<N, C, D>>, Path<N, Model<N, C, D>>); 2],
     number: ChainNumber,
-) -> Result<Option<ChainSlopes>> {
-    let mut problem = problem.clone();
-    let Some(value) = problem.chain.number_mut(number).copied() else {
-        return Err(ChainError::NoNumber(number.key()).into());
-    };
-    let step = step_of(value, &problem, number);
-    let mut at = |value: f64| {
-        if let Some(number) = problem.chain.number_mut(number) {
-            *number = value;
-        }
-        model.with_problem(problem.effective())
-    };
-    let models = [at(value - step), at(value + step)];
-    if orbit.mesh.is_half && models.iter().any(|model| model.half_period_signs().is_none()) {
-        return Ok(None);
+    is_odd: bool,
+    of: impl Fn(Quantity) -> f64,
+) -> ChainSlopes {
+    let ChainProblem { chain, omega_rad_s, .. } = &model.problem;
+    let d_m = of(if is_odd { Quantity::OddDistance } else { Quantity::Distance });
+    let mut sigma: Vec<f64> = vec![f64::NAN; chain.links.len()];
+    for (wheel, (_, link, _)) in model.system.wheels.iter().enumerate() {
+        sigma[*link] = of(Quantity::Sigma { wheel, link: *link });
     }
-    for (model, (mesh, _)) in models.iter().zip(&mut *varied) {
-        mesh.lay_out(model);
+    let mut alpha_rad = vec![0.0; chain.joints.len()];
+    for c in 1..C {
+        alpha_rad[model.system.clusters.all[c].joint] = of(Quantity::Range(c - 1));
     }
-    orbit.change([0, 1].map(|i| (&models[i], &varied[i].0)), 2.0 * step)?;
-    let motions = [0, 1].map(|i| {
-        let model = &models[i];
-        let (mesh, path) = &mut varied[i];
-        mesh.states.set_moved(&orbit.mesh.states, [-step, step][i], orbit.last_change());
-        path.follow(model, mesh);
-        let cycle = measure(model, mesh, path, &mut orbit.workspace);
-        (metrics_of(model, &cycle), loss_j(model, mesh, path))
-    });
-    Ok(Some(ChainSlopes::between(&motions, step)))
+    if let ChainNumber::Command(joint, number) = number
+        && let Joint::Driven(command) = &chain.joints[joint]
+    {
+        let index = CommandNumber::ALL.iter().position(|one| *one == number).unwrap_or(0);
+        alpha_rad[joint] = command.half_range_slopes()[index];
+    }
+    ChainSlopes {
+        metrics: ChainMetrics {
+            d_m,
+            v_m_s: d_m * omega_rad_s / TAU,
+            dtheta_rad: of(Quantity::Turn),
+            sigma,
+            alpha_rad,
+        },
+        work_j: of(Quantity::Loss),
+    }
 }
 
-/// Returns the step of the central differences for a number with the given value: relative to the robot's size for
-/// places, to at least a tenth of a radian for angles, and to the number itself or, if it is zero, to the natural unit
-/// formed from the chain's mass and length and the frequency.
-fn step_of(value: f64, problem: &ChainProblem, number: ChainNumber) -> f64 {
-    use trilink_robot::LinkNumber as L;
-    const RELATIVE: f64 = 2e-5;
-    let ChainProblem { chain, omega_rad_s, .. } = problem;
-    let length_m = chain.skid_length_m;
-    let mass_kg: f64 = chain.links.iter().map(|link| link.mass_kg).sum();
-    let frequency = omega_rad_s.powi(number.power_of_omega());
-    let scale = match number {
-        ChainNumber::Link(_, L::FrontJoint | L::RearJoint | L::Com | L::WheelPlace) => length_m,
-        _ if number.key().ends_with("_deg") => value.abs().max(0.1),
-        _ if value != 0.0 => value.abs(),
-        ChainNumber::Joint(..) | ChainNumber::Link(_, L::DragTurning | L::RotorInertia) => {
-            mass_kg * length_m.powi(2) * frequency
+/// Solution whose derivatives are computed.
+struct Differentiation<'a, const N: usize, const C: usize, const D: usize> {
+    model: &'a Model<N, C, D>,
+    wanted: &'a [Wanted],
+    /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh, and those for a
+    /// change that has opposite effects in the two halves of the period.
+    dd_dend: [[f64; 3]; 2],
+    end: Pose,
+    /// Twice the derivative of each skid ratio, by wheel, with respect to the mean squared skid velocity.
+    dsigma_dskid: [f64; MAX_LINKS],
+}
+
+impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, C, D> {
+    fn new(
+        model: &'a Model<N, C, D>,
+        orbit: &PeriodicOrbit<N, Model<N, C, D>>,
+        cycle: &Cycle<N>,
+        wanted: &'a [Wanted],
+    ) -> Self {
+        let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
+        // Pose after the half period and its mirror image.
+        let whole = cycle.end * cycle.end.mirrored();
+        let (sin, cos) = theta_rad.sin_cos();
+        let turned = whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y);
+        let halves = |sign: f64| {
+            let [sin, cos] = [sign * sin, sign * cos];
+            [
+                whole.x_m * (1.0 + cos) + whole.y_m * sin,
+                whole.x_m * sin + whole.y_m * (1.0 - cos),
+                turned,
+            ]
+        };
+        let even = if orbit.mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
+        // The gradient of a zero distance is undefined and taken as zero.
+        let per_m = if cycle.d_m > 0.0 { 1.0 / cycle.d_m } else { 0.0 };
+        let scale = model.skid_scale_m_s().powi(2);
+        Self {
+            model,
+            wanted,
+            dd_dend: [even, halves(-1.0)].map(|slopes| slopes.map(|slope| slope * per_m)),
+            end: cycle.end,
+            dsigma_dskid: cycle.sigma.map(|sigma| match sigma {
+                0.0 => 0.0,
+                sigma => 1.0 / (scale * sigma),
+            }),
         }
-        ChainNumber::Link(_, L::Transition | L::Stribeck) => length_m * frequency,
-        _ if number.power_of_omega() == 2 => mass_kg * length_m * frequency,
-        _ => mass_kg * frequency,
-    };
-    RELATIVE * scale
+    }
+
+    /// Returns the derivatives of at most [`TOGETHER`] quantities with respect to all wanted numbers, quantity by
+    /// quantity.
+    fn of(
+        &self,
+        quantities: &[Quantity],
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        adjoint: &mut Adjoint<N, TOGETHER>,
+    ) -> Result<Vec<f64>> {
+        let count = self.wanted.len();
+        adjoint.clear(orbit.mesh.packs());
+        let mut at_turns = vec![0.0; quantities.len() * count];
+        for (q, quantity) in quantities.iter().enumerate() {
+            adjoint.is_odd[q] = orbit.mesh.is_half && quantity.is_odd();
+            if let Quantity::Range(joint) = quantity {
+                let own = &mut at_turns[q * count..][..count];
+                adjoint.starts[q] = self.range(*joint, orbit, own)?;
+            }
+        }
+        let mesh = &orbit.mesh;
+        let spans = mesh.spans() as f64;
+        for (pack, leg) in orbit.path.legs.iter().enumerate() {
+            let starts = mesh.starts(pack);
+            let element = mesh.pack(pack, &starts);
+            let phases_rad = mesh.phases_rad(pack);
+            let weights = mesh.weights(pack);
+            let motions = self.motions(&element, &phases_rad);
+            for (q, quantity) in quantities.iter().enumerate() {
+                let own = &mut adjoint.weights[pack * TOGETHER + q];
+                match quantity {
+                    Quantity::Distance => self.path(self.dd_dend[0], leg, weights[1], own),
+                    Quantity::OddDistance => self.path(self.dd_dend[1], leg, weights[1], own),
+                    Quantity::Turn => {
+                        for (own, weight) in own.iter_mut().zip(RADAU.integrate[STAGES - 1]) {
+                            own[2] = Lanes::splat(spans * weight) * weights[1];
+                        }
+                    }
+                    Quantity::Range(_) => {}
+                    Quantity::Sigma { .. } | Quantity::Loss => {
+                        for j in 0..STAGES {
+                            let at = self.resisted(&motions[j], [Lanes::default(); MAX_LINKS]);
+                            let direct = self.direct(*quantity, &at, j, weights, spans);
+                            own[j] = self.by_state(&at, &direct);
+                        }
+                    }
+                }
+            }
+        }
+        orbit.solve_adjoint(adjoint)?;
+
+        let mesh = &orbit.mesh;
+        let mut sums = vec![Lanes::default(); quantities.len() * count];
+        for pack in 0..mesh.packs() {
+            let starts = mesh.starts(pack);
+            let element = mesh.pack(pack, &starts);
+            let phases_rad = mesh.phases_rad(pack);
+            let weights = mesh.weights(pack);
+            let motions = self.motions(&element, &phases_rad);
+            for j in 0..STAGES {
+                let weighted = Weighted::new(self.model, &element, j);
+                let at = self.resisted(&motions[j], weighted.constraint_n);
+                let factors = adjoint.factors::<Model<N, C, D>>(pack, j);
+                for (q, quantity) in quantities.iter().enumerate() {
+                    let own = &mut sums[q * count..][..count];
+                    let rows = std::array::from_fn(|i| -factors[i][q]);
+                    let mut along = weighted.along(self.model, &rows);
+                    if let Quantity::Sigma { .. } | Quantity::Loss = quantity {
+                        let direct = self.direct(*quantity, &at, j, weights, spans);
+                        match direct.resistance {
+                            Resistance::All => {
+                                (0..MAX_LINKS).for_each(|i| along.skid[i] += direct.along.skid[i]);
+                            }
+                            Resistance::Dissipation => self.add(&at, &direct, own),
+                        }
+                    }
+                    self.add(&at, &WeightedPower::all(along), own);
+                }
+            }
+        }
+        let sums = sums.into_iter().map(sum_of_lanes);
+        Ok(sums.zip(at_turns).map(|(sum, at_turns)| sum + at_turns).collect())
+    }
+
+    /// Returns the motions at the stages of an element.
+    #[inline(always)]
+    fn motions<T: Number>(
+        &self,
+        element: &Element<N, Model<N, C, D>, T>,
+        phases_rad: &[T; STAGES],
+    ) -> [Motion<T>; STAGES] {
+        std::array::from_fn(|j| {
+            let (y, dy) = (&element.stages[j], element.rate(j));
+            self.model.motion(phases_rad[j], y, &dy)
+        })
+    }
+
+    fn resisted<'m, T: Number>(
+        &self,
+        motion: &'m Motion<T>,
+        constraint_n: [T; MAX_LINKS],
+    ) -> Resisted<'m, T>
+    where
+        'a: 'm,
+    {
+        let ChainProblem { chain, omega_rad_s, .. } = &self.model.problem;
+        Resisted::new(chain, motion, *omega_rad_s, constraint_n)
+    }
+
+    /// Returns the power whose derivatives are those of a quantity's direct dependence on the motion at stage `j`, given
+    /// [`Mesh::weights`](crate::mesh::Mesh::weights).
+    fn direct(
+        &self,
+        quantity: Quantity,
+        at: &Resisted<Lanes>,
+        j: usize,
+        [part, duration_s]: [Lanes; 2],
+        spans: f64,
+    ) -> WeightedPower<Lanes> {
+        let weight = RADAU.integrate[STAGES - 1][j];
+        match quantity {
+            Quantity::Sigma { wheel, link } => {
+                let mut along = Virtual::none();
+                along.skid[link] =
+                    Lanes::splat(weight * self.dsigma_dskid[wheel]) * part * at.skid_m_s(link);
+                WeightedPower::all(along)
+            }
+            _ => WeightedPower {
+                along: at.as_virtual(),
+                resistance: Resistance::Dissipation,
+                weight: Lanes::splat(spans * weight) * duration_s,
+            },
+        }
+    }
+
+    /// Returns the derivatives of a virtual power with respect to the states.
+    fn by_state<T: Number>(&self, at: &Resisted<T>, direct: &WeightedPower<T>) -> [T; N] {
+        let power = at.power(&direct.along, direct.resistance);
+        let mut by = [T::splat(0.0); N];
+        by[..3].copy_from_slice(&power.by_body());
+        for c in 1..C {
+            [by[D + c - 1], by[2 + c], _] = power.by_joint(self.model.system.clusters.all[c].joint);
+        }
+        by.map(|slope| direct.weight * slope)
+    }
+
+    /// Adds the derivatives of a virtual power with respect to all wanted numbers.
+    #[inline(never)]
+    fn add<T: Number>(&self, at: &Resisted<T>, direct: &WeightedPower<T>, sums: &mut [T]) {
+        let power = at.power(&direct.along, direct.resistance);
+        for (sum, Wanted { number, wave }) in sums.iter_mut().zip(self.wanted) {
+            *sum += direct.weight * power.by_number(*number, wave.as_ref());
+        }
+    }
+
+    /// Sets `weights` to the derivatives of the displacement d with respect to the states at the stages of a path segment,
+    /// given its derivatives with respect to the end pose.
+    fn path(
+        &self,
+        dd_dend: [f64; 3],
+        leg: &Leg<N, Model<N, C, D>>,
+        duration_s: Lanes,
+        weights: &mut Stages<N, Lanes>,
+    ) {
+        let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
+        // Effect of a rotation on the remaining path.
+        let [whole_x, whole_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
+        let [end_x, end_y] = leg.ends;
+        let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
+        for j in 0..STAGES {
+            let weight = Lanes::splat(RADAU.integrate[STAGES - 1][j]) * duration_s;
+            let (sin, cos) = leg.directions[j];
+            let [u, v, _] = Model::<N, C, D>::body(&leg.states[j]);
+            let along = dd_dx * cos + dd_dy * sin;
+            let across = dd_dy * cos - dd_dx * sin;
+            weights[j][0] = weight * along;
+            weights[j][1] = weight * across;
+            weights[j][2] += weight * later;
+            let turned = weight * (u * across - v * along);
+            for l in 0..STAGES {
+                weights[l][2] += turned * Lanes::splat(RADAU.integrate[j][l]) * duration_s;
+            }
+        }
+    }
+
+    /// Returns the derivatives of half the range of a free joint's angle with respect to the states at the starts of the
+    /// elements that contain its turning points, and adds those with respect to the wanted numbers with these states held
+    /// fixed. A shift of a turning point in time has no effect on the angle.
+    fn range(
+        &self,
+        joint: usize,
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        sums: &mut [f64],
+    ) -> Result<OfElements<N>> {
+        let PeriodicOrbit { mesh, path, workspace, .. } = orbit;
+        let Extremes { highest, lowest } = Extremes::find(joint, self.model, mesh, path, workspace);
+        // With half-period symmetry, the opposite extreme follows half a period later.
+        let parts = if mesh.is_half { [1.0, 0.0] } else { [0.5, -0.5] };
+        let mut starts = [None; 2];
+        for ((extreme, part), start) in [highest, lowest].iter().zip(parts).zip(&mut starts) {
+            if part != 0.0 {
+                let weight = part * extreme.sign;
+                let by_start = self.turning_angle(joint, extreme, weight, orbit, sums)?;
+                *start = Some((extreme.element, by_start));
+            }
+        }
+        Ok(starts)
+    }
+
+    /// Returns the derivatives of `weight` times a free joint's angle at a turning point with respect to the state at the
+    /// start of its element, and adds those with respect to the wanted numbers.
+    fn turning_angle(
+        &self,
+        joint: usize,
+        extreme: &TurningPoint<N>,
+        weight: f64,
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        sums: &mut [f64],
+    ) -> Result<[f64; N]> {
+        let error = orbit.not_converged();
+        let PeriodicOrbit { mesh, workspace, .. } = orbit;
+        let found = extreme.shorter_element(self.model, mesh, workspace);
+        let (nodes, stages) = found.ok_or(error)?;
+        let start = mesh.states.start_of(extreme.element);
+        let duration_s = extreme.fraction * mesh.duration_s(extreme.element);
+        let element = Element { nodes: &nodes, start: &start, stages: &stages, duration_s };
+        let phases_rad =
+            RADAU.nodes.map(|node| mesh.phase_rad(extreme.element, extreme.fraction * node));
+        workspace.linearise(0, self.model, &element, true);
+        let angle = D + joint;
+        let by_start = workspace.end_transfer::<N, Model<N, C, D>>(0, duration_s)[angle];
+        let mut end = [0.0; N];
+        end[angle] = weight;
+        let mut rows = vec![[0.0; 1]; D * STAGES];
+        workspace.adjoint_factors::<N, Model<N, C, D>, 1>(0, duration_s, &[end], &mut rows);
+        for (j, motion) in self.motions(&element, &phases_rad).iter().enumerate() {
+            let weighted = Weighted::new(self.model, &element, j);
+            let at = self.resisted(motion, weighted.constraint_n);
+            let rows = std::array::from_fn(|i| -rows[j * D + i][0]);
+            self.add(&at, &WeightedPower::all(weighted.along(self.model, &rows)), sums);
+        }
+        Ok(by_start.map(|slope| weight * slope))
+    }
+}
+
+/// Virtual power, times a weight.
+struct WeightedPower<T> {
+    along: Virtual<T>,
+    resistance: Resistance,
+    weight: T,
+}
+
+impl<T: Number> WeightedPower<T> {
+    /// Returns the power of all resistances along a virtual motion.
+    fn all(along: Virtual<T>) -> Self {
+        Self { along, resistance: Resistance::All, weight: T::splat(1.0) }
+    }
+}
+
+/// Equations of motion at a stage as virtual powers.
+struct Weighted<T, const D: usize> {
+    /// Directions in which wheels that cannot skid allow the chain to move.
+    null: [[T; D]; D],
+    /// Forces, by link, that keep the wheels from skidding, N.
+    constraint_n: [T; MAX_LINKS],
+}
+
+impl<T: Number, const D: usize> Weighted<T, D> {
+    fn new<const N: usize, const C: usize>(
+        model: &Model<N, C, D>,
+        element: &Element<N, Model<N, C, D>, T>,
+        j: usize,
+    ) -> Self {
+        let zero = T::splat(0.0);
+        let mut weighted = Self { null: [[zero; D]; D], constraint_n: [zero; MAX_LINKS] };
+        let Some(constraints) = &model.constraints else { return weighted };
+        let node: &Node<T, C> = &element.nodes[j];
+        let posture = model.kinematics(node, &element.stages[j]);
+        let rate = element.rate(j);
+        let acceleration: [T; D] = std::array::from_fn(|i| rate[i]);
+        let force = model.system.balance::<T, C, D, false>(node, &posture, &acceleration).force;
+        let (null, forces) = constraints.directions(&model.system, node, &posture, &force);
+        weighted.null = null;
+        for ((_, link, _), force) in model.system.wheels.iter().zip(forces) {
+            weighted.constraint_n[*link] = force;
+        }
+        weighted
+    }
+
+    /// Returns the virtual motion whose power is the sum of the residuals times the given factors.
+    fn along<const N: usize, const C: usize>(
+        &self,
+        model: &Model<N, C, D>,
+        factors: &[T; D],
+    ) -> Virtual<T> {
+        let mut along = Virtual::none();
+        let mut velocity = *factors;
+        if let Some(constraints) = &model.constraints {
+            velocity = [T::splat(0.0); D];
+            for (row, factor) in factors.iter().enumerate() {
+                match constraints.equation(row) {
+                    Equation::Motion(direction) => {
+                        let null = &self.null[direction];
+                        (0..D).for_each(|i| velocity[i] += *factor * null[i]);
+                    }
+                    Equation::Constraint(wheel) => {
+                        let (_, link, _) = model.system.wheels[wheel];
+                        along.skid[link] = *factor;
+                    }
+                }
+            }
+        }
+        along.body.copy_from_slice(&velocity[..3]);
+        for c in 1..C {
+            along.joints[model.system.clusters.all[c].joint] = velocity[2 + c];
+        }
+        along
+    }
 }

@@ -10,8 +10,10 @@ use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
 use super::constraint::Constraints;
-use super::forces::{ChainSample, Loose, Motion};
+use super::forces::{ChainSample, power_and_loss_w, sample};
+use super::links::Motion;
 use super::response::Response;
+use super::wave::Wave;
 use super::{ChainProblem, metrics_of};
 use crate::cycle::Cycle;
 use crate::radau::bisect;
@@ -26,7 +28,9 @@ use crate::{MotionError, Result};
 pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
     pub problem: ChainProblem,
     pub system: System,
-    constraints: Option<Constraints<D>>,
+    pub constraints: Option<Constraints<D>>,
+    /// Commands of the joints from front to rear, or the angles at which their springs are relaxed.
+    commands: [Wave; MAX_JOINTS],
 }
 
 impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
@@ -47,7 +51,11 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         const { assert!(N == 2 * C + 1 && D == C + 2) };
         let is_linear = problem.laws.are_linear();
         let clusters = Clusters::new(&problem.chain, problem.omega_rad_s, is_linear);
-        Self { problem, system: System::new(clusters), constraints }
+        let mut commands = [Wave::default(); MAX_JOINTS];
+        for (command, joint) in commands.iter_mut().zip(&problem.chain.joints) {
+            *command = Wave::new(joint.command());
+        }
+        Self { problem, system: System::new(clusters), constraints, commands }
     }
 
     /// Returns the row of the residual that is the equation of motion along the reference link or, where wheels cannot
@@ -138,12 +146,12 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     }
 
     /// Returns the motion of the chain in state `y`, given the time derivatives `dy` of the states.
-    fn motion<T: Number>(&self, loose: &Loose, phase_rad: T, y: &[T; N], dy: &[T; N]) -> Motion<T> {
+    pub(super) fn motion<T: Number>(&self, phase_rad: T, y: &[T; N], dy: &[T; N]) -> Motion<T> {
         let (sin, cos) = phase_rad.sin_cos();
         let mut joints = [[T::splat(0.0); 3]; MAX_JOINTS];
         for (j, joint) in self.problem.chain.joints.iter().enumerate() {
             if matches!(joint, Joint::Driven(_)) {
-                joints[j] = loose.command(j, [sin, cos]);
+                joints[j] = self.commands[j].at([sin, cos], self.problem.omega_rad_s);
             }
         }
         for c in 1..C {
@@ -161,7 +169,6 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     type Node<T: Number> = Node<T, C>;
     type State<T: Number> = Posture<T, C>;
     type Sample = ChainSample;
-    type Forces = Loose;
 
     fn skids(&self) -> bool {
         self.constraints.is_none()
@@ -273,31 +280,20 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
         self.system.loss_w(node, state)
     }
 
-    fn forces(&self) -> Loose {
-        Loose::new(&self.problem)
-    }
-
-    fn power_and_loss_w(
-        &self,
-        loose: &Loose,
-        phase_rad: Lanes,
-        y: &[Lanes; N],
-        dy: &[Lanes; N],
-    ) -> [Lanes; 2] {
-        loose.power_and_loss_w(&self.problem, &self.motion(loose, phase_rad, y, dy))
+    fn power_and_loss_w(&self, phase_rad: Lanes, y: &[Lanes; N], dy: &[Lanes; N]) -> [Lanes; 2] {
+        power_and_loss_w(&self.problem, &self.motion(phase_rad, y, dy))
     }
 
     fn sample(
         &self,
-        loose: &Loose,
         time_s: f64,
         pose: Pose,
         _: &Node<f64, C>,
         y: &[f64; N],
         dy: &[f64; N],
     ) -> ChainSample {
-        let motion = self.motion(loose, self.problem.omega_rad_s * time_s, y, dy);
-        ChainSample { time_s, pose, ..loose.sample(&self.problem, &motion) }
+        let motion = self.motion(self.problem.omega_rad_s * time_s, y, dy);
+        ChainSample { time_s, pose, ..sample(&self.problem, &motion) }
     }
 
     /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.

@@ -1,9 +1,9 @@
 //! Commands of joints, rotors and torques as functions of the phase.
 
-use trilink_robot::{JointCommand, Number, TorqueCommand};
+use trilink_robot::{CommandNumber, JointCommand, Number, TorqueCommand};
 
 /// Commanded angle as a Fourier series.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Wave {
     offset_rad: f64,
     /// In-phase and quadrature components of the first and, if there is one, the second harmonic, rad.
@@ -17,6 +17,21 @@ impl Wave {
         let first = [command.amplitude_rad * cos, command.amplitude_rad * sin];
         let second = command.second.map(|second| [second.in_phase_rad, second.quadrature_rad]);
         Self { offset_rad: command.offset_rad, first, second }
+    }
+
+    /// Returns the derivative of a command with respect to one of its numbers.
+    pub(super) fn slope(command: &JointCommand, number: CommandNumber) -> Self {
+        let JointCommand { amplitude_rad, phase_rad, .. } = command;
+        let (sin, cos) = phase_rad.sin_cos();
+        let (mut offset_rad, mut first, mut second) = (0.0, [0.0; 2], None);
+        match number {
+            CommandNumber::Offset => offset_rad = 1.0,
+            CommandNumber::Amplitude => first = [cos, sin],
+            CommandNumber::Phase => first = [-amplitude_rad * sin, amplitude_rad * cos],
+            CommandNumber::SecondInPhase => second = Some([1.0, 0.0]),
+            CommandNumber::SecondQuadrature => second = Some([0.0, 1.0]),
+        }
+        Self { offset_rad, first, second }
     }
 
     /// Returns the angle, rate and acceleration at a phase, given its sine and cosine.

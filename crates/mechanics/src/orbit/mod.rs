@@ -9,12 +9,14 @@
 //! Newton's method first converges on a few coarse elements; how fast the Legendre coefficients of their
 //! polynomials decay then shows how many elements the accuracy requires.
 
+mod adjoint;
 mod bordered;
 mod newton;
 mod resolution;
 
 use nalgebra::SMatrix;
 
+pub(super) use adjoint::{Adjoint, OfElements};
 pub(super) use bordered::{Direction, Plane, Slopes};
 pub(super) use newton::largest_lane;
 pub(super) use resolution::sum_of_lanes;

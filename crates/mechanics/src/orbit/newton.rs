@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix, Matrix5, SMatrix, SVector};
 use trilink_robot::{LANES, Lanes, Number};
 
 use super::PeriodicOrbit;
-use crate::mesh::{Mesh, States, renew};
+use crate::mesh::{Mesh, renew};
 use crate::reduced::{MAX_STATES, Reduced, lanes};
 use crate::{MotionError, Result};
 
@@ -256,42 +256,6 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// could be computed and is below 1.
     pub(crate) fn is_stable(&mut self, model: &R) -> bool {
         self.floquet(model).is_ok_and(|modulus| modulus < 1.0)
-    }
-
-    /// Makes the mesh cover whole periods and linearises the elements.
-    pub(crate) fn cover_whole_periods(&mut self, model: &R) -> Result<()> {
-        if self.mesh.is_half {
-            let count = self.mesh.unfold(model, &mut self.before);
-            self.linearisation.resize::<N, R>(count);
-        }
-        self.linearise(model)
-    }
-
-    /// Solves the linearised periodic problem for the derivative of the states with respect to a number, with the
-    /// factors of the last linearisation. The two models differ by `difference` in that number; the meshes, laid out for
-    /// them, have the elements of this orbit. The result is [`PeriodicOrbit::last_change`].
-    pub(crate) fn change(
-        &mut self,
-        [low, high]: [(&R, &Mesh<N, R>); 2],
-        difference: f64,
-    ) -> Result<()> {
-        let Self { mesh, linearisation, .. } = self;
-        for pack in 0..mesh.packs() {
-            let starts = mesh.starts(pack);
-            let element = mesh.pack(pack, &starts);
-            let models = [low, high].map(|(model, mesh)| (model, mesh.nodes(pack)));
-            linearisation.differentiate(pack, models, &element, difference);
-        }
-        self.solve_step();
-        let all = self.step.packs.iter().flatten().flatten();
-        let is_finite = all.fold(Lanes::default(), |sum, step| sum + *step);
-        let is_finite = (0..LANES).all(|lane| is_finite.lane(lane).is_finite());
-        is_finite.then_some(()).ok_or(self.not_converged())
-    }
-
-    /// Returns the result of [`PeriodicOrbit::change`].
-    pub(crate) fn last_change(&self) -> &States<N> {
-        &self.step
     }
 
     /// Takes one Newton step from the last solution and returns the size of the step relative to the states.

@@ -186,9 +186,6 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// State of the robot and the forces on it at one time, for the caller.
     type Sample;
 
-    /// What the forces are computed from.
-    type Forces;
-
     /// Returns whether the wheels can skid.
     fn skids(&self) -> bool;
 
@@ -259,22 +256,12 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns the power dissipated by friction and damping, W.
     fn loss_w<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> T;
 
-    /// Returns what [`Reduced::power_and_loss_w`] and [`Reduced::sample`] need, at all times.
-    fn forces(&self) -> Self::Forces;
-
     /// Returns the power of the actuators and the power dissipated, W, given the time derivatives `dy` of the states.
-    fn power_and_loss_w(
-        &self,
-        forces: &Self::Forces,
-        phase_rad: Lanes,
-        y: &[Lanes; N],
-        dy: &[Lanes; N],
-    ) -> [Lanes; 2];
+    fn power_and_loss_w(&self, phase_rad: Lanes, y: &[Lanes; N], dy: &[Lanes; N]) -> [Lanes; 2];
 
     /// Returns the sample of a motion at one time, given the time derivatives `dy` of the states.
     fn sample(
         &self,
-        forces: &Self::Forces,
         time_s: f64,
         pose: Pose,
         node: &Self::Node<f64>,
@@ -408,7 +395,6 @@ macro_rules! of_three_links {
 
         type State<T: Number> = KinematicState<T>;
         type Sample = Sample;
-        type Forces = ();
 
         #[inline(always)]
         fn skids(&self) -> bool {
@@ -481,11 +467,8 @@ macro_rules! of_three_links {
             friction_power::<T, F>(&self.problem.robot, self.problem.gait.passive_joint(), state)
         }
 
-        fn forces(&self) {}
-
         fn power_and_loss_w(
             &self,
-            (): &(),
             phase_rad: Lanes,
             y: &[Lanes; $states],
             dy: &[Lanes; $states],
@@ -503,7 +486,6 @@ macro_rules! of_three_links {
 
         fn sample(
             &self,
-            (): &(),
             time_s: f64,
             pose: Pose,
             node: &Self::Node<f64>,

@@ -1,0 +1,478 @@
+//! Virtual power of the forces on a chain, and its derivatives with respect to the motion and to the numbers that
+//! describe the chain.
+//!
+//! The virtual power of a chain is the sum, over its points, of the products of the resistances (of inertia, friction,
+//! drag, dampers and springs) and virtual velocities. At a given motion it depends on the velocity v, the acceleration a
+//! and the virtual velocity v* of each point; a number that shifts points or turns links changes these alone. Sums over
+//! the links beyond each joint therefore give all derivatives of one virtual power at a cost that is proportional to
+//! the number of links.
+
+use trilink_robot::{
+    Chain, ChainNumber, FreeJoint, Joint, JointNumber, LinkNumber, MAX_JOINTS, MAX_LINKS, Number,
+};
+
+use super::links::{Contact, Hinge, Links, Motion, outwards};
+use super::plane::{Moving, Vector, inner, moment, normal, scaled, sum};
+use super::wave::Wave;
+
+/// Virtual motion.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Virtual<T> {
+    /// Virtual velocities of the reference link along and across itself and its turning rate.
+    pub body: [T; 3],
+    /// Virtual rates of the joints.
+    pub joints: [T; MAX_JOINTS],
+    /// Factors of the skid velocities of the links' wheels, which are added to the virtual power.
+    pub skid: [T; MAX_LINKS],
+}
+
+impl<T: Number> Virtual<T> {
+    pub(super) fn none() -> Self {
+        let zero = T::splat(0.0);
+        Self { body: [zero; 3], joints: [zero; MAX_JOINTS], skid: [zero; MAX_LINKS] }
+    }
+}
+
+/// Derivatives of the virtual power with respect to velocities and accelerations that points have in common.
+#[derive(Debug, Clone, Copy)]
+struct Sums<T> {
+    /// With respect to the virtual velocity, the velocity and the acceleration.
+    by_virtual: Vector<T>,
+    by_velocity: Vector<T>,
+    by_acceleration: Vector<T>,
+    /// With respect to a turn about the origin of the reference link, virtual or real, and to its acceleration.
+    by_virtual_turn: T,
+    by_turn: T,
+    by_turn_acceleration: T,
+    /// Sum of the moments of `by_acceleration` of each point with its velocity as lever arm.
+    by_carried: T,
+}
+
+impl<T: Number> Sums<T> {
+    fn none() -> Self {
+        let zero = T::splat(0.0);
+        Self {
+            by_virtual: [zero; 2],
+            by_velocity: [zero; 2],
+            by_acceleration: [zero; 2],
+            by_virtual_turn: zero,
+            by_turn: zero,
+            by_turn_acceleration: zero,
+            by_carried: zero,
+        }
+    }
+
+    /// Adds a point.
+    #[inline(always)]
+    fn add(&mut self, at: &Moving<T>, point: &Point<T>) {
+        let Point { by_virtual, by_velocity, by_acceleration } = *point;
+        self.by_virtual = sum(self.by_virtual, by_virtual);
+        self.by_velocity = sum(self.by_velocity, by_velocity);
+        self.by_acceleration = sum(self.by_acceleration, by_acceleration);
+        self.by_virtual_turn += moment(at.at, by_virtual);
+        self.by_turn += moment(at.at, by_velocity);
+        self.by_turn_acceleration += moment(at.at, by_acceleration);
+        self.by_carried += moment(at.rate, by_acceleration);
+    }
+
+    #[inline(always)]
+    fn add_sums(&mut self, other: &Self) {
+        self.by_virtual = sum(self.by_virtual, other.by_virtual);
+        self.by_velocity = sum(self.by_velocity, other.by_velocity);
+        self.by_acceleration = sum(self.by_acceleration, other.by_acceleration);
+        self.by_virtual_turn += other.by_virtual_turn;
+        self.by_turn += other.by_turn;
+        self.by_turn_acceleration += other.by_turn_acceleration;
+        self.by_carried += other.by_carried;
+    }
+
+    fn point(&self) -> Point<T> {
+        let Self { by_virtual, by_velocity, by_acceleration, .. } = *self;
+        Point { by_virtual, by_velocity, by_acceleration }
+    }
+}
+
+/// Derivatives of the virtual power with respect to the virtual velocity (the resistance), the velocity and the
+/// acceleration of a point.
+#[derive(Debug, Clone, Copy)]
+struct Point<T> {
+    by_virtual: Vector<T>,
+    by_velocity: Vector<T>,
+    by_acceleration: Vector<T>,
+}
+
+/// What of a chain is resisted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Resistance {
+    /// Everything: inertia, friction, drag, dampers and springs. The wheels, in addition, with constraint forces.
+    All,
+    /// What dissipates: friction, drag and dampers.
+    Dissipation,
+}
+
+/// Motion of a chain at one time, with the contacts of its wheels.
+#[derive(Debug, Clone)]
+pub(super) struct Resisted<'a, T> {
+    chain: &'a Chain,
+    motion: &'a Motion<T>,
+    links: Links<T>,
+    contacts: [Option<Contact<T>>; MAX_LINKS],
+    /// Lateral forces, by link, that keep the wheels from skidding, N.
+    constraint_n: [T; MAX_LINKS],
+    /// Angular accelerations of the rotors relative to their links, rad/s^2.
+    rotors: [T; MAX_LINKS],
+    omega_rad_s: f64,
+}
+
+impl<'a, T: Number> Resisted<'a, T> {
+    /// Evaluates a motion; `constraint_n` are the lateral forces on the wheels, by link, that keep them from skidding.
+    pub(super) fn new(
+        chain: &'a Chain,
+        motion: &'a Motion<T>,
+        omega_rad_s: f64,
+        constraint_n: [T; MAX_LINKS],
+    ) -> Self {
+        let links = Links::new(chain, motion);
+        let mut contacts = [None; MAX_LINKS];
+        let mut rotors = [T::splat(0.0); MAX_LINKS];
+        let (sin, cos) = motion.phase_rad.sin_cos();
+        for (i, link) in chain.links.iter().enumerate() {
+            contacts[i] = Contact::of(chain, &links, i);
+            if let Some(rotor) = &link.rotor {
+                [_, _, rotors[i]] = Wave::new(&rotor.angle).at([sin, cos], omega_rad_s);
+            }
+        }
+        Self { chain, motion, links, contacts, constraint_n, rotors, omega_rad_s }
+    }
+
+    pub(super) fn motion(&self) -> &Motion<T> {
+        self.motion
+    }
+
+    pub(super) fn contact(&self, link: usize) -> Option<&Contact<T>> {
+        self.contacts[link].as_ref()
+    }
+
+    /// Returns the angular acceleration of a link, rad/s^2.
+    pub(super) fn turning_acceleration(&self, link: usize) -> T {
+        self.links.heading[link].acceleration
+    }
+
+    /// Returns the skid velocity of a link's wheel, m/s; zero if it has none.
+    pub(super) fn skid_m_s(&self, link: usize) -> T {
+        self.contacts[link].map_or(T::splat(0.0), |contact| contact.skid_m_s)
+    }
+
+    /// Returns the actual motion as a virtual one.
+    pub(super) fn as_virtual(&self) -> Virtual<T> {
+        let Motion { body, joints, .. } = self.motion;
+        Virtual { body: *body, joints: joints.map(|[_, rate, _]| rate), ..Virtual::none() }
+    }
+
+    /// Returns the lateral resistance of a wheel, given its friction across its rolling direction.
+    #[inline(always)]
+    fn lateral_n(&self, link: usize, skid_n: T, resistance: Resistance) -> T {
+        match resistance {
+            Resistance::All => skid_n - self.constraint_n[link],
+            Resistance::Dissipation => skid_n,
+        }
+    }
+
+    /// Evaluates the virtual power along a virtual motion, which for [`Resistance::Dissipation`] must be the actual one.
+    pub(super) fn power(&self, along: &Virtual<T>, resistance: Resistance) -> Power<'_, 'a, T> {
+        let zero = T::splat(0.0);
+        let Self { chain, links, .. } = self;
+        let mut power = Power {
+            at: self,
+            along: *along,
+            resistance,
+            rate: [along.body[2]; MAX_LINKS],
+            velocity: [[along.body[0], along.body[1]]; MAX_LINKS],
+            com: [Sums::none().point(); MAX_LINKS],
+            wheel: [Sums::none().point(); MAX_LINKS],
+            beyond: [Sums::none(); MAX_LINKS],
+        };
+        for i in outwards(chain) {
+            let hinge = Hinge::of(chain, i);
+            power.rate[i] =
+                power.rate[hinge.inner] + T::splat(hinge.sign) * along.joints[hinge.joint];
+            let at_hinge = power.at_hinge(&hinge);
+            let arm = normal(links.unit[i].at);
+            let across = power.rate[i] * T::splat(-hinge.own_m);
+            power.velocity[i] = sum(at_hinge, scaled(across, arm));
+        }
+        let has_inertia = resistance == Resistance::All;
+        for (i, link) in chain.links.iter().enumerate() {
+            let com = links.point(i, link.com_m);
+            let own = &mut power.com[i];
+            let velocity = Power::point(links, &power.velocity, &power.rate, i, link.com_m);
+            if has_inertia {
+                let mass = T::splat(link.mass_kg);
+                own.by_virtual = scaled(mass, com.acceleration);
+                own.by_acceleration = scaled(mass, velocity);
+            }
+            let unit = links.unit[i].at;
+            for (coefficient, direction) in
+                [(link.drag.along_kg_s, unit), (link.drag.across_kg_s, normal(unit))]
+            {
+                if coefficient != 0.0 {
+                    let coefficient = T::splat(coefficient);
+                    let force = coefficient * inner(direction, com.rate);
+                    let slope = coefficient * inner(direction, velocity);
+                    own.by_virtual = sum(own.by_virtual, scaled(force, direction));
+                    own.by_velocity = sum(own.by_velocity, scaled(slope, direction));
+                }
+            }
+            let sums = &mut power.beyond[i];
+            sums.add(&com, own);
+            if has_inertia {
+                let rotor = T::splat(link.rotor.map_or(0.0, |rotor| rotor.inertia_kg_m2));
+                let inertia = T::splat(link.inertia_kg_m2) + rotor;
+                sums.by_virtual_turn +=
+                    inertia * links.heading[i].acceleration + rotor * self.rotors[i];
+                sums.by_turn_acceleration += inertia * power.rate[i];
+            }
+            if link.drag.turning_nm_s_rad != 0.0 {
+                let coefficient = T::splat(link.drag.turning_nm_s_rad);
+                sums.by_virtual_turn += coefficient * links.heading[i].rate;
+                sums.by_turn += coefficient * power.rate[i];
+            }
+            if let (Some(contact), Some(wheel)) = (&self.contacts[i], &link.wheel) {
+                let Contact { direction, roll, skid, .. } = *contact;
+                let lateral = self.lateral_n(i, skid[0], resistance);
+                let velocity = Power::point(links, &power.velocity, &power.rate, i, wheel.place_m);
+                let axle = normal(direction);
+                let [by_roll, by_skid] = [
+                    roll[1] * inner(direction, velocity),
+                    skid[1] * inner(axle, velocity) + along.skid[i],
+                ];
+                let own = Point {
+                    by_virtual: sum(scaled(roll[0], direction), scaled(lateral, axle)),
+                    by_velocity: sum(scaled(by_roll, direction), scaled(by_skid, axle)),
+                    by_acceleration: [zero; 2],
+                };
+                power.wheel[i] = own;
+                sums.add(&contact.point, &own);
+            }
+        }
+        for i in outwards(chain).rev() {
+            let inner = Hinge::of(chain, i).inner;
+            let own = power.beyond[i];
+            power.beyond[inner].add_sums(&own);
+        }
+        power
+    }
+}
+
+/// Virtual power and its derivatives.
+pub(super) struct Power<'r, 'a, T> {
+    at: &'r Resisted<'a, T>,
+    along: Virtual<T>,
+    resistance: Resistance,
+    /// Virtual turning rates of the links, and virtual velocities of their origins.
+    rate: [T; MAX_LINKS],
+    velocity: [Vector<T>; MAX_LINKS],
+    /// Derivatives with respect to the motion of the links' centres of mass and of their wheels.
+    com: [Point<T>; MAX_LINKS],
+    wheel: [Point<T>; MAX_LINKS],
+    /// Sums over each link and all links beyond it, away from the reference link.
+    beyond: [Sums<T>; MAX_LINKS],
+}
+
+impl<T: Number> Power<'_, '_, T> {
+    /// Returns the virtual velocity of a point of a link.
+    #[inline(always)]
+    fn point(
+        links: &Links<T>,
+        velocity: &[Vector<T>; MAX_LINKS],
+        rate: &[T; MAX_LINKS],
+        link: usize,
+        place_m: f64,
+    ) -> Vector<T> {
+        let across = rate[link] * T::splat(place_m);
+        sum(velocity[link], scaled(across, normal(links.unit[link].at)))
+    }
+
+    #[inline(always)]
+    fn at_hinge(&self, hinge: &Hinge) -> Vector<T> {
+        Self::point(&self.at.links, &self.velocity, &self.rate, hinge.inner, hinge.from_m)
+    }
+
+    /// Returns the derivatives with respect to the velocities of the reference link. Those of
+    /// [`Resistance::Dissipation`] include the change in the virtual motion.
+    pub(super) fn by_body(&self) -> [T; 3] {
+        let sums = &self.beyond[self.at.chain.reference];
+        let [mut x, mut y] = sums.by_velocity;
+        let mut turn = sums.by_turn;
+        if self.resistance == Resistance::Dissipation {
+            [x, y] = sum([x, y], sums.by_virtual);
+            turn += sums.by_virtual_turn;
+        }
+        [x, y, turn]
+    }
+
+    /// Returns the derivatives with respect to the angle, the rate and the acceleration of a joint; those of the spring
+    /// and the damper of a free joint only for [`Resistance::Dissipation`], whose derivative includes the change in the
+    /// virtual motion.
+    #[inline(always)]
+    pub(super) fn by_joint(&self, joint: usize) -> [T; 3] {
+        let Resisted { chain, links, .. } = self.at;
+        let outer = if joint < chain.reference { joint } else { joint + 1 };
+        let hinge = Hinge::of(chain, outer);
+        let sums = &self.beyond[outer];
+        let Moving { at, rate, acceleration } = links.hinge(&hinge);
+        let two = T::splat(2.0);
+        let by_angle = moment(self.at_hinge(&hinge), sums.by_virtual)
+            + moment(rate, sums.by_velocity)
+            + moment(acceleration, sums.by_acceleration);
+        let by_acceleration = sums.by_turn_acceleration - moment(at, sums.by_acceleration);
+        let carried = sums.by_carried - moment(rate, sums.by_acceleration);
+        let mut by_rate = sums.by_turn - moment(at, sums.by_velocity) + two * carried;
+        if self.resistance == Resistance::Dissipation {
+            by_rate += sums.by_virtual_turn - moment(at, sums.by_virtual);
+        }
+        let sign = T::splat(hinge.sign);
+        let mut by_rate = sign * by_rate;
+        if let (Resistance::Dissipation, Joint::Free(free)) =
+            (self.resistance, &chain.joints[joint])
+        {
+            by_rate += two * T::splat(free.damping_nm_s_rad) * self.along.joints[joint];
+        }
+        [-(sign * by_angle), by_rate, sign * by_acceleration]
+    }
+
+    /// Returns the derivative with respect to the place of points along a link, per metre ahead.
+    #[inline(always)]
+    fn by_place(&self, link: usize, points: &Point<T>) -> T {
+        let Moving { at, rate, acceleration } = &self.at.links.unit[link];
+        self.rate[link] * inner(normal(*at), points.by_virtual)
+            + inner(*rate, points.by_velocity)
+            + inner(*acceleration, points.by_acceleration)
+    }
+
+    /// Returns the derivative with respect to a number of the chain, in SI units. `wave` is the derivative of the number's
+    /// command with respect to it ([`Wave::slope`]), if it is one of a command.
+    #[inline(always)]
+    pub(super) fn by_number(&self, number: ChainNumber, wave: Option<&Wave>) -> T {
+        let zero = T::splat(0.0);
+        let Resisted { chain, links, motion, rotors, omega_rad_s, .. } = self.at;
+        let has_inertia = self.resistance == Resistance::All;
+        let slope = |wave: &Wave| {
+            let (sin, cos) = motion.phase_rad.sin_cos();
+            wave.at([sin, cos], *omega_rad_s)
+        };
+        match number {
+            ChainNumber::Link(link, number) => match number {
+                LinkNumber::Mass if has_inertia => {
+                    let com_m = chain.links[link].com_m;
+                    let velocity = Self::point(links, &self.velocity, &self.rate, link, com_m);
+                    inner(links.point(link, com_m).acceleration, velocity)
+                }
+                LinkNumber::Inertia if has_inertia => {
+                    links.heading[link].acceleration * self.rate[link]
+                }
+                LinkNumber::RotorInertia if has_inertia => {
+                    (links.heading[link].acceleration + rotors[link]) * self.rate[link]
+                }
+                LinkNumber::Mass | LinkNumber::Inertia | LinkNumber::RotorInertia => zero,
+                _ => self.by_link(link, number),
+            },
+            ChainNumber::Rotor(link, _) => match (&chain.links[link].rotor, wave) {
+                (Some(rotor), Some(wave)) if has_inertia => {
+                    T::splat(rotor.inertia_kg_m2) * self.rate[link] * slope(wave)[2]
+                }
+                _ => zero,
+            },
+            ChainNumber::Joint(joint, number) => {
+                let Joint::Free(free) = &chain.joints[joint] else { return zero };
+                let along = self.along.joints[joint];
+                let [angle, rate, _] = motion.joints[joint];
+                let torque = &free.torque;
+                let turned = motion.phase_rad + T::splat(torque.phase_rad);
+                match number {
+                    JointNumber::Damping => rate * along,
+                    _ if !has_inertia => zero,
+                    JointNumber::Stiffness => {
+                        let [target, ..] = slope(&Wave::new(&free.target));
+                        (angle - target) * along
+                    }
+                    JointNumber::TorqueMean => -along,
+                    JointNumber::TorqueAmplitude => -(along * turned.sin_cos().1),
+                    JointNumber::TorquePhase => {
+                        T::splat(torque.amplitude_nm) * along * turned.sin_cos().0
+                    }
+                }
+            }
+            ChainNumber::Command(joint, _) => match (&chain.joints[joint], wave) {
+                (_, None) => zero,
+                (Joint::Driven(_), Some(wave)) => {
+                    let [angle, rate, acceleration] = slope(wave);
+                    let by = self.by_joint(joint);
+                    by[0] * angle + by[1] * rate + by[2] * acceleration
+                }
+                (Joint::Free(FreeJoint { stiffness_nm_rad, .. }), Some(wave)) if has_inertia => {
+                    -(T::splat(*stiffness_nm_rad) * self.along.joints[joint] * slope(wave)[0])
+                }
+                (Joint::Free(_), _) => zero,
+            },
+        }
+    }
+
+    /// Returns the derivative with respect to a number of a link on which also the dissipated power depends.
+    #[inline(always)]
+    fn by_link(&self, link: usize, number: LinkNumber) -> T {
+        let zero = T::splat(0.0);
+        let Resisted { chain, links, contacts, .. } = self.at;
+        let own = &chain.links[link];
+        let com = |direction: Vector<T>| {
+            let velocity = Self::point(links, &self.velocity, &self.rate, link, own.com_m);
+            inner(direction, links.point(link, own.com_m).rate) * inner(direction, velocity)
+        };
+        let beyond = |outer: usize| self.by_place(link, &self.beyond[outer].point());
+        let last = chain.links.len() - 1;
+        match number {
+            LinkNumber::FrontJoint if link > chain.reference => -beyond(link),
+            LinkNumber::FrontJoint if link > 0 => beyond(link - 1),
+            LinkNumber::RearJoint if link < chain.reference => beyond(link),
+            LinkNumber::RearJoint if link < last => -beyond(link + 1),
+            LinkNumber::Com => self.by_place(link, &self.com[link]),
+            LinkNumber::WheelPlace => self.by_place(link, &self.wheel[link]),
+            LinkNumber::DragAlong => com(links.unit[link].at),
+            LinkNumber::DragAcross => com(normal(links.unit[link].at)),
+            LinkNumber::DragTurning => links.heading[link].rate * self.rate[link],
+            _ => {
+                let (Some(contact), Some(wheel)) = (&contacts[link], &own.wheel) else {
+                    return zero;
+                };
+                let velocity = Self::point(links, &self.velocity, &self.rate, link, wheel.place_m);
+                let Contact { direction, roll_m_s, skid_m_s, roll, skid, .. } = *contact;
+                let [along, across] = [direction, normal(direction)].map(|x| inner(x, velocity));
+                if number == LinkNumber::WheelSteer {
+                    let by_roll = roll[1] * along;
+                    let by_skid = skid[1] * across + self.along.skid[link];
+                    let lateral = self.at.lateral_n(link, skid[0], self.resistance);
+                    return by_roll * skid_m_s - by_skid * roll_m_s + roll[0] * across
+                        - lateral * along;
+                }
+                let [roll, skid] = wheel.friction.slopes(number, roll_m_s, skid_m_s);
+                roll * along + skid * across
+            }
+        }
+    }
+
+    /// Returns the resistances conjugate to the velocities of the reference link and to the rates of the joints from front
+    /// to rear: what the actuators and constraints have to supply.
+    pub(super) fn resistances(&self) -> ([T; 3], [T; MAX_JOINTS]) {
+        let Resisted { chain, links, .. } = self.at;
+        let of = |sums: &Sums<T>, at: Vector<T>| sums.by_virtual_turn - moment(at, sums.by_virtual);
+        let whole = &self.beyond[chain.reference];
+        let [x, y] = whole.by_virtual;
+        let mut joints = [T::splat(0.0); MAX_JOINTS];
+        for outer in outwards(chain) {
+            let hinge = Hinge::of(chain, outer);
+            let torque = of(&self.beyond[outer], links.hinge(&hinge).at);
+            joints[hinge.joint] = T::splat(hinge.sign) * torque;
+        }
+        ([x, y, whole.by_virtual_turn], joints)
+    }
+}
