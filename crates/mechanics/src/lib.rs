@@ -129,11 +129,6 @@ pub enum MotionError {
          allow is not determined: let the wheels skid, bend the chain, free joints, or take wheels away"
     )]
     Dependent,
-    #[error(
-        "no skid-free motion exists: at phase {phase_rad:.4} rad the constraints of the wheels depend on each other, so that \
-         velocities would be unbounded"
-    )]
-    Unbounded { phase_rad: f64 },
     #[error("cancelled")]
     Cancelled,
 }
@@ -146,9 +141,7 @@ impl MotionError {
     /// Returns the status to report for a motion that was not found for this reason.
     pub fn status(&self) -> MotionStatus {
         match self {
-            Self::Singular { .. } | Self::Unbounded { .. } | Self::Dependent => {
-                MotionStatus::Singular
-            }
+            Self::Singular { .. } | Self::Dependent => MotionStatus::Singular,
             Self::GaitUnknown
             | Self::Chain(_)
             | Self::NotDriven

@@ -24,6 +24,8 @@ use super::plane::{Moving, Vector, inner, moment, normal, rotated, scaled, sum};
 pub(crate) struct Node<T, const C: usize> {
     pub clusters: [ClusterNode<T>; C],
     pub wheels: [WheelNode<T>; MAX_LINKS],
+    /// Velocities of the reference link, if constraints and commands alone determine them.
+    pub determined: [T; 3],
 }
 
 /// Rotations and velocities of the clusters.
@@ -70,8 +72,11 @@ impl System {
 
     #[inline(always)]
     pub(super) fn node<T: Number, const C: usize>(&self, phase_rad: T) -> Node<T, C> {
-        let mut node =
-            Node { clusters: [ClusterNode::zero(); C], wheels: [WheelNode::zero(); MAX_LINKS] };
+        let mut node = Node {
+            clusters: [ClusterNode::zero(); C],
+            wheels: [WheelNode::zero(); MAX_LINKS],
+            determined: [T::splat(0.0); 3],
+        };
         self.clusters.fill(phase_rad, &mut node.clusters, &mut node.wheels);
         node
     }

@@ -118,8 +118,7 @@ impl<const D: usize> Constraints<D> {
             }
         }
         let constraints = matrix.rows(0, count).into_owned();
-        // Where the constraints alone determine the motion, single shapes may be singular.
-        if count > 0 && (C > 1 || count < D) {
+        if count > 0 {
             let sizes = constraints.singular_values();
             if sizes.min() <= DEPENDENT * sizes.max() {
                 return Err(MotionError::Dependent);
@@ -175,17 +174,6 @@ impl<const D: usize> Constraints<D> {
             *row = speed.map(T::splat);
         }
         (wheels, rows)
-    }
-
-    /// Returns the determinant of the matrix `A`.
-    pub(super) fn determinant<const C: usize>(
-        &self,
-        system: &System,
-        node: &Node<f64, C>,
-        posture: &Posture<f64, C>,
-    ) -> f64 {
-        let (_, rows) = self.matrix(system, node, posture);
-        DMatrix::from_fn(D, D, |i, j| rows[i][j]).determinant()
     }
 
     /// Returns the velocities for which `W w = -b` and `E w = 0`, given the posture at rest.

@@ -13,8 +13,9 @@ use trilink_robot::{
 
 use super::balance::Node;
 use super::constraint::Equation;
+use super::determined::{is_unbounded, velocities_and_factors};
 use super::links::Motion;
-use super::model::Model;
+use super::model::{Model, Wheels};
 use super::power::{Resistance, Resisted, Virtual};
 use super::wave::Wave;
 use super::{ChainMetrics, ChainProblem};
@@ -131,12 +132,17 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize>(
     for quantities in quantities.chunks(TOGETHER) {
         sums.extend(differentiation.of(quantities, orbit, &mut adjoint)?);
     }
+    let persists = differentiation.persists();
     let slope = |i: usize, wanted: &Wanted| {
         let is_odd = is_half && wanted.number.is_odd();
         let of = |quantity: Quantity| {
             let at = quantities.iter().position(|one| *one == quantity);
             let is_zero = !wanted.is_used(problem) || is_half && quantity.is_odd() != is_odd;
-            at.filter(|_| !is_zero).map_or(0.0, |at| sums[at * numbers.len() + i])
+            match at.filter(|_| !is_zero) {
+                Some(_) if !persists[i] => f64::NAN,
+                Some(at) => sums[at * numbers.len() + i],
+                None => 0.0,
+            }
         };
         slopes_of(model, wanted.number, is_odd, of)
     };
@@ -300,7 +306,14 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
                             Resistance::Dissipation => self.add(&at, &direct, own),
                         }
                     }
-                    self.add(&at, &WeightedPower::all(along), own);
+                    if let Wheels::Follow(determined) = &self.model.wheels {
+                        let (count, points) = determined.points(&self.model.system, phases_rad[j]);
+                        for (weight, phase_rad) in &points[..count] {
+                            self.add_determined(*phase_rad, &along.body, *weight, own);
+                        }
+                    } else {
+                        self.add(&at, &WeightedPower::all(along), own);
+                    }
                 }
             }
         }
@@ -377,6 +390,51 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
         for (sum, Wanted { number, wave }) in sums.iter_mut().zip(self.wanted) {
             *sum += direct.weight * power.by_number(*number, wave.as_ref());
         }
+    }
+
+    /// Adds the derivatives of the velocities that constraints and commands determine at a phase, times the factors
+    /// `along`, with respect to all wanted numbers.
+    fn add_determined<T: Number>(&self, phase_rad: T, along: &[T; 3], weight: f64, sums: &mut [T]) {
+        let zero = T::splat(0.0);
+        let Self { model, .. } = self;
+        let (body, factors) = velocities_and_factors(&model.system, phase_rad, along);
+        let mut along = Virtual::none();
+        for ((_, link, _), factor) in model.system.wheels.iter().zip(factors) {
+            along.skid[*link] = T::splat(weight) * factor;
+        }
+        let state = std::array::from_fn(|i| if i < 3 { body[i] } else { zero });
+        let motion = model.motion(phase_rad, &state, &[zero; N]);
+        self.add(&self.resisted(&motion, [zero; MAX_LINKS]), &WeightedPower::all(along), sums);
+    }
+
+    /// Returns, for each wanted number, whether the velocities that constraints and commands determine are bounded also
+    /// for neighbouring values of it.
+    fn persists(&self) -> Vec<bool> {
+        let Wheels::Follow(determined) = &self.model.wheels else {
+            return vec![true; self.wanted.len()];
+        };
+        let length_m = self.model.problem.chain.skid_length_m;
+        // Largest of the derivatives of the three velocities with respect to each number.
+        let sizes_at = |phase_rad: f64| {
+            let mut sizes = vec![0.0_f64; self.wanted.len()];
+            for body in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, length_m]] {
+                let mut slopes = vec![0.0; self.wanted.len()];
+                self.add_determined(phase_rad, &body, 1.0, &mut slopes);
+                sizes
+                    .iter_mut()
+                    .zip(slopes)
+                    .for_each(|(size, slope)| *size = size.max(slope.abs()));
+            }
+            sizes
+        };
+        let mut persists = vec![true; self.wanted.len()];
+        for crossing in determined.crossings() {
+            let [far, near] = crossing.approach_rad().map(sizes_at);
+            for (persists, sizes) in persists.iter_mut().zip(far.into_iter().zip(near)) {
+                *persists &= !is_unbounded(sizes.into());
+            }
+        }
+        persists
     }
 
     /// Sets `weights` to the derivatives of the displacement d with respect to the states at the stages of a path segment,
@@ -499,7 +557,7 @@ impl<T: Number, const D: usize> Weighted<T, D> {
     ) -> Self {
         let zero = T::splat(0.0);
         let mut weighted = Self { null: [[zero; D]; D], constraint_n: [zero; MAX_LINKS] };
-        let Some(constraints) = &model.constraints else { return weighted };
+        let Some(constraints) = model.constraints() else { return weighted };
         let node: &Node<T, C> = &element.nodes[j];
         let posture = model.kinematics(node, &element.stages[j]);
         let rate = element.rate(j);
@@ -521,7 +579,7 @@ impl<T: Number, const D: usize> Weighted<T, D> {
     ) -> Virtual<T> {
         let mut along = Virtual::none();
         let mut velocity = *factors;
-        if let Some(constraints) = &model.constraints {
+        if let Some(constraints) = model.constraints() {
             velocity = [T::splat(0.0); D];
             for (row, factor) in factors.iter().enumerate() {
                 match constraints.equation(row) {

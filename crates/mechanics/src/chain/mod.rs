@@ -1,13 +1,14 @@
 //! Motions of chains of two to eight links.
 //!
 //! In reading order: `plane`, vectors and moving points; `wave`, commands; `cluster`, the links between which all joints
-//! are driven; `balance`, the equations of motion; `constraint`, wheels that cannot skid; `model`, the states;
+//! are driven; `balance`, the equations of motion; `constraint` and `determined`, wheels that cannot skid; `model`, the states;
 //! `response`, their initial guess; `forces`; `derivative`; `solver`.
 
 mod balance;
 mod cluster;
 mod constraint;
 mod derivative;
+mod determined;
 mod forces;
 mod links;
 mod model;

@@ -1,8 +1,6 @@
 //! Equations of motion of a chain: ordinary differential equations in minimal states or, where wheels cannot skid, a
 //! system with algebraic equations of index 1.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{DMatrix, DVector};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
@@ -10,15 +8,15 @@ use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
 use super::constraint::Constraints;
+use super::determined::Determined;
 use super::forces::{ChainSample, power_and_loss_w, sample};
 use super::links::Motion;
 use super::response::Response;
 use super::wave::Wave;
 use super::{ChainProblem, metrics_of};
+use crate::Result;
 use crate::cycle::Cycle;
-use crate::radau::bisect;
 use crate::reduced::{MAX_TRACKED, Reduced, Residual};
-use crate::{MotionError, Result};
 
 /// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then
 /// the rates and then the angles of the free joints, in the order of the clusters: `N` = 2 `C` + 1 states for `C`
@@ -28,9 +26,19 @@ use crate::{MotionError, Result};
 pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
     pub problem: ChainProblem,
     pub system: System,
-    pub constraints: Option<Constraints<D>>,
+    pub wheels: Wheels<D>,
     /// Commands of the joints from front to rear, or the angles at which their springs are relaxed.
     commands: [Wave; MAX_JOINTS],
+}
+
+/// What the wheels may do.
+#[derive(Debug, Clone)]
+pub(super) enum Wheels<const D: usize> {
+    Skid,
+    /// They cannot skid; constraints replace some of the equations of motion.
+    Roll(Constraints<D>),
+    /// They cannot skid, and constraints and commands determine the motion.
+    Follow(Determined),
 }
 
 impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
@@ -40,14 +48,17 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     /// Returns an error if the constraints of the wheels depend on each other, or if velocities are unbounded at a
     /// phase.
     pub(super) fn new(problem: ChainProblem) -> Result<Self> {
-        let constraints =
-            (!problem.laws.skids()).then(|| Constraints::new::<C>(&problem)).transpose()?;
-        let model = Self::with_constraints(problem, constraints);
-        model.check_bounded()?;
+        let mut model = Self::with_wheels(problem, Wheels::Skid);
+        let problem = &model.problem;
+        if problem.is_determined() {
+            model.wheels = Wheels::Follow(Determined::new(&model.system, &problem.chain)?);
+        } else if !problem.laws.skids() {
+            model.wheels = Wheels::Roll(Constraints::new::<C>(problem)?);
+        }
         Ok(model)
     }
 
-    fn with_constraints(problem: ChainProblem, constraints: Option<Constraints<D>>) -> Self {
+    fn with_wheels(problem: ChainProblem, wheels: Wheels<D>) -> Self {
         const { assert!(N == 2 * C + 1 && D == C + 2) };
         let is_linear = problem.laws.are_linear();
         let clusters = Clusters::new(&problem.chain, problem.omega_rad_s, is_linear);
@@ -55,63 +66,29 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         for (command, joint) in commands.iter_mut().zip(&problem.chain.joints) {
             *command = Wave::new(joint.command());
         }
-        Self { problem, system: System::new(clusters), constraints, commands }
+        Self { problem, system: System::new(clusters), wheels, commands }
+    }
+
+    pub(super) fn constraints(&self) -> Option<&Constraints<D>> {
+        match &self.wheels {
+            Wheels::Roll(constraints) => Some(constraints),
+            Wheels::Skid | Wheels::Follow(_) => None,
+        }
     }
 
     /// Returns the row of the residual that is the equation of motion along the reference link or, where wheels cannot
     /// skid, along the first direction in which the chain can move; `None` if it cannot.
     pub(super) fn forward_row(&self) -> Option<usize> {
-        match &self.constraints {
-            None => Some(0),
-            Some(constraints) => constraints.row_of_motion(),
+        match &self.wheels {
+            Wheels::Skid => Some(0),
+            Wheels::Roll(constraints) => constraints.row_of_motion(),
+            Wheels::Follow(_) => None,
         }
     }
 
     /// Returns the same equations for another problem, whose chain has the same joints and wheels.
     pub(super) fn with_problem(&self, problem: ChainProblem) -> Self {
-        Self::with_constraints(problem, self.constraints.clone())
-    }
-
-    /// Checks that velocities are bounded at all phases if no joint is free and there are as many constraints as
-    /// velocities. Where the constraints depend on each other, the velocities are bounded if the commands meet a
-    /// condition (eq. 5 of the paper); otherwise they grow with the reciprocal of the distance in phase.
-    fn check_bounded(&self) -> Result<()> {
-        const PHASES: u32 = 720;
-        const BISECTIONS: usize = 30;
-        const NEAR_RAD: [f64; 2] = [1e-2, 1e-4];
-        const MAX_GROWTH: f64 = 10.0;
-        const DEPENDENT: f64 = 1e-9;
-        let Some(constraints) = self.constraints.as_ref().filter(|_| C == 1) else { return Ok(()) };
-        if self.system.wheels.len() < D {
-            return Ok(());
-        }
-        let at_rest = |phase_rad: f64| {
-            let node = self.node(phase_rad);
-            (node, self.kinematics(&node, &[0.0; N]))
-        };
-        let determinant = |phase_rad: f64| {
-            let (node, posture) = at_rest(phase_rad);
-            constraints.determinant(&self.system, &node, &posture)
-        };
-        let phases_rad = (0..=PHASES).map(|i| TAU * (f64::from(i) + 0.5) / f64::from(PHASES));
-        let known: Vec<(f64, f64)> =
-            phases_rad.map(|phase_rad| (phase_rad, determinant(phase_rad))).collect();
-        let largest = known.iter().fold(0.0_f64, |largest, (_, size)| largest.max(size.abs()));
-        if largest <= DEPENDENT * self.problem.chain.skid_length_m {
-            return Err(MotionError::Dependent);
-        }
-        for pair in known.windows(2).filter(|pair| pair[0].1 * pair[1].1 <= 0.0) {
-            let phase_rad = bisect(determinant, pair[0].0, pair[1].0, BISECTIONS);
-            let [far, near] = NEAR_RAD.map(|near_rad| {
-                let (node, posture) = at_rest(phase_rad + near_rad);
-                let velocities = constraints.rest_velocities(&self.system, &node, &posture);
-                velocities.into_iter().fold(0.0_f64, |largest, one| largest.max(one.abs()))
-            });
-            if near > MAX_GROWTH * far {
-                return Err(MotionError::Unbounded { phase_rad });
-            }
-        }
-        Ok(())
+        Self::with_wheels(problem, self.wheels.clone())
     }
 
     /// Evaluates the residual, with its derivatives if `SLOPES`; `residual` must be zero.
@@ -123,10 +100,17 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         dy: &[T; N],
         residual: &mut Residual<N, T>,
     ) {
+        if let Wheels::Follow(_) = &self.wheels {
+            for i in 0..3 {
+                residual.value[i] = y[i] - node.determined[i];
+                residual.state_jacobian[i][i] = T::splat(1.0);
+            }
+            return;
+        }
         let posture = self.kinematics(node, y);
         let acceleration: [T; D] = std::array::from_fn(|i| dy[i]);
         let balance = self.system.balance::<T, C, D, SLOPES>(node, &posture, &acceleration);
-        if let Some(constraints) = &self.constraints {
+        if let Wheels::Roll(constraints) = &self.wheels {
             constraints.apply::<T, N, C, SLOPES>(&self.system, node, &posture, &balance, residual);
             return;
         }
@@ -171,7 +155,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     type Sample = ChainSample;
 
     fn skids(&self) -> bool {
-        self.constraints.is_none()
+        matches!(self.wheels, Wheels::Skid)
     }
 
     fn is_linear(&self) -> bool {
@@ -203,12 +187,23 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     fn guess(&self) -> impl Fn(f64) -> [f64; N] {
         let rest = self.at_rest();
         let response = (C > 1).then(|| Response::find(self)).flatten();
-        move |phase_rad| response.as_ref().map_or(rest, |response| response.at(phase_rad))
+        move |phase_rad| match (&self.wheels, &response) {
+            (Wheels::Follow(determined), _) => {
+                let velocities = determined.velocities(&self.system, phase_rad);
+                std::array::from_fn(|i| velocities[i])
+            }
+            (_, Some(response)) => response.at(phase_rad),
+            (_, None) => rest,
+        }
     }
 
     #[inline(always)]
     fn node<T: Number>(&self, phase_rad: T) -> Node<T, C> {
-        self.system.node(phase_rad)
+        let mut node = self.system.node(phase_rad);
+        if let Wheels::Follow(determined) = &self.wheels {
+            node.determined = determined.velocities(&self.system, phase_rad);
+        }
+        node
     }
 
     // Not inlined, because the equations are long and there are many.
@@ -299,10 +294,13 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.
     fn rates(&self, phase_rad: f64, node: &Node<f64, C>, y: &[f64; N]) -> [f64; N] {
         const STEP_RAD: f64 = 1e-5;
+        if let Wheels::Follow(determined) = &self.wheels {
+            return determined.rates(&self.system, phase_rad);
+        }
         let residual = self.residual(node, y, &[0.0; N]);
         let mut matrix = DMatrix::from_fn(D, D, |i, j| residual.rate_jacobian[i][j]);
         let mut right = DVector::from_fn(D, |i, _| -residual.value[i]);
-        if let Some(constraints) = &self.constraints {
+        if let Some(constraints) = self.constraints() {
             let step_s = STEP_RAD / self.problem.omega_rad_s;
             let [before, after] = [-1.0, 1.0].map(|sign| {
                 let mut moved = *y;
@@ -355,11 +353,15 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
             let joint = self.system.clusters.all[c].joint;
             state[D + c - 1] = self.problem.chain.rest_angle_rad(joint);
         }
-        if let Some(constraints) = &self.constraints {
-            let node = self.node(0.0);
-            let velocities =
-                constraints.rest_velocities(&self.system, &node, &self.kinematics(&node, &state));
-            state[..D].copy_from_slice(&velocities);
+        let node = self.node(0.0);
+        match &self.wheels {
+            Wheels::Skid => {}
+            Wheels::Roll(constraints) => {
+                let posture = self.kinematics(&node, &state);
+                let velocities = constraints.rest_velocities(&self.system, &node, &posture);
+                state[..D].copy_from_slice(&velocities);
+            }
+            Wheels::Follow(_) => state[..3].copy_from_slice(&node.determined),
         }
         state
     }
