@@ -14,7 +14,7 @@
 
 use std::fmt::Debug;
 
-use super::{LinkNumber, Number, Parameter, Quantity, Robot, WheelFriction};
+use super::{Laws, LinkNumber, Number, Parameter, Quantity, Robot, WheelFriction};
 
 /// Friction law for a robot's wheels. Forces are resistances, so they have the sign of the velocity.
 pub trait Friction: Copy + Debug + Send + Sync + 'static {
@@ -32,6 +32,19 @@ pub trait Friction: Copy + Debug + Send + Sync + 'static {
     /// Returns the resistance (N) of a wheel to rolling at a velocity (m/s), and its derivative with respect
     /// to the velocity (kg/s).
     fn roll<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2];
+
+    /// Returns whether, under the given laws of a model, every friction force is proportional to the wheel's velocity in
+    /// the direction of the force.
+    fn is_linear(laws: Laws) -> bool;
+
+    /// Returns the derivatives of the resistances to rolling and to skidding at the given velocities with respect to a
+    /// number of the wheel: N per unit of the number; zero for a number on which they do not depend.
+    fn slopes<T: Number>(
+        wheel: &WheelFriction,
+        number: LinkNumber,
+        roll_m_s: T,
+        skid_m_s: T,
+    ) -> [T; 2];
 
     /// Calls `add` for each parameter on which a wheel's skid resistance depends, with the index of the
     /// parameter and the derivative of the resistance with respect to the parameter. Indices count the
@@ -51,6 +64,14 @@ impl Friction for Viscous {
     const SKID: &'static [Parameter] = &Quantity::Skid.of_each();
     const ROLL: &'static [Parameter] = &Quantity::Roll.of_each();
     const IS_LINEAR: bool = true;
+
+    fn is_linear(_: Laws) -> bool {
+        true
+    }
+
+    fn slopes<T: Number>(_: &WheelFriction, _: LinkNumber, _: T, _: T) -> [T; 2] {
+        [T::splat(0.0); 2]
+    }
 
     #[inline(always)]
     fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
@@ -92,6 +113,33 @@ impl Friction for Dry {
         &parameters::<7>(&[Quantity::Roll, Quantity::RollDry, Quantity::Transition]);
     const IS_LINEAR: bool = false;
 
+    fn is_linear(laws: Laws) -> bool {
+        laws.are_linear()
+    }
+
+    fn slopes<T: Number>(
+        wheel: &WheelFriction,
+        number: LinkNumber,
+        roll_m_s: T,
+        skid_m_s: T,
+    ) -> [T; 2] {
+        let zero = T::splat(0.0);
+        let roll = || Law::roll(wheel).slopes(roll_m_s);
+        let skid = || Law::skid(wheel).slopes(skid_m_s);
+        match number {
+            LinkNumber::Roll => [roll_m_s, zero],
+            LinkNumber::Skid => [zero, skid_m_s],
+            LinkNumber::RollDry => [roll().dry + roll().static_, zero],
+            LinkNumber::SkidDry => [zero, skid().dry],
+            LinkNumber::SkidStatic => [zero, skid().static_],
+            LinkNumber::Stribeck => [zero, skid().stribeck],
+            LinkNumber::SkidPower => [zero, skid().power],
+            LinkNumber::SkidExponent => [zero, skid().exponent],
+            LinkNumber::Transition => [roll().transition, skid().transition],
+            _ => [zero; 2],
+        }
+    }
+
     #[inline(always)]
     fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
         Law::skid(wheel).force(velocity)
@@ -130,28 +178,6 @@ impl Friction for Dry {
         add(wheel, slopes.viscous);
         add(3 + wheel, slopes.dry);
         add(6, slopes.transition);
-    }
-}
-
-impl WheelFriction {
-    /// Returns the derivatives of the resistances to rolling and to skidding at the given velocities with respect to a
-    /// number of the wheel: N per unit of the number; zero for a number that is not one of friction.
-    pub fn slopes<T: Number>(&self, number: LinkNumber, roll_m_s: T, skid_m_s: T) -> [T; 2] {
-        let zero = T::splat(0.0);
-        let skid = || Law::skid(self).slopes(skid_m_s);
-        let roll = || Law::roll(self).slopes(roll_m_s);
-        match number {
-            LinkNumber::Roll => [roll_m_s, zero],
-            LinkNumber::Skid => [zero, skid_m_s],
-            LinkNumber::RollDry => [roll().dry + roll().static_, zero],
-            LinkNumber::SkidDry => [zero, skid().dry],
-            LinkNumber::SkidStatic => [zero, skid().static_],
-            LinkNumber::Stribeck => [zero, skid().stribeck],
-            LinkNumber::SkidPower => [zero, skid().power],
-            LinkNumber::SkidExponent => [zero, skid().exponent],
-            LinkNumber::Transition => [roll().transition, skid().transition],
-            _ => [zero; 2],
-        }
     }
 }
 

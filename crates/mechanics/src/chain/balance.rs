@@ -14,7 +14,7 @@
 //! terms the derivatives with respect to the velocity of the reference link and the turning rates of all clusters are
 //! inner products or moments of two vectors; sums over the clusters beyond each joint convert them to joint rates.
 
-use trilink_robot::{Dry, Friction, MAX_LINKS, Number, WheelFriction};
+use trilink_robot::{Friction, MAX_LINKS, Number, WheelFriction};
 
 use super::cluster::{ClusterNode, Clusters, WheelNode, velocity_of};
 use super::plane::{Moving, Vector, inner, moment, normal, rotated, scaled, sum};
@@ -176,7 +176,7 @@ impl System {
 
     /// Returns the power dissipated by the wheels, by drag and by the dampers of the free joints, W.
     #[inline(always)]
-    pub(super) fn loss_w<T: Number, const C: usize>(
+    pub(super) fn loss_w<T: Number, F: Friction, const C: usize>(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
@@ -188,8 +188,8 @@ impl System {
                 + T::splat(self.clusters.all[c].free.damping_nm_s_rad) * rate * rate;
         }
         for (_, WheelState { roll_m_s, skid_m_s, .. }, friction) in self.rubbing(node, posture) {
-            loss += Dry::roll(friction, roll_m_s)[0] * roll_m_s
-                + Dry::skid(friction, skid_m_s)[0] * skid_m_s;
+            loss += F::roll(friction, roll_m_s)[0] * roll_m_s
+                + F::skid(friction, skid_m_s)[0] * skid_m_s;
         }
         loss
     }
@@ -197,7 +197,13 @@ impl System {
     /// Evaluates the left-hand side of the equations of motion at a posture with the time derivatives `acceleration` of
     /// the velocities, and its derivatives if `SLOPES`.
     #[inline(always)]
-    pub(super) fn balance<T: Number, const C: usize, const D: usize, const SLOPES: bool>(
+    pub(super) fn balance<
+        T: Number,
+        F: Friction,
+        const C: usize,
+        const D: usize,
+        const SLOPES: bool,
+    >(
         &self,
         node: &Node<T, C>,
         posture: &Posture<T, C>,
@@ -238,8 +244,8 @@ impl System {
                     (0..3).for_each(|j| slopes[i][j] += slope * row[i] * row[j]);
                 }
             };
-            add(direction, Dry::roll(friction, roll_m_s));
-            add(normal(direction), Dry::skid(friction, skid_m_s));
+            add(direction, F::roll(friction, roll_m_s));
+            add(normal(direction), F::skid(friction, skid_m_s));
         }
         let mut turning = [acceleration[2]; C];
         let mut moments = [[zero; 2]; C];

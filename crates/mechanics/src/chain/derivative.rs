@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use trilink_robot::{
-    ChainError, ChainNumber, CommandNumber, Joint, Lanes, MAX_LINKS, Number, Pose,
+    ChainError, ChainNumber, CommandNumber, Friction, Joint, Lanes, MAX_LINKS, Number, Pose,
 };
 
 use super::balance::Node;
@@ -101,10 +101,10 @@ impl Wanted {
 }
 
 /// Returns the derivatives of the solution `orbit` with respect to numbers of the chain of `problem`.
-pub(super) fn slopes<const N: usize, const C: usize, const D: usize>(
+pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction>(
     problem: &ChainProblem,
-    model: &Model<N, C, D>,
-    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+    model: &Model<N, C, D, F>,
+    orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
     numbers: &[ChainNumber],
 ) -> Result<Vec<ChainSlopes>> {
     let wanted: Vec<Wanted> =
@@ -150,8 +150,8 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize>(
 }
 
 /// Returns the derivatives with respect to a number, given those of the quantities.
-fn slopes_of<const N: usize, const C: usize, const D: usize>(
-    model: &Model<N, C, D>,
+fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
+    model: &Model<N, C, D, F>,
     number: ChainNumber,
     is_odd: bool,
     of: impl Fn(Quantity) -> f64,
@@ -185,8 +185,8 @@ fn slopes_of<const N: usize, const C: usize, const D: usize>(
 }
 
 /// Solution whose derivatives are computed.
-struct Differentiation<'a, const N: usize, const C: usize, const D: usize> {
-    model: &'a Model<N, C, D>,
+struct Differentiation<'a, const N: usize, const C: usize, const D: usize, F: Friction> {
+    model: &'a Model<N, C, D, F>,
     wanted: &'a [Wanted],
     /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh, and those for a
     /// change that has opposite effects in the two halves of the period.
@@ -196,10 +196,10 @@ struct Differentiation<'a, const N: usize, const C: usize, const D: usize> {
     dsigma_dskid: [f64; MAX_LINKS],
 }
 
-impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, C, D> {
+impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differentiation<'a, N, C, D, F> {
     fn new(
-        model: &'a Model<N, C, D>,
-        orbit: &PeriodicOrbit<N, Model<N, C, D>>,
+        model: &'a Model<N, C, D, F>,
+        orbit: &PeriodicOrbit<N, Model<N, C, D, F>>,
         cycle: &Cycle<N>,
         wanted: &'a [Wanted],
     ) -> Self {
@@ -237,7 +237,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
     fn of(
         &self,
         quantities: &[Quantity],
-        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
         adjoint: &mut Adjoint<N, TOGETHER>,
     ) -> Result<Vec<f64>> {
         let count = self.wanted.len();
@@ -292,7 +292,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
             for j in 0..STAGES {
                 let weighted = Weighted::new(self.model, &element, j);
                 let at = self.resisted(&motions[j], weighted.constraint_n);
-                let factors = adjoint.factors::<Model<N, C, D>>(pack, j);
+                let factors = adjoint.factors::<Model<N, C, D, F>>(pack, j);
                 for (q, quantity) in quantities.iter().enumerate() {
                     let own = &mut sums[q * count..][..count];
                     let rows = std::array::from_fn(|i| -factors[i][q]);
@@ -325,7 +325,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
     #[inline(always)]
     fn motions<T: Number>(
         &self,
-        element: &Element<N, Model<N, C, D>, T>,
+        element: &Element<N, Model<N, C, D, F>, T>,
         phases_rad: &[T; STAGES],
     ) -> [Motion<T>; STAGES] {
         std::array::from_fn(|j| {
@@ -343,7 +343,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
         'a: 'm,
     {
         let ChainProblem { chain, omega_rad_s, .. } = &self.model.problem;
-        Resisted::new(chain, motion, *omega_rad_s, constraint_n)
+        Resisted::new::<F>(chain, motion, *omega_rad_s, constraint_n)
     }
 
     /// Returns the power whose derivatives are those of a quantity's direct dependence on the motion at stage `j`, given
@@ -442,7 +442,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
     fn path(
         &self,
         dd_dend: [f64; 3],
-        leg: &Leg<N, Model<N, C, D>>,
+        leg: &Leg<N, Model<N, C, D, F>>,
         duration_s: Lanes,
         weights: &mut Stages<N, Lanes>,
     ) {
@@ -454,7 +454,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
         for j in 0..STAGES {
             let weight = Lanes::splat(RADAU.integrate[STAGES - 1][j]) * duration_s;
             let (sin, cos) = leg.directions[j];
-            let [u, v, _] = Model::<N, C, D>::body(&leg.states[j]);
+            let [u, v, _] = Model::<N, C, D, F>::body(&leg.states[j]);
             let along = dd_dx * cos + dd_dy * sin;
             let across = dd_dy * cos - dd_dx * sin;
             weights[j][0] = weight * along;
@@ -473,7 +473,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
     fn range(
         &self,
         joint: usize,
-        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
         sums: &mut [f64],
     ) -> Result<OfElements<N>> {
         let PeriodicOrbit { mesh, path, workspace, .. } = orbit;
@@ -498,7 +498,7 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
         joint: usize,
         extreme: &TurningPoint<N>,
         weight: f64,
-        orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
         sums: &mut [f64],
     ) -> Result<[f64; N]> {
         let error = orbit.not_converged();
@@ -512,11 +512,11 @@ impl<'a, const N: usize, const C: usize, const D: usize> Differentiation<'a, N, 
             RADAU.nodes.map(|node| mesh.phase_rad(extreme.element, extreme.fraction * node));
         workspace.linearise(0, self.model, &element, true);
         let angle = D + joint;
-        let by_start = workspace.end_transfer::<N, Model<N, C, D>>(0, duration_s)[angle];
+        let by_start = workspace.end_transfer::<N, Model<N, C, D, F>>(0, duration_s)[angle];
         let mut end = [0.0; N];
         end[angle] = weight;
         let mut rows = vec![[0.0; 1]; D * STAGES];
-        workspace.adjoint_factors::<N, Model<N, C, D>, 1>(0, duration_s, &[end], &mut rows);
+        workspace.adjoint_factors::<N, Model<N, C, D, F>, 1>(0, duration_s, &[end], &mut rows);
         for (j, motion) in self.motions(&element, &phases_rad).iter().enumerate() {
             let weighted = Weighted::new(self.model, &element, j);
             let at = self.resisted(motion, weighted.constraint_n);
@@ -550,9 +550,9 @@ struct Weighted<T, const D: usize> {
 }
 
 impl<T: Number, const D: usize> Weighted<T, D> {
-    fn new<const N: usize, const C: usize>(
-        model: &Model<N, C, D>,
-        element: &Element<N, Model<N, C, D>, T>,
+    fn new<const N: usize, const C: usize, F: Friction>(
+        model: &Model<N, C, D, F>,
+        element: &Element<N, Model<N, C, D, F>, T>,
         j: usize,
     ) -> Self {
         let zero = T::splat(0.0);
@@ -562,7 +562,7 @@ impl<T: Number, const D: usize> Weighted<T, D> {
         let posture = model.kinematics(node, &element.stages[j]);
         let rate = element.rate(j);
         let acceleration: [T; D] = std::array::from_fn(|i| rate[i]);
-        let force = model.system.balance::<T, C, D, false>(node, &posture, &acceleration).force;
+        let force = model.system.balance::<T, F, C, D, false>(node, &posture, &acceleration).force;
         let (null, forces) = constraints.directions(&model.system, node, &posture, &force);
         weighted.null = null;
         for ((_, link, _), force) in model.system.wheels.iter().zip(forces) {
@@ -572,9 +572,9 @@ impl<T: Number, const D: usize> Weighted<T, D> {
     }
 
     /// Returns the virtual motion whose power is the sum of the residuals times the given factors.
-    fn along<const N: usize, const C: usize>(
+    fn along<const N: usize, const C: usize, F: Friction>(
         &self,
-        model: &Model<N, C, D>,
+        model: &Model<N, C, D, F>,
         factors: &[T; D],
     ) -> Virtual<T> {
         let mut along = Virtual::none();

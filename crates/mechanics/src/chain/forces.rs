@@ -1,7 +1,7 @@
 //! Forces on a chain: wheel forces, joint torques and power.
 
 use nalgebra::{DMatrix, DVector};
-use trilink_robot::{FreeJoint, Joint, MAX_JOINTS, MAX_LINKS, Number, Pose};
+use trilink_robot::{FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::ChainProblem;
 use super::links::Motion;
@@ -99,16 +99,16 @@ impl<T: Number> Loads<T> {
 }
 
 /// Returns the power of the actuators and the power dissipated, W.
-pub(super) fn power_and_loss_w<T: Number>(problem: &ChainProblem, motion: &Motion<T>) -> [T; 2] {
-    let at = resisted(problem, motion);
+pub(super) fn power_and_loss_w<T: Number, F: Friction>(problem: &ChainProblem, motion: &Motion<T>) -> [T; 2] {
+    let at = resisted::<_, F>(problem, motion);
     let Loads { power_w, loss_w, .. } = Loads::new(problem, &at);
     [power_w, loss_w]
 }
 
 /// Returns the sample of a motion, without its time and pose.
-pub(super) fn sample(problem: &ChainProblem, motion: &Motion<f64>) -> ChainSample {
+pub(super) fn sample<F: Friction>(problem: &ChainProblem, motion: &Motion<f64>) -> ChainSample {
     let ChainProblem { chain, laws, .. } = problem;
-    let at = resisted(problem, motion);
+    let at = resisted::<_, F>(problem, motion);
     let Loads { supplied, own_torques, power_w, loss_w } = Loads::new(problem, &at);
     let joints = &motion.joints[..chain.joints.len()];
     let missing = vec![f64::NAN; chain.links.len()];
@@ -166,9 +166,9 @@ pub(super) fn sample(problem: &ChainProblem, motion: &Motion<f64>) -> ChainSampl
     sample
 }
 
-fn resisted<'a, T: Number>(problem: &'a ChainProblem, motion: &'a Motion<T>) -> Resisted<'a, T> {
+fn resisted<'a, T: Number, F: Friction>(problem: &'a ChainProblem, motion: &'a Motion<T>) -> Resisted<'a, T> {
     let ChainProblem { chain, omega_rad_s, .. } = problem;
-    Resisted::new(chain, motion, *omega_rad_s, [T::splat(0.0); MAX_LINKS])
+    Resisted::new::<F>(chain, motion, *omega_rad_s, [T::splat(0.0); MAX_LINKS])
 }
 
 /// Returns the row whose product with the velocities of the reference link and the rates of the joints is the skid

@@ -1,6 +1,6 @@
 //! Motion of the single links of a chain, and the contact of their wheels.
 
-use trilink_robot::{Chain, Dry, Friction, MAX_JOINTS, MAX_LINKS, Number};
+use trilink_robot::{Chain, Friction, MAX_JOINTS, MAX_LINKS, Number};
 
 use super::plane::{Heading, Moving, Vector, inner, normal, rotated};
 
@@ -120,15 +120,19 @@ pub(super) struct Contact<T> {
 impl<T: Number> Contact<T> {
     /// Returns the contact of a link's wheel; `None` if it has none.
     #[inline(always)]
-    pub(super) fn of(chain: &Chain, links: &Links<T>, link: usize) -> Option<Self> {
+    pub(super) fn of<F: Friction>(
+        chain: &Chain,
+        links: &Links<T>,
+        link: usize,
+    ) -> Option<Self> {
         let wheel = chain.links[link].wheel.as_ref()?;
         let (sin, cos) = wheel.steer_rad.sin_cos();
         let direction = rotated(links.heading[link].turn, [T::splat(cos), T::splat(sin)]);
         let point = links.point(link, wheel.place_m);
         let roll_m_s = inner(direction, point.rate);
         let skid_m_s = inner(normal(direction), point.rate);
-        let roll = Dry::roll(&wheel.friction, roll_m_s);
-        let skid = Dry::skid(&wheel.friction, skid_m_s);
+        let roll = F::roll(&wheel.friction, roll_m_s);
+        let skid = F::skid(&wheel.friction, skid_m_s);
         Some(Self { direction, point, roll_m_s, skid_m_s, roll, skid })
     }
 }

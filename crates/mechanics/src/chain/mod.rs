@@ -21,7 +21,7 @@ mod wave;
 use std::f64::consts::TAU;
 
 use trilink_robot::metrics::{GaitMetrics, MotionStatus, padded};
-use trilink_robot::{Chain, ChainError, ChainNumber, Joint, Laws, WheelFriction};
+use trilink_robot::{Chain, ChainError, ChainNumber, Dry, Friction, Joint, Laws, WheelFriction};
 
 pub use derivative::ChainSlopes;
 pub use forces::ChainSample;
@@ -113,9 +113,9 @@ pub struct ChainAttractor {
 }
 
 /// Returns the motion of the last solution, given its measurements.
-fn motion_of<const N: usize, const C: usize, const D: usize>(
-    model: &Model<N, C, D>,
-    orbit: &mut PeriodicOrbit<N, Model<N, C, D>>,
+fn motion_of<const N: usize, const C: usize, const D: usize, F: Friction>(
+    model: &Model<N, C, D, F>,
+    orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
     cycle: &Cycle<N>,
 ) -> Result<ChainMotion> {
     let [work_j, loss_j] = work_and_loss_j(model, &orbit.mesh);
@@ -126,8 +126,8 @@ fn motion_of<const N: usize, const C: usize, const D: usize>(
 }
 
 /// Returns the metrics of a motion, given its measurements.
-fn metrics_of<const N: usize, const C: usize, const D: usize>(
-    model: &Model<N, C, D>,
+fn metrics_of<const N: usize, const C: usize, const D: usize, F: Friction>(
+    model: &Model<N, C, D, F>,
     cycle: &Cycle<N>,
 ) -> ChainMetrics {
     let ChainProblem { chain, omega_rad_s, .. } = &model.problem;
@@ -192,12 +192,12 @@ impl ChainProblem {
     /// # Errors
     /// Returns an error if the description of the chain is wrong, or if the motion cannot be integrated.
     pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<ChainSample>> {
-        self.checked()?.steady()?.cycles_from_rest(cycles, samples)
+        self.checked()?.steady::<Dry>()?.cycles_from_rest(cycles, samples)
     }
 
     /// Returns the motion from rest as [`AnyProblem::varied_transient`](crate::AnyProblem::varied_transient) does.
     pub(crate) fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<Posture>> {
-        self.checked()?.steady()?.transient(frames, tolerance)
+        self.checked()?.steady::<Dry>()?.transient(frames, tolerance)
     }
 
     /// Solves for the steady-state motion as [`ChainProblem::solve`] does, and for its derivatives with respect to
@@ -221,7 +221,7 @@ impl ChainProblem {
         problem_at: &dyn Fn(f64) -> Self,
         sweep: &Sweep,
     ) -> Result<Vec<Branch>> {
-        self.checked()?.steady()?.branches(problem_at, sweep)
+        self.checked()?.steady::<Dry>()?.branches(problem_at, sweep)
     }
 
     fn solved(&self, accuracy: f64) -> Result<ChainSolver> {
@@ -282,17 +282,17 @@ impl ChainProblem {
         Ok(problem)
     }
 
-    /// Returns the equations of motion for the number of free joints.
-    fn steady(self) -> Result<Box<dyn Steady>> {
+    /// Returns the equations of motion for the number of free joints, under the friction law `F`.
+    fn steady<F: Friction>(self) -> Result<Box<dyn Steady>> {
         match self.chain.free_joints() {
-            0 => Kept::<3, 1, 3>::boxed(self),
-            1 => Kept::<5, 2, 4>::boxed(self),
-            2 => Kept::<7, 3, 5>::boxed(self),
-            3 => Kept::<9, 4, 6>::boxed(self),
-            4 => Kept::<11, 5, 7>::boxed(self),
-            5 => Kept::<13, 6, 8>::boxed(self),
-            6 => Kept::<15, 7, 9>::boxed(self),
-            _ => Kept::<17, 8, 10>::boxed(self),
+            0 => Kept::<3, 1, 3, F>::boxed(self),
+            1 => Kept::<5, 2, 4, F>::boxed(self),
+            2 => Kept::<7, 3, 5, F>::boxed(self),
+            3 => Kept::<9, 4, 6, F>::boxed(self),
+            4 => Kept::<11, 5, 7, F>::boxed(self),
+            5 => Kept::<13, 6, 8, F>::boxed(self),
+            6 => Kept::<15, 7, 9, F>::boxed(self),
+            _ => Kept::<17, 8, 10, F>::boxed(self),
         }
     }
 }

@@ -1,9 +1,11 @@
 //! Equations of motion of a chain: ordinary differential equations in minimal states or, where wheels cannot skid, a
 //! system with algebraic equations of index 1.
 
+use std::marker::PhantomData;
+
 use nalgebra::{DMatrix, DVector};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
+use trilink_robot::{Friction, Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
@@ -23,12 +25,13 @@ use crate::reduced::{MAX_TRACKED, Reduced, Residual};
 /// clusters and `D` = `C` + 2 velocities. Where the wheels cannot skid, constraints replace some of the equations of
 /// motion.
 #[derive(Debug, Clone)]
-pub(super) struct Model<const N: usize, const C: usize, const D: usize> {
+pub(super) struct Model<const N: usize, const C: usize, const D: usize, F> {
     pub problem: ChainProblem,
     pub system: System,
     pub wheels: Wheels<D>,
     /// Commands of the joints from front to rear, or the angles at which their springs are relaxed.
     commands: [Wave; MAX_JOINTS],
+    friction: PhantomData<F>,
 }
 
 /// What the wheels may do.
@@ -41,7 +44,7 @@ pub(super) enum Wheels<const D: usize> {
     Follow(Determined),
 }
 
-impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
+impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D, F> {
     /// Creates the equations for a problem whose unused coefficients are zero.
     ///
     /// # Errors
@@ -60,13 +63,13 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
 
     fn with_wheels(problem: ChainProblem, wheels: Wheels<D>) -> Self {
         const { assert!(N == 2 * C + 1 && D == C + 2) };
-        let is_linear = problem.laws.are_linear();
+        let is_linear = F::is_linear(problem.laws);
         let clusters = Clusters::new(&problem.chain, problem.omega_rad_s, is_linear);
         let mut commands = [Wave::default(); MAX_JOINTS];
         for (command, joint) in commands.iter_mut().zip(&problem.chain.joints) {
             *command = Wave::new(joint.command());
         }
-        Self { problem, system: System::new(clusters), wheels, commands }
+        Self { problem, system: System::new(clusters), wheels, commands, friction: PhantomData }
     }
 
     pub(super) fn constraints(&self) -> Option<&Constraints<D>> {
@@ -109,7 +112,7 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
         }
         let posture = self.kinematics(node, y);
         let acceleration: [T; D] = std::array::from_fn(|i| dy[i]);
-        let balance = self.system.balance::<T, C, D, SLOPES>(node, &posture, &acceleration);
+        let balance = self.system.balance::<T, F, C, D, SLOPES>(node, &posture, &acceleration);
         if let Wheels::Roll(constraints) = &self.wheels {
             constraints.apply::<T, N, C, SLOPES>(&self.system, node, &posture, &balance, residual);
             return;
@@ -145,7 +148,7 @@ impl<const N: usize, const C: usize, const D: usize> Model<N, C, D> {
     }
 }
 
-impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, D> {
+impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for Model<N, C, D, F> {
     const ANGLES: usize = C - 1;
     const INTEGRATED: bool = true;
     const TRACKED: usize = N;
@@ -159,7 +162,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     }
 
     fn is_linear(&self) -> bool {
-        self.problem.laws.are_linear()
+        F::is_linear(self.problem.laws)
     }
 
     fn omega_rad_s(&self) -> f64 {
@@ -176,8 +179,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
     }
 
     fn with_transition_scaled(&self, factor: f64) -> Option<Self> {
-        let is_dry = !self.problem.laws.are_linear();
-        is_dry.then(|| self.with_problem(self.problem.with_transition_scaled(factor)))
+        (!self.is_linear()).then(|| self.with_problem(self.problem.with_transition_scaled(factor)))
     }
 
     fn with_friction_scaled(&self, factor: f64) -> Self {
@@ -272,11 +274,11 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
 
     #[inline(always)]
     fn loss_w<T: Number>(&self, node: &Node<T, C>, state: &Posture<T, C>) -> T {
-        self.system.loss_w(node, state)
+        self.system.loss_w::<T, F, C>(node, state)
     }
 
     fn power_and_loss_w(&self, phase_rad: Lanes, y: &[Lanes; N], dy: &[Lanes; N]) -> [Lanes; 2] {
-        power_and_loss_w(&self.problem, &self.motion(phase_rad, y, dy))
+        power_and_loss_w::<Lanes, F>(&self.problem, &self.motion(phase_rad, y, dy))
     }
 
     fn sample(
@@ -288,7 +290,7 @@ impl<const N: usize, const C: usize, const D: usize> Reduced<N> for Model<N, C, 
         dy: &[f64; N],
     ) -> ChainSample {
         let motion = self.motion(self.problem.omega_rad_s * time_s, y, dy);
-        ChainSample { time_s, pose, ..sample(&self.problem, &motion) }
+        ChainSample { time_s, pose, ..sample::<F>(&self.problem, &motion) }
     }
 
     /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.

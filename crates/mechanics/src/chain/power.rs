@@ -8,7 +8,8 @@
 //! the number of links.
 
 use trilink_robot::{
-    Chain, ChainNumber, FreeJoint, Joint, JointNumber, LinkNumber, MAX_JOINTS, MAX_LINKS, Number,
+    Chain, ChainNumber, FreeJoint, Friction, Joint, JointNumber, LinkNumber, MAX_JOINTS, MAX_LINKS,
+    Number, WheelFriction,
 };
 
 use super::links::{Contact, Hinge, Links, Motion, outwards};
@@ -122,11 +123,13 @@ pub(super) struct Resisted<'a, T> {
     /// Angular accelerations of the rotors relative to their links, rad/s^2.
     rotors: [T; MAX_LINKS],
     omega_rad_s: f64,
+    /// [`Friction::slopes`].
+    slopes: fn(&WheelFriction, LinkNumber, T, T) -> [T; 2],
 }
 
 impl<'a, T: Number> Resisted<'a, T> {
     /// Evaluates a motion; `constraint_n` are the lateral forces on the wheels, by link, that keep them from skidding.
-    pub(super) fn new(
+    pub(super) fn new<F: Friction>(
         chain: &'a Chain,
         motion: &'a Motion<T>,
         omega_rad_s: f64,
@@ -137,12 +140,12 @@ impl<'a, T: Number> Resisted<'a, T> {
         let mut rotors = [T::splat(0.0); MAX_LINKS];
         let (sin, cos) = motion.phase_rad.sin_cos();
         for (i, link) in chain.links.iter().enumerate() {
-            contacts[i] = Contact::of(chain, &links, i);
+            contacts[i] = Contact::of::<F>(chain, &links, i);
             if let Some(rotor) = &link.rotor {
                 [_, _, rotors[i]] = Wave::new(&rotor.angle).at([sin, cos], omega_rad_s);
             }
         }
-        Self { chain, motion, links, contacts, constraint_n, rotors, omega_rad_s }
+        Self { chain, motion, links, contacts, constraint_n, rotors, omega_rad_s, slopes: F::slopes }
     }
 
     pub(super) fn motion(&self) -> &Motion<T> {
@@ -454,7 +457,7 @@ impl<T: Number> Power<'_, '_, T> {
                     return by_roll * skid_m_s - by_skid * roll_m_s + roll[0] * across
                         - lateral * along;
                 }
-                let [roll, skid] = wheel.friction.slopes(number, roll_m_s, skid_m_s);
+                let [roll, skid] = (self.at.slopes)(&wheel.friction, number, roll_m_s, skid_m_s);
                 roll * along + skid * across
             }
         }

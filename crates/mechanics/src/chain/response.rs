@@ -6,8 +6,9 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Complex, DMatrix, DVector};
-use trilink_robot::{LANES, Lanes, Number};
+use trilink_robot::{Friction, LANES, Lanes, Number};
 
+use super::balance::Node;
 use super::model::Model;
 use crate::orbit::sum_of_lanes;
 use crate::reduced::Reduced;
@@ -23,11 +24,11 @@ pub(super) struct Response<const N: usize> {
 
 impl<const N: usize> Response<N> {
     /// Searches for the motion in the direction in which the chain starts; `None` if no such speed is found.
-    pub(super) fn find<const C: usize, const D: usize>(model: &Model<N, C, D>) -> Option<Self> {
+    pub(super) fn find<const C: usize, const D: usize, F: Friction>(model: &Model<N, C, D, F>) -> Option<Self> {
         const DOUBLINGS: i32 = 6;
         const STEPS: usize = 4;
         let row = model.forward_row()?;
-        let packs: [Pack<N, C, D>; PACKS] = std::array::from_fn(|pack| {
+        let packs: [Pack<C>; PACKS] = std::array::from_fn(|pack| {
             let phase = |lane| TAU * (pack * LANES + lane) as f64 / (PACKS * LANES) as f64;
             let phase_rad = Lanes::new(std::array::from_fn(phase));
             let (sin, cos) = Number::sin_cos(phase_rad);
@@ -69,9 +70,9 @@ impl<const N: usize> Response<N> {
     }
 
     /// Returns the response at a speed, and the mean of the forward equation of motion along it.
-    fn at_speed<const C: usize, const D: usize>(
-        model: &Model<N, C, D>,
-        packs: &[Pack<N, C, D>; PACKS],
+    fn at_speed<const C: usize, const D: usize, F: Friction>(
+        model: &Model<N, C, D, F>,
+        packs: &[Pack<C>; PACKS],
         row: usize,
         speed_m_s: f64,
     ) -> Option<(Self, f64)> {
@@ -129,8 +130,8 @@ impl<const N: usize> Response<N> {
 }
 
 /// Phases, one per lane, with their joint commands.
-struct Pack<const N: usize, const C: usize, const D: usize> {
+struct Pack<const C: usize> {
     sin: Lanes,
     cos: Lanes,
-    node: <Model<N, C, D> as Reduced<N>>::Node<Lanes>,
+    node: Node<Lanes, C>,
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use trilink_robot::ChainNumber;
+use trilink_robot::{ChainNumber, Dry, Friction};
 
 use super::derivative::{ChainSlopes, slopes};
 use super::model::Model;
@@ -18,8 +18,10 @@ use crate::{MotionError, Result, trajectory};
 /// Warm-started solver of steady-state motions of chains, which reuses its workspace. A solution starts from the last
 /// one if both motions are of the same kind: with as many free joints, with or without skid, and with or without dry
 /// friction. Otherwise it starts from the model's initial guess.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct ChainSolver {
+    /// Creates the equations of motion of a problem under the solver's friction law.
+    steady: fn(ChainProblem) -> Result<Box<dyn Steady>>,
     kept: Option<Box<dyn Steady>>,
     /// Kind of the motion from which the next solution starts; `None` if it starts from the initial guess.
     start: Option<StartKind>,
@@ -103,22 +105,22 @@ impl Clone for Box<dyn Steady> {
 
 /// Equations of motion with their last solution.
 #[derive(Debug, Clone)]
-pub(super) struct Kept<const N: usize, const C: usize, const D: usize> {
-    model: Model<N, C, D>,
-    orbit: PeriodicOrbit<N, Model<N, C, D>>,
+pub(super) struct Kept<const N: usize, const C: usize, const D: usize, F: Friction> {
+    model: Model<N, C, D, F>,
+    orbit: PeriodicOrbit<N, Model<N, C, D, F>>,
 }
 
-impl<const N: usize, const C: usize, const D: usize> Kept<N, C, D> {
+impl<const N: usize, const C: usize, const D: usize, F: Friction> Kept<N, C, D, F> {
     pub(super) fn boxed(problem: ChainProblem) -> Result<Box<dyn Steady>> {
         Ok(Box::new(Self { model: Model::new(problem)?, orbit: PeriodicOrbit::default() }))
     }
 
-    fn method(&mut self) -> Collocation<'_, N, Model<N, C, D>> {
+    fn method(&mut self) -> Collocation<'_, N, Model<N, C, D, F>> {
         Collocation { model: &self.model, orbit: &mut self.orbit }
     }
 }
 
-impl<const N: usize, const C: usize, const D: usize> Steady for Kept<N, C, D> {
+impl<const N: usize, const C: usize, const D: usize, F: Friction> Steady for Kept<N, C, D, F> {
     fn free_joints(&self) -> usize {
         C - 1
     }
@@ -190,7 +192,18 @@ impl<const N: usize, const C: usize, const D: usize> Steady for Kept<N, C, D> {
     }
 }
 
+impl Default for ChainSolver {
+    fn default() -> Self {
+        Self::with_friction::<Dry>()
+    }
+}
+
 impl ChainSolver {
+    /// Creates a solver with a friction law in place of those of the problems.
+    pub(crate) fn with_friction<F: Friction>() -> Self {
+        Self { steady: ChainProblem::steady::<F>, kept: None, start: None, last: None }
+    }
+
     /// Solves for the metrics of the steady-state periodic motion to a relative `accuracy`.
     ///
     /// # Errors
@@ -282,7 +295,7 @@ impl ChainSolver {
     /// solver has no last solution that could be queried.
     pub(crate) fn successor(&self) -> Self {
         let kept = self.kept.as_ref().map(|kept| kept.successor());
-        Self { kept, start: self.start, last: None }
+        Self { steady: self.steady, kept, start: self.start, last: None }
     }
 
     /// Discards the last solution: the next one starts from the model's initial guess. The workspace is retained.
@@ -305,7 +318,7 @@ impl ChainSolver {
                 let kept = self.kept.insert(kept);
                 result.map(|()| kept)
             }
-            None => Ok(self.kept.insert(problem.steady()?)),
+            None => Ok(self.kept.insert((self.steady)(problem)?)),
         }
     }
 }
