@@ -14,7 +14,7 @@ const REPLICATES: u32 = 200;
 
 /// Returns a search over the frequency, amplitudes and offsets of a robot's gait.
 fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search {
-    let problem = Problem { robot, gait, laws, omega_rad_s: 6.0 }.into();
+    let problem = Problem::new(robot, gait, laws, 6.0);
     let mut free = Command::all(&problem);
     free.truncate(5);
     let bounds = Bounds {

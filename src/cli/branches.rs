@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use trilink_fit::simulate::{AnySetup, number_names, with_number};
-use trilink_mechanics::{AnyProblem, Branch, Problem, branches};
+use trilink_mechanics::{Branch, Problem, branches};
 use trilink_report::branches_drawing;
 use trilink_tables::BranchRow;
 use trilink_tables::config::{Config, did_you_mean};
@@ -144,7 +144,7 @@ impl<'s> Vary<'s> {
     }
 
     /// Returns the steady-state problem at a value of the parameter.
-    fn problem(&self, value: f64) -> AnyProblem {
+    fn problem(&self, value: f64) -> Problem {
         if self.key == OMEGA {
             return self.setup.problem(value);
         }
@@ -154,14 +154,14 @@ impl<'s> Vary<'s> {
 }
 
 /// Returns the problem with a parameter, which is not the frequency, set to a value; `None` if the name is unknown.
-fn with(setup: &AnySetup, key: &str, value: f64, omega_rad_s: f64) -> Option<AnyProblem> {
+fn with(setup: &AnySetup, key: &str, value: f64, omega_rad_s: f64) -> Option<Problem> {
     match setup {
         AnySetup::ThreeLinks(setup) => {
             let (robot, gait) = with_number(&setup.robot_config, &setup.gait_config, key, value)?;
             let (robot, gait) = (robot.to_robot(), gait.to_gait());
-            Some(Problem { robot, gait, laws: setup.laws, omega_rad_s }.into())
+            Some(Problem::new(robot, gait, setup.laws, omega_rad_s))
         }
-        AnySetup::Chain(setup) => Some(setup.with_number(key, value)?.problem(omega_rad_s).into()),
+        AnySetup::Chain(setup) => Some(setup.with_number(key, value)?.problem(omega_rad_s)),
     }
 }
 

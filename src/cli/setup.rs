@@ -2,7 +2,7 @@
 
 use trilink_fit::MeasuredRange;
 use trilink_fit::simulate::{AnySetup, FitSummary, KnownFits, Setup, campaign_of, starting_values};
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, Model};
 use trilink_tables::config::Config;
 
@@ -100,7 +100,7 @@ pub(super) fn note_extrapolation(
     campaign: &str,
     model: Model,
     range: Option<Result<&MeasuredRange, &str>>,
-    problems: impl ExactSizeIterator<Item = AnyProblem>,
+    problems: impl ExactSizeIterator<Item = Problem>,
 ) {
     let Some(range) = range else { return };
     if let Some(caution) = MeasuredRange::caution(range, problems) {

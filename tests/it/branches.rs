@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 
 use serde_json::Value;
 use trilink_mechanics::{
-    Branch, BranchPoint, ChainProblem, Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver,
-    branches,
+    Branch, BranchPoint, Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver, branches,
 };
 use trilink_robot::metrics::{Bifurcation, BranchKind, MotionStatus};
 use trilink_robot::{Gait, JointCommand, Robot};
@@ -16,12 +15,8 @@ use crate::common::{succeed, text, trilink};
 /// Returns the steady-state problem of the paper's simulated semi-passive robot with almost no damping in its passive
 /// joint.
 fn semi_passive(omega_rad_s: f64) -> Problem {
-    Problem {
-        robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
-        gait: Gait::passive_symmetric(),
-        laws: Laws::SKID_ROLL,
-        omega_rad_s,
-    }
+    let robot = Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() };
+    Problem::new(robot, Gait::passive_symmetric(), Laws::SKID_ROLL, omega_rad_s)
 }
 
 /// Returns the steady-state problem of the paper's simulated semi-passive robot, almost without damping and without
@@ -33,24 +28,21 @@ fn without_roll_resistance(omega_rad_s: f64) -> Problem {
 /// Returns the steady-state problem of a robot that has a period-doubled motion at 3.5473 rad/s.
 fn doubling(omega_rad_s: f64) -> Problem {
     let command = JointCommand::new(0.8137, 0.2838, 2.662);
-    Problem {
-        robot: Robot {
-            h_m: [0.1695; 2],
-            l_m: [0.1551; 2],
-            b_m: [0.02867; 2],
-            mass_kg: [2.93, 0.196, 0.2922],
-            inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
-            roll_kg_s: [0.0; 3],
-            skid_kg_s: [0.0; 3],
-            stiffness_nm_rad: 0.4998,
-            damping_nm_s_rad: 0.0643,
-            rest_angle_rad: -0.1661,
-            ..Robot::semi_passive()
-        },
-        gait: Gait { joints: [Some(command), None] },
-        laws: Laws::NO_SKID,
-        omega_rad_s,
-    }
+    let robot = Robot {
+        h_m: [0.1695; 2],
+        l_m: [0.1551; 2],
+        b_m: [0.02867; 2],
+        mass_kg: [2.93, 0.196, 0.2922],
+        inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
+        roll_kg_s: [0.0; 3],
+        skid_kg_s: [0.0; 3],
+        stiffness_nm_rad: 0.4998,
+        damping_nm_s_rad: 0.0643,
+        rest_angle_rad: -0.1661,
+        ..Robot::semi_passive()
+    };
+    let gait = Gait { joints: [Some(command), None] };
+    Problem::new(robot, gait, Laws::NO_SKID, omega_rad_s)
 }
 
 fn met(branch: &Branch, bifurcation: Bifurcation) -> Vec<&BranchPoint> {
@@ -63,7 +55,7 @@ fn near(found: f64, known: f64, relative: f64) -> bool {
 
 #[test]
 fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stability() {
-    let found = branches(&|omega| semi_passive(omega).into(), [11.0, 12.0], &|| false).unwrap();
+    let found = branches(&semi_passive, [11.0, 12.0], &|| false).unwrap();
     let [symmetric, broken] = &found[..] else { panic!("{} branches", found.len()) };
     assert_eq!((symmetric.kind, symmetric.parent), (BranchKind::Symmetric, None));
     assert_eq!((broken.kind, broken.parent), (BranchKind::SymmetryBroken, Some(0)));
@@ -94,8 +86,7 @@ fn a_branch_without_symmetry_begins_where_the_symmetric_motion_loses_its_stabili
 
 #[test]
 fn a_branch_is_followed_through_folds() {
-    let found = branches(&|omega| without_roll_resistance(omega).into(), [0.345, 0.365], &|| false)
-        .unwrap();
+    let found = branches(&without_roll_resistance, [0.345, 0.365], &|| false).unwrap();
     let [branch] = &found[..] else { panic!("{} branches", found.len()) };
     assert_eq!((branch.kind, branch.end.as_str()), (BranchKind::Symmetric, "the end of the range"));
     let folds = met(branch, Bifurcation::Fold);
@@ -126,7 +117,7 @@ fn a_branch_is_followed_through_folds() {
 
 #[test]
 fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_followed() {
-    let found = branches(&|omega| doubling(omega).into(), [2.0, 4.5], &|| false).unwrap();
+    let found = branches(&doubling, [2.0, 4.5], &|| false).unwrap();
     let doublings = met(&found[0], Bifurcation::PeriodDoubling);
     assert!(!doublings.is_empty(), "{:?}", found[0].points);
     for point in doublings {
@@ -141,10 +132,10 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
     // Simulated from rest, the robot travels twice the d of the branch in two cycles.
     let problem = doubling(point.value);
     let period_s = TAU / problem.omega_rad_s;
-    let path = problem.transient(600.5 * period_s, 1.0 / period_s, 1e-9).unwrap();
+    let path = problem.varied_transient(&[], 600.5 * period_s, 1.0 / period_s, 1e-9).unwrap();
     let way = |from: usize, to: usize| {
-        let [from, to] = [path[from], path[to]];
-        ((to[0] - from[0]).hypot(to[1] - from[1]), to[2] - from[2])
+        let [from, to] = [path[from].0, path[to].0];
+        ((to.x_m - from.x_m).hypot(to.y_m - from.y_m), to.theta_rad - from.theta_rad)
     };
     // A pair of cycles can start from either of two poses.
     let (ways, dtheta_rad) = ([way(596, 598).0, way(597, 599).0], way(596, 598).1);
@@ -162,10 +153,11 @@ fn a_chain_of_three_links_has_the_branches_of_a_robot_of_three_links() {
         (doubling, [3.4, 3.7]),
     ];
     for (problem, range) in cases {
-        let known = branches(&|omega| problem(omega).into(), range, &|| false).unwrap();
+        let known = branches(&problem, range, &|| false).unwrap();
         let chain = |omega_rad_s: f64| {
             let Problem { robot, gait, laws, .. } = problem(omega_rad_s);
-            ChainProblem { chain: robot.chain(&gait), laws, omega_rad_s }.into()
+            let robot = robot.three_links().unwrap().chain(&gait.into());
+            Problem::new(robot, gait, laws, omega_rad_s)
         };
         let found = branches(&chain, range, &|| false).unwrap();
         assert_eq!(found.len(), known.len());
@@ -227,25 +219,16 @@ fn a_branch_ends_where_its_work_is_cancelled() {
         asked.set(asked.get() + 1);
         asked.get() == 3
     };
-    assert_eq!(
-        branches(&|omega| semi_passive(omega).into(), [11.0, 12.0], &is_third),
-        Err(MotionError::Cancelled)
-    );
+    assert_eq!(branches(&semi_passive, [11.0, 12.0], &is_third), Err(MotionError::Cancelled));
     assert_eq!(asked.get(), 3);
 }
 
 #[test]
 fn what_eq_3_gives_has_no_branches() {
-    let problem = |omega_rad_s: f64| Problem {
-        robot: Robot::kinematic(),
-        gait: Gait::skewed(),
-        laws: Laws::NO_SKID,
-        omega_rad_s,
+    let problem = |omega_rad_s: f64| {
+        Problem::new(Robot::kinematic(), Gait::skewed(), Laws::NO_SKID, omega_rad_s)
     };
-    assert_eq!(
-        branches(&|omega| problem(omega).into(), [1.0, 2.0], &|| false),
-        Err(MotionError::Determined)
-    );
+    assert_eq!(branches(&problem, [1.0, 2.0], &|| false), Err(MotionError::Determined));
 }
 
 #[test]

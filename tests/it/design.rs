@@ -43,7 +43,7 @@ fn config(model: Model) -> Config {
 fn motion(omega_rad_s: f64) -> (f64, GaitMetrics) {
     let (mut robot, gait) = Config::default().campaign_setup(CAMPAIGN).unwrap();
     robot.skid_kg_s = SKID_KG_S;
-    let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
+    let problem = Problem::new(robot, gait, Laws::SKID_ROLL, omega_rad_s);
     (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
 }
 
@@ -280,10 +280,10 @@ fn trials_recommended_for_a_prediction_make_it_more_certain() {
         let (mut robot, gait) = config.campaign_setup(CAMPAIGN).unwrap();
         fit.row.free.iter().for_each(|of| of.set(&mut robot, fit.row.parameters[*of]));
         let laws = Laws::SKID_ROLL;
-        let problem = Problem { robot, gait, laws, omega_rad_s: 5.5 };
+        let problem = Problem::new(robot, gait, laws, 5.5);
         let mut solver = trilink_mechanics::Solver::default();
         let metrics = solver.solve(&problem, FIT_ACCURACY).unwrap();
-        let [low, high] = bands.limits(solver.into(), &problem.clone().into(), metrics).unwrap();
+        let [low, high] = bands.limits(solver, &problem, metrics).unwrap();
         0.5 * (high.sigma[1] - low.sigma[1])
     });
     let now = advised(&config, &known, Aim::Prediction(prediction)).expected;

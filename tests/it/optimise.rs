@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 use trilink_base::cancel::CancelToken;
 use trilink_fit::optimise::{Bounds, Command, MapOverlay, Objective, Search, SearchResult};
-use trilink_mechanics::{AnyProblem, AnySolver, Laws, Problem, Solver};
+use trilink_mechanics::{Laws, Problem, Solver};
 use trilink_robot::{ChainNumber, CommandNumber, Model};
 use trilink_synth::{Recipe, synthesise};
 use trilink_tables::MapPoint;
@@ -35,9 +35,9 @@ fn run(search: &Search) -> SearchResult {
     search.run(&CancelToken::default()).unwrap()
 }
 
-fn problem(campaign: &str) -> AnyProblem {
+fn problem(campaign: &str) -> Problem {
     let (robot, gait) = Config::default().campaign_setup(campaign).unwrap();
-    Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.0 }.into()
+    Problem::new(robot, gait, Laws::SKID_ROLL, 3.0)
 }
 
 /// Returns the amplitude of joint 1 or 2 as a command.
@@ -51,7 +51,7 @@ fn is_amplitude(command: &Command) -> bool {
 
 /// Returns the objective for these values of the free commands; `None` outside the bounds or if the model has no
 /// periodic solution.
-fn value(search: &Search, solver: &mut AnySolver, values: &[f64]) -> Option<f64> {
+fn value(search: &Search, solver: &mut Solver, values: &[f64]) -> Option<f64> {
     let mut problem = search.problem.clone();
     for (command, value) in search.free.iter().zip(values) {
         command.set(&mut problem, *value);
@@ -93,7 +93,7 @@ fn no_point_of_a_grid_is_better_for_any_objective() {
         let search = Search { problem, objective, free, bounds: bounds(), starts: 4 };
         let found = run(&search);
         let best = found.best().unwrap_or_else(|| panic!("{campaign} {objective}"));
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let mut known = if objective.is_minimised() { f64::INFINITY } else { 0.0 };
         for i in 0..POINTS * POINTS {
             let part = |i: usize, [low, high]: [f64; 2]| {
@@ -119,7 +119,7 @@ fn evolve(search: &Search, ranges: &[[f64; 2]], generations: usize) -> f64 {
     const FACTOR: f64 = 0.7;
     const CROSSOVER: f64 = 0.8;
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut solver = AnySolver::default();
+    let mut solver = Solver::default();
     let worst = if search.objective.is_minimised() { f64::INFINITY } else { 0.0 };
     let mut all: Vec<(Vec<f64>, f64)> = (0..POPULATION)
         .map(|_| {
@@ -193,7 +193,7 @@ fn two_harmonics_are_at_least_as_good_as_one_and_no_gait_nearby_is_better() {
             let rate_rad_s = command.peak_rate_rad() * best.problem.omega_rad_s;
             assert!(rate_rad_s <= 5.0 * (1.0 + 1e-6), "{command:?}");
         }
-        let (mut random, mut solver) = (ChaCha8Rng::seed_from_u64(3), AnySolver::default());
+        let (mut random, mut solver) = (ChaCha8Rng::seed_from_u64(3), Solver::default());
         for nth in 0..120 {
             let size = 10_f64.powf(-1.0 - 3.0 * f64::from(nth % 30) / 30.0);
             let mut off = |of: f64| of + size * random.random_range(-1.0..1.0);
@@ -255,7 +255,7 @@ fn changes_at_an_interior_optimum_are_of_second_order() {
     let found = run(&search);
     let best = found.best().unwrap();
     assert!(best.at_bound.is_empty(), "{:?}", best.at_bound);
-    let mut solver = AnySolver::default();
+    let mut solver = Solver::default();
     let omega = best.problem.omega_rad_s;
     let mut at = |omega: f64| value(&search, &mut solver, &[omega]).unwrap();
     let (less, more) = (at(omega * 0.999), at(omega * 1.001));
@@ -294,11 +294,11 @@ fn limits_of_power_and_torque_are_satisfied_and_reported() {
     let best = found.best().unwrap();
     assert!(best.power_w() <= power_w * (1.0 + 1e-6), "{} {power_w}", best.power_w());
     assert!(best.at_bound.iter().any(|of| of == "power"), "{:?}", best.at_bound);
-    let largest = |problem: &AnyProblem| {
+    let largest = |problem: &Problem| {
         let mut solver = Solver::default();
-        solver.solve(&problem.three_links().unwrap(), 1e-10).unwrap();
+        solver.solve(problem, 1e-10).unwrap();
         let samples = solver.cycle(240).unwrap();
-        samples.iter().flat_map(|of| of.forces.torque_nm).fold(0.0, |a: f64, b| a.max(b.abs()))
+        samples.iter().flat_map(|of| &of.torque_nm).fold(0.0, |a: f64, b| a.max(b.abs()))
     };
     let of_amplitudes =
         Search { free: vec![Command::Omega, amplitude(1), amplitude(2)], starts: 2, ..search };
@@ -548,7 +548,7 @@ fn no_gait_of_a_grid_dominates_a_pareto_front() {
         if amplitude_rad * problem.omega_rad_s > rate_rad_s {
             continue;
         }
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let Ok(metrics) = solver.solve(&problem, 1e-9) else { continue };
         let work_j = solver.loss_j().unwrap();
         let found = both(metrics.v_m_s, work_j / metrics.d_m);

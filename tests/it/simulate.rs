@@ -466,8 +466,8 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
             |row: &TrajectoryRow| row.phi_rad[1],
             |row: &TrajectoryRow| row.roll_m_s[0],
             |row: &TrajectoryRow| row.skid_m_s[1],
-            |row: &TrajectoryRow| row.forces.lateral_n[2],
-            |row: &TrajectoryRow| row.forces.torque_nm[1],
+            |row: &TrajectoryRow| row.lateral_n[2],
+            |row: &TrajectoryRow| row.torque_nm[1],
         ] {
             let size = rows.iter().map(|row| of(row).abs()).fold(1e-6, f64::max);
             assert!((of(first) - of(last)).abs() <= 1e-6 * size, "{campaign} {model}");
@@ -475,15 +475,14 @@ fn a_trajectory_is_one_steady_cycle_whose_numbers_agree_with_the_answer() {
         // Velocities are derivatives of the coordinates, and the integral of the power equals the work that the solver reports.
         let moved = integral(&rows, |row| row.x_rate_m_s);
         assert!((moved - last.x_m).abs() < 1e-4 * number("d_m"), "{moved} {}", last.x_m);
-        let (work, loss) =
-            (integral(&rows, |row| row.forces.power_w), integral(&rows, |row| row.forces.loss_w));
+        let (work, loss) = (integral(&rows, |row| row.power_w), integral(&rows, |row| row.loss_w));
         let scale = number("work_j").abs().max(1e-3);
         assert!((work - number("work_j")).abs() < 1e-6 * scale, "{campaign} {model}: {work}");
         assert!((loss - work).abs() < 1e-6 * scale, "{campaign} {model}: {loss} {work}");
         // Friction opposes the motion; constraints keep the wheels from skidding.
         for row in &rows {
-            assert!(row.forces.roll_n[0] * row.roll_m_s[0] <= 0.0);
-            assert!(model != "skid-roll" || row.forces.lateral_n[0] * row.skid_m_s[0] <= 0.0);
+            assert!(row.roll_n[0] * row.roll_m_s[0] <= 0.0);
+            assert!(model != "skid-roll" || row.lateral_n[0] * row.skid_m_s[0] <= 0.0);
             assert!(model == "skid-roll" || row.skid_m_s[0].abs() < 1e-12);
         }
     }
@@ -552,10 +551,9 @@ fn unbounded_constraint_forces_are_left_empty_with_a_message() {
         trajectory(folder.path(), &["kinematic-symmetric", "--model", "no-skid", "--omega", "4"]);
     assert!(stderr.contains("det W_b = 0"), "{stderr}");
     // The gait passes phi1 = phi2 twice per cycle, at sampled times.
-    let missing: Vec<usize> =
-        (0..rows.len()).filter(|&i| rows[i].forces.lateral_n[0].is_nan()).collect();
+    let missing: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].lateral_n[0].is_nan()).collect();
     assert_eq!(missing, [30, 150]);
-    assert!(rows.iter().all(|row| row.forces.power_w.is_finite() && row.x_rate_m_s.is_finite()));
+    assert!(rows.iter().all(|row| row.power_w.is_finite() && row.x_rate_m_s.is_finite()));
 }
 
 #[test]
@@ -632,10 +630,10 @@ fn a_page_animates_the_transient_with_its_forces_and_needs_no_other_file() {
         (sums(&measured["theta"]), |row| row.theta_rad),
         (sums(&measured["phi"][1]), |row| row.phi_rad[1]),
         (column(&of("Skid velocity"), 2), |row| row.skid_m_s[2]),
-        (column(&of("Skid friction"), 1), |row| row.forces.lateral_n[1]),
-        (column(&of("Roll friction"), 0), |row| row.forces.roll_n[0]),
-        (column(&of("Torque of joints 1, 2"), 1), |row| row.forces.torque_nm[1]),
-        (column(&of("Power of the actuators"), 0), |row| row.forces.power_w),
+        (column(&of("Skid friction"), 1), |row| row.lateral_n[1]),
+        (column(&of("Roll friction"), 0), |row| row.roll_n[0]),
+        (column(&of("Torque of joints 1, 2"), 1), |row| row.torque_nm[1]),
+        (column(&of("Power of the actuators"), 0), |row| row.power_w),
     ];
     for (nth, (shown, of)) in known.iter().enumerate() {
         for (row, shown) in rows.iter().step_by(stride).zip(shown) {
@@ -643,7 +641,7 @@ fn a_page_animates_the_transient_with_its_forces_and_needs_no_other_file() {
         }
     }
     let work_j = column(&of("Work of the actuators"), 0)[(settled + 1) * frames];
-    assert!(near(work_j, integral(&rows, |row| row.forces.power_w), 1e-3), "{work_j}");
+    assert!(near(work_j, integral(&rows, |row| row.power_w), 1e-3), "{work_j}");
     // Both kinds of forces are drawn to the same scale.
     let [across, along] = ["Skid friction", "Roll friction"].map(of);
     assert!(across["arrow"].as_f64() > Some(0.0) && across["arrow"] == along["arrow"]);

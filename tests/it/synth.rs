@@ -372,7 +372,7 @@ fn trials_of_a_law_have_the_motion_of_its_model_and_a_robot_has_one_floor() {
             }
         }
         let omega_rad_s = planted["omega_rad_s"].as_f64().unwrap();
-        let solved = Problem { robot, gait, laws: Laws::COULOMB, omega_rad_s };
+        let solved = Problem::new(robot, gait, Laws::COULOMB, omega_rad_s);
         let solved = solved.solve(REFERENCE_ACCURACY).unwrap().metrics;
         for (of, measured, known) in
             [("d_m", d_m[i], solved.d_m), ("v_m_s", v_m_s[i], solved.v_m_s)]

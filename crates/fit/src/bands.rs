@@ -11,7 +11,7 @@
 //! Where the measured gait drives the model, the errors of that gait at the given frequency also contribute to the
 //! scatter. The intervals are those of the model's prediction: the noise of a single cycle or trial is not included.
 
-use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY, MotionError};
+use trilink_mechanics::{FIT_ACCURACY, MotionError, Problem, Solver};
 use trilink_robot::metrics::{ByMetric, GaitMetrics, Metric};
 use trilink_robot::{AnyRobot, Parameter};
 use trilink_statistics::HALF_WIDTH_95;
@@ -174,8 +174,8 @@ impl<'f> Bands<'f> {
     /// coefficients of a replicate or of another refit.
     pub(crate) fn band(
         &self,
-        mut solver: AnySolver,
-        problem: &AnyProblem,
+        mut solver: Solver,
+        problem: &Problem,
         metrics: GaitMetrics,
     ) -> Result<Band, MotionError> {
         let d_gait = if self.point.evaluator.objective.is_driven_as_measured() {
@@ -188,7 +188,7 @@ impl<'f> Bands<'f> {
         let [replicates, blocks] = self.changes(&mut solver, problem, &response)?;
         let mut assumed: Vec<Changes> = Vec::new();
         for (robot, shifts) in self.assumed() {
-            let perturbed = AnyProblem { robot: robot.clone(), ..problem.clone() };
+            let perturbed = Problem { robot: robot.clone(), ..problem.clone() };
             assumed.push(self.change(&mut solver, &metrics, &perturbed, shifts)?);
         }
         let by_gait = self.change_by_gait(&mut solver, &metrics, problem)?;
@@ -205,8 +205,8 @@ impl<'f> Bands<'f> {
     /// accurate enough for the replicate that is farthest from the fit.
     fn changes(
         &self,
-        solver: &mut AnySolver,
-        problem: &AnyProblem,
+        solver: &mut Solver,
+        problem: &Problem,
         response: &Response,
     ) -> Result<[Vec<Changes>; 2], MotionError> {
         let shifts = [&self.replicates, &self.systematic.blocks];
@@ -232,9 +232,9 @@ impl<'f> Bands<'f> {
     /// one.
     fn change_by_gait(
         &self,
-        solver: &mut AnySolver,
+        solver: &mut Solver,
         metrics: &GaitMetrics,
-        problem: &AnyProblem,
+        problem: &Problem,
     ) -> Result<Changes, MotionError> {
         let Some((gaits, shifts)) = self.measured_gaits.as_ref().zip(self.systematic.gait.as_ref())
         else {
@@ -246,18 +246,18 @@ impl<'f> Bands<'f> {
         } else {
             problem.gait
         };
-        self.change(solver, metrics, &AnyProblem { gait, ..problem.clone() }, shifts)
+        self.change(solver, metrics, &Problem { gait, ..problem.clone() }, shifts)
     }
 
     /// Solves the model with shifted coefficients and returns the change in the metrics from those of the fit.
     fn change(
         &self,
-        solver: &mut AnySolver,
+        solver: &mut Solver,
         fitted: &GaitMetrics,
-        problem: &AnyProblem,
+        problem: &Problem,
         shifts: &[f64],
     ) -> Result<Changes, MotionError> {
-        let problem = AnyProblem { robot: self.shifted(&problem.robot, shifts), ..problem.clone() };
+        let problem = Problem { robot: self.shifted(&problem.robot, shifts), ..problem.clone() };
         let metrics = solver.solve(&problem, FIT_ACCURACY)?;
         Ok(Changes::from_fn(|metric| metrics[metric] - fitted[metric]))
     }
@@ -304,7 +304,7 @@ mod tests {
         let (weights, laws) = (config.campaign[campaign].weights, Laws::SKID_ROLL);
         let measured = |omega_rad_s: f64| {
             let robot = Robot { skid_kg_s: SKID_KG_S, ..robot.clone() };
-            let problem = Problem { robot, gait, laws, omega_rad_s };
+            let problem = Problem::new(robot, gait, laws, omega_rad_s);
             let metrics = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics;
             let row = TrialRow { omega_rad_s, metrics, ..TrialRow::blank() };
             Measurement::new(&row, SigmaKind::Raw).expect("a measurement")
@@ -339,7 +339,7 @@ mod tests {
         for omega_rad_s in [2.5, 5.5] {
             let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
             let problem = objective.problem(&robot, objective.protocols[0].gait, omega_rad_s);
-            let mut solver = AnySolver::default();
+            let mut solver = Solver::default();
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion");
             let band = bands.band(solver.clone(), &problem, metrics).expect("a band");
             let limits = band.limits(&metrics, &[[0.01; 3]; MAX_JOINTS]);

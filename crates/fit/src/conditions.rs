@@ -5,7 +5,7 @@
 //! gives the metrics of each trial. Trials for which the relative error of the expansion exceeds
 //! [`MAX_EXPANSION_ERROR`] form further conditions with the trials close to them.
 
-use trilink_mechanics::{AnyProblem, AnySolver, InputDerivatives, MotionError, REFERENCE_ACCURACY};
+use trilink_mechanics::{InputDerivatives, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
 use trilink_robot::{AnyGait, JointCommand, MAX_JOINTS};
 use trilink_statistics::{median, wrap};
@@ -72,7 +72,7 @@ impl Conditions {
     pub(crate) fn new(
         measurements: &[Measurement],
         gait_of: impl Fn(&Measurement) -> Option<AnyGait>,
-        problem: impl Fn(AnyGait, f64) -> AnyProblem,
+        problem: impl Fn(AnyGait, f64) -> Problem,
     ) -> Self {
         let gaits: Vec<Option<AnyGait>> = measurements.iter().map(gait_of).collect();
         let by_trial = vec![(0, [0.0; INPUTS]); measurements.len()];
@@ -112,7 +112,7 @@ impl Conditions {
         trials: Vec<usize>,
         measurements: &[Measurement],
         gaits: &[Option<AnyGait>],
-        problem: &impl Fn(AnyGait, f64) -> AnyProblem,
+        problem: &impl Fn(AnyGait, f64) -> Problem,
     ) {
         let from = |condition: &Condition, trial: usize| {
             condition.differences(measurements[trial].omega_rad_s, gaits[trial].as_ref())
@@ -181,7 +181,7 @@ impl Condition {
         &self,
         measurements: &[Measurement],
         gaits: &[Option<AnyGait>],
-        problem: &impl Fn(AnyGait, f64) -> AnyProblem,
+        problem: &impl Fn(AnyGait, f64) -> Problem,
     ) -> Option<(Vec<usize>, Expansion)> {
         let mut others: Vec<(usize, Differences)> = self
             .trials
@@ -196,7 +196,7 @@ impl Condition {
         if all.is_empty() {
             return None;
         }
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let own = problem(self.gait?, self.omega_rad_s);
         let expansion = Expansion::solve(&mut solver, &own, &all).ok()?;
         // Starting with the trial that has the largest second-order term.
@@ -259,8 +259,8 @@ impl Expansion {
     /// Creates a second-order expansion about the solution of a problem. The second derivatives are central differences
     /// with respect to those inputs that differ in any of the trials' `differences`.
     pub(crate) fn solve(
-        solver: &mut AnySolver,
-        problem: &AnyProblem,
+        solver: &mut Solver,
+        problem: &Problem,
         differences: &[Differences],
     ) -> Result<Self, MotionError> {
         let metrics = solver.solve(problem, REFERENCE_ACCURACY)?;
@@ -273,8 +273,8 @@ impl Expansion {
     /// `problem`.
     fn add_second_order(
         &mut self,
-        solver: &mut AnySolver,
-        problem: &AnyProblem,
+        solver: &mut Solver,
+        problem: &Problem,
         differences: &[Differences],
     ) -> Result<(), MotionError> {
         self.inputs =
@@ -421,8 +421,7 @@ mod tests {
             }
             let commanded_rad_s = [1.0, 2.5, 4.0, 5.5][number / repeats];
             let omega_rad_s = commanded_rad_s * (1.0 + 0.1 * spread_rad * scattered(number));
-            let problem =
-                Problem { robot: robot.clone(), gait: own, laws: Laws::SKID_ROLL, omega_rad_s };
+            let problem = Problem::new(robot.clone(), own, Laws::SKID_ROLL, omega_rad_s);
             let exact = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics.to_array();
             let noise = |metric: usize| 1.0 + 0.01 * scattered(5 * number + metric);
             let row = TrialRow {

@@ -1,7 +1,7 @@
 //! Fitted parameters with the model's periodic solutions, from which refits start.
 
 use rayon::prelude::*;
-use trilink_mechanics::{AnySolver, FIT_ACCURACY, REFERENCE_ACCURACY};
+use trilink_mechanics::{FIT_ACCURACY, REFERENCE_ACCURACY, Solver};
 use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, GaitMetrics};
 
@@ -116,7 +116,7 @@ impl<'o> FittedPoint<'o> {
     ) -> Vec<Option<GaitMetrics>> {
         let objective = self.evaluator.objective;
         let robot = self.with_values(robot, values);
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let conditions = objective.conditions.all.iter();
         conditions
             .map(|condition| {

@@ -2,7 +2,7 @@
 //! candidates. The noise of a candidate trial is modelled as a power of its frequency ([`super::discrimination`]).
 
 use rayon::prelude::*;
-use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY};
+use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_robot::{AnyGait, AnyRobot, JointCommand};
 use trilink_tables::{Columns as _, Extrapolation};
@@ -165,7 +165,7 @@ impl<'f> FitInformation<'f> {
         shifts: &[f64],
         assumed: bool,
     ) -> Option<TrialInformation> {
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let objective = self.point.evaluator.objective;
         let values = self.values(shifts);
         let robot = self.point.with_values(&objective.robot, &values);
@@ -188,7 +188,7 @@ impl<'f> FitInformation<'f> {
         let perturbed = if assumed { self.perturbed_robots } else { &[] };
         let by_assumed = perturbed.iter().map(|robot| {
             let problem =
-                AnyProblem { robot: self.point.with_values(robot, &values), ..problem.clone() };
+                Problem { robot: self.point.with_values(robot, &values), ..problem.clone() };
             changes(&metrics, solver.solve(&problem, FIT_ACCURACY).ok().as_ref())
         });
         Some(TrialInformation {
@@ -206,7 +206,7 @@ impl<'f> FitInformation<'f> {
     /// if the solution has no derivatives.
     fn gait_effects(
         &self,
-        solver: &mut AnySolver,
+        solver: &mut Solver,
         metrics: &GaitMetrics,
         omega_rad_s: f64,
     ) -> Option<Vec<ByFitted<f64>>> {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use trilink_mechanics::{AnyProblem, AnySolver, MotionError};
+use trilink_mechanics::{MotionError, Problem, Solver};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{AnyRobot, Parameter};
 use trilink_tables::{BootstrapRow, FitRow, NoInterval, NoIntervalReason};
@@ -42,8 +42,8 @@ impl PredictionBands<'_> {
     /// Returns an error if the solution has no derivatives, or if the model has no periodic solution for a replicate.
     pub fn limits(
         &self,
-        solver: AnySolver,
-        problem: &AnyProblem,
+        solver: Solver,
+        problem: &Problem,
         metrics: GaitMetrics,
     ) -> Result<[GaitMetrics; 2], MotionError> {
         Ok(self.0.band(solver, problem, metrics)?.limits(&metrics, &EXACT))

@@ -4,7 +4,7 @@
 //! `F / v_t`; if no wheel ever skids faster, a campaign determines neither F nor v_t. If F is so large that a change by
 //! the factor e changes every metric by less than a trial's noise, the wheels are effectively constrained.
 
-use trilink_mechanics::{AnySolver, FIT_ACCURACY, MotionError};
+use trilink_mechanics::{FIT_ACCURACY, MotionError, Solver};
 use trilink_robot::{AnyRobot, Quantity, Robot};
 use trilink_tables::{LINEAR_PART, LawKind, LawLike, Numbered};
 
@@ -39,7 +39,7 @@ pub(super) fn law_is_like(point: &FittedPoint, variation: &Variation) -> Option<
 
 /// Returns the maximum skid velocity of the wheels in the model's solutions for all conditions, m/s.
 fn max_skid_velocity_m_s(objective: &Objective, robot: &AnyRobot) -> Result<f64, MotionError> {
-    let mut solver = AnySolver::default();
+    let mut solver = Solver::default();
     let mut max_m_s = 0.0_f64;
     for condition in &objective.conditions.all {
         let problem = objective.problem_of(robot, condition)?;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyGait, AnyRobot, Laws, MAX_JOINTS};
 use trilink_statistics::extremes;
 use trilink_tables::{Extrapolation, SAME_FREQUENCY};
@@ -58,8 +58,7 @@ struct Unmeasured {
 impl Unmeasured {
     /// Returns the unmeasured commands of a robot and a gait.
     fn all(robot: &AnyRobot, gait: &AnyGait) -> Vec<Self> {
-        let problem =
-            AnyProblem { robot: robot.clone(), gait: *gait, laws: Laws::SKID, omega_rad_s: 1.0 };
+        let problem = Problem::new(robot.clone(), *gait, Laws::SKID, 1.0);
         let is_measured = |drive: &Drive| match drive {
             Drive::Angle(joint) => gait.joints[*joint].is_some(),
             Drive::Torque(_) | Drive::Rotor(_) => false,
@@ -174,7 +173,7 @@ impl MeasuredRange {
     }
 
     /// Returns the quantities of a problem's gait and frequency that lie outside the range.
-    fn excess(&self, problem: &AnyProblem) -> Vec<Excess> {
+    fn excess(&self, problem: &Problem) -> Vec<Excess> {
         let mut own = numbers(&problem.gait, problem.omega_rad_s);
         for phase in PHASE..COUNT {
             let [low, high] = self.ranges[phase];
@@ -226,12 +225,12 @@ impl MeasuredRange {
     }
 
     /// Whether a problem's gait or frequency lies outside the range.
-    pub(crate) fn is_exceeded(&self, problem: &AnyProblem) -> bool {
+    pub(crate) fn is_exceeded(&self, problem: &Problem) -> bool {
         !self.excess(problem).is_empty()
     }
 
     /// Returns whether a problem's gait or frequency lies outside the range, and in which quantities.
-    pub fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
+    pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
         let excess: Vec<String> = self.excess(problem).iter().map(Excess::to_string).collect();
         Extrapolation { extrapolated: Some(!excess.is_empty()), beyond_trials: excess.join(", ") }
     }
@@ -240,7 +239,7 @@ impl MeasuredRange {
     /// reason); `None` if there is nothing to warn of.
     pub fn caution(
         range: Result<&Self, &str>,
-        problems: impl ExactSizeIterator<Item = AnyProblem>,
+        problems: impl ExactSizeIterator<Item = Problem>,
     ) -> Option<String> {
         let all = problems.len();
         match range {
@@ -254,10 +253,7 @@ impl MeasuredRange {
     }
 
     /// Returns how many of the problems are extrapolations, and in which quantities; `None` if none is.
-    pub fn summary(
-        &self,
-        problems: impl IntoIterator<Item = AnyProblem>,
-    ) -> Option<(usize, String)> {
+    pub fn summary(&self, problems: impl IntoIterator<Item = Problem>) -> Option<(usize, String)> {
         let mut count = 0;
         let mut all = vec![None::<Excess>; COUNT + self.unmeasured.len()];
         for problem in problems {
@@ -305,8 +301,8 @@ mod tests {
 
     use super::*;
 
-    fn problem(gait: Gait, omega_rad_s: f64) -> AnyProblem {
-        Problem { robot: Robot::kinematic(), gait, laws: Laws::SKID_ROLL, omega_rad_s }.into()
+    fn problem(gait: Gait, omega_rad_s: f64) -> Problem {
+        Problem::new(Robot::kinematic(), gait, Laws::SKID_ROLL, omega_rad_s)
     }
 
     /// Returns the range covered by two trials in which the servos reach the given fraction of the commanded

@@ -1,7 +1,7 @@
 //! Misfit between a model and the measurements: the objective J (eq. 21 and 22).
 
 use trilink_base::cancel::CancelToken;
-use trilink_mechanics::{AnyProblem, AnySolver, FIT_ACCURACY, Laws, MotionError};
+use trilink_mechanics::{FIT_ACCURACY, Laws, MotionError, Problem, Solver};
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_robot::{AnyGait, AnyRobot, JointCommand, Parameter};
 use trilink_tables::FitStatus;
@@ -153,8 +153,8 @@ impl Objective {
     }
 
     /// Returns the problem whose solution is the model's steady-state motion for a gait and a frequency.
-    pub fn problem(&self, robot: &AnyRobot, gait: AnyGait, omega_rad_s: f64) -> AnyProblem {
-        AnyProblem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s }
+    pub fn problem(&self, robot: &AnyRobot, gait: AnyGait, omega_rad_s: f64) -> Problem {
+        Problem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s }
     }
 
     /// Whether the measured gait of each trial drives the model, rather than the command.
@@ -182,7 +182,7 @@ impl Objective {
         &self,
         robot: &AnyRobot,
         condition: &Condition,
-    ) -> Result<AnyProblem, MotionError> {
+    ) -> Result<Problem, MotionError> {
         let gait = condition.gait.ok_or(MotionError::GaitUnknown)?;
         Ok(self.problem(robot, gait, condition.omega_rad_s))
     }
@@ -235,7 +235,7 @@ impl Objective {
         Evaluator {
             objective: self,
             parameters,
-            solvers: vec![AnySolver::default(); count],
+            solvers: vec![Solver::default(); count],
             observations: self.observations(),
             expansions: self.conditions.expansions.clone(),
             terms: Terms::default(),
@@ -251,7 +251,7 @@ impl Objective {
 pub struct Evaluator<'a> {
     pub objective: &'a Objective,
     pub parameters: Vec<FreeParameter>,
-    solvers: Vec<AnySolver>,
+    solvers: Vec<Solver>,
     observations: Vec<Observation>,
     /// Expansion of each condition's metrics in terms of its trials' frequencies and gaits; `None` where none was
     /// computed.
@@ -271,7 +271,7 @@ impl Evaluator<'_> {
         Self {
             objective,
             parameters: parameters.clone(),
-            solvers: solvers.iter().map(AnySolver::successor).collect(),
+            solvers: solvers.iter().map(Solver::successor).collect(),
             observations,
             expansions: expansions.clone(),
             terms: Terms::default(),

@@ -1,7 +1,7 @@
 //! Predictions of a fitted model at the frequencies of the trials and between them.
 
 use rayon::prelude::*;
-use trilink_mechanics::{AnyProblem, AnySolver, MotionError, MotionStatus, REFERENCE_ACCURACY};
+use trilink_mechanics::{MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_tables::{
@@ -29,8 +29,8 @@ struct Predicted {
 impl Predicted {
     /// Solves for the steady-state motion with a cold start from rest, independently of the solver's earlier solutions.
     fn solve(
-        solver: &mut AnySolver,
-        problem: Result<&AnyProblem, MotionError>,
+        solver: &mut Solver,
+        problem: Result<&Problem, MotionError>,
         accuracy: f64,
         bands: &Result<Bands, NoInterval>,
     ) -> Self {
@@ -104,7 +104,7 @@ fn predictions_at_trials(
     let by_condition: Vec<_> = conditions
         .all
         .par_iter()
-        .map_init(AnySolver::default, |solver, condition| {
+        .map_init(Solver::default, |solver, condition| {
             let problem = objective.problem_of(robot, condition);
             let predicted = Predicted::solve(
                 solver,
@@ -152,7 +152,7 @@ fn predictions_on_curve(
     let gaits = GaitOverFrequency::new(objective);
     let points = (0..CURVE_POINTS).into_par_iter();
     points
-        .map_init(AnySolver::default, |solver, i| {
+        .map_init(Solver::default, |solver, i| {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let driving = gaits.at(omega_rad_s);
             let problem = driving.map(|(gait, _)| objective.problem(robot, gait, omega_rad_s));

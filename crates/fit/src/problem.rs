@@ -1,7 +1,7 @@
 //! Minimisation problem of a fit, for optimisers and samplers outside this program.
 
 use rayon::prelude::*;
-use trilink_mechanics::{AnySolver, MotionError, REFERENCE_ACCURACY};
+use trilink_mechanics::{MotionError, REFERENCE_ACCURACY, Solver};
 use trilink_robot::Parameter;
 use trilink_robot::metrics::{GaitMetrics, Metric};
 
@@ -22,7 +22,7 @@ pub struct FitProblem {
     pub start: Vec<f64>,
     pub terms: Vec<Term>,
     /// Solver for each trial, which starts from the motion at [`FitProblem::start`].
-    solvers: Vec<AnySolver>,
+    solvers: Vec<Solver>,
 }
 
 /// Term of the objective: one metric of one trial.
@@ -69,12 +69,12 @@ impl FitProblem {
             })
         });
         let terms = terms.collect();
-        let solvers = vec![AnySolver::default(); objective.measurements.len()];
+        let solvers = vec![Solver::default(); objective.measurements.len()];
         let mut problem = Self { objective, parameters: free, start, terms, solvers };
         problem.solvers = (0..problem.solvers.len())
             .into_par_iter()
             .map(|index| {
-                let mut solver = AnySolver::default();
+                let mut solver = Solver::default();
                 // Without a motion at the start, the solver begins every evaluation from nothing.
                 let _ = problem.solve(index, &mut solver, &problem.start);
                 solver
@@ -116,7 +116,7 @@ impl FitProblem {
     fn solve(
         &self,
         index: usize,
-        solver: &mut AnySolver,
+        solver: &mut Solver,
         values: &[f64],
     ) -> Result<GaitMetrics, MotionError> {
         let measurement = &self.objective.measurements[index];
@@ -152,8 +152,7 @@ mod tests {
         let (mut robot, gait) = config.campaign_setup(campaign).expect("the paper's");
         robot.skid_kg_s = [104.0, 34.0, 45.0];
         let trials = [1.0, 2.0, 4.0].map(|omega_rad_s| {
-            let problem =
-                Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+            let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
             let metrics = problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics;
             let (trial, campaign) = (omega_rad_s.to_string(), campaign.to_owned());
             TrialRow { trial, campaign, omega_rad_s, metrics, ..TrialRow::blank() }

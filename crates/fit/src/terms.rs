@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use trilink_mechanics::{AnySolver, MotionError};
+use trilink_mechanics::{MotionError, Solver};
 use trilink_robot::metrics::{ByFitted, ByMetric, GaitMetrics, Metric};
 use trilink_robot::{AnyRobot, Parameter};
 
@@ -143,7 +143,7 @@ impl Response {
     /// # Errors
     /// Returns an error if the periodic solution has no derivatives.
     pub(crate) fn from_last_motion(
-        solver: &mut AnySolver,
+        solver: &mut Solver,
         metrics: GaitMetrics,
         robot: &AnyRobot,
         free: &[Parameter],

@@ -203,7 +203,7 @@ impl<'g> WheelRows<'g> {
 
 #[cfg(test)]
 mod tests {
-    use trilink_robot::{Gait, Trig, droll_rows_dphi, dskid_rows_dphi, roll_rows, skid_rows};
+    use trilink_robot::Gait;
 
     use super::*;
 
@@ -217,9 +217,21 @@ mod tests {
         let mut rows = WheelRows::new(&geometry);
         for phi_rad in [[0.3, -0.7], [-1.2, 0.4], [0.0, 0.0]] {
             rows.set_shape(|joint| phi_rad[joint]);
-            let trig = Trig::new(phi_rad);
-            let [roll, skid] = [roll_rows(&robot, &trig), skid_rows(&robot, &trig)];
-            let [droll, dskid] = [droll_rows_dphi(&robot, &trig), dskid_rows_dphi(&robot, &trig)];
+            let [(s1, c1), (s2, c2)] = f64::both_sin_cos(phi_rad);
+            let ([h1, h2], [l1, l2]) = (robot.h_m, robot.l_m);
+            let roll = [
+                [1.0, 0.0, 0.0, 0.0, 0.0],
+                [c1, -s1, -h1 * s1, 0.0, 0.0],
+                [c2, s2, -h2 * s2, 0.0, 0.0],
+            ];
+            let skid = [
+                [0.0, 1.0, 0.0, 0.0, 0.0],
+                [s1, c1, l1 + h1 * c1, -l1, 0.0],
+                [-s2, c2, -l2 - h2 * c2, 0.0, -l2],
+            ];
+            // Derivatives of the rows of wheels 1 and 2 with respect to the angle of the wheel's own joint.
+            let droll = [[-s1, -c1, -h1 * c1, 0.0, 0.0], [-s2, c2, -h2 * c2, 0.0, 0.0]];
+            let dskid = [[c1, -s1, -h1 * s1, 0.0, 0.0], [-c2, -s2, h2 * s2, 0.0, 0.0]];
             for link in 0..3 {
                 let Velocity { along, across, dphi } = rows.wheel(link).unwrap();
                 assert_eq!((&along[..5], &across[..5]), (&roll[link][..], &skid[link][..]));

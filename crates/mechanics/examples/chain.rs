@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use trilink_mechanics::{AnyProblem, AnySolver, Laws, MotionError, REFERENCE_ACCURACY};
+use trilink_mechanics::{Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::{
     Chain, Drag, FreeJoint, Joint, JointCommand, Link, Robot, TorqueCommand, Wheel,
 };
@@ -51,9 +51,8 @@ fn main() -> Result<(), MotionError> {
         let start = Instant::now();
         for i in 1..=FREQUENCIES {
             let omega_rad_s = 0.5 * f64::from(i);
-            let (robot, gait) = (chain.clone().into(), chain.gait());
-            let problem = AnyProblem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
-            let metrics = AnySolver::default().solve(&problem, REFERENCE_ACCURACY)?;
+            let problem = Problem::new(chain.clone(), chain.gait(), Laws::SKID_ROLL, omega_rad_s);
+            let metrics = Solver::default().solve(&problem, REFERENCE_ACCURACY)?;
             println!("{name}, {omega_rad_s} rad/s: d = {:.1} mm", 1e3 * metrics.d_m);
         }
         println!("{name}: {:?} a motion", start.elapsed() / FREQUENCIES);

@@ -22,7 +22,7 @@ const OMEGAS_RAD_S: [f64; 6] = [1.0, 2.0, 3.0, 3.9, 5.0, 6.0];
 fn steady_motion(omega_rad_s: f64, skid_factor: f64) -> Result<SteadyMotion, MotionError> {
     let mut robot = Robot::kinematic();
     robot.skid_kg_s = robot.skid_kg_s.map(|skid_kg_s| skid_factor * skid_kg_s);
-    let problem = Problem { robot, gait: Gait::symmetric(), laws: Laws::SKID_ROLL, omega_rad_s };
+    let problem = Problem::new(robot, Gait::symmetric(), Laws::SKID_ROLL, omega_rad_s);
     problem.solve(REFERENCE_ACCURACY)
 }
 

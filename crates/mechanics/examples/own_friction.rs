@@ -5,7 +5,7 @@
 //! laws.
 
 use trilink_mechanics::{Laws, MotionError, Problem, REFERENCE_ACCURACY, Solver};
-use trilink_robot::{Friction, Gait, Number, Parameter, Quantity, Robot, WheelFriction};
+use trilink_robot::{Friction, Gait, LinkNumber, Number, Robot, WheelFriction};
 
 /// Dry friction `F s / sqrt(1 + s^2)` across the wheels' rolling direction, where s is the skid velocity over
 /// the transition speed, with the coefficients of [`Laws::COULOMB`]; the wheels roll freely.
@@ -13,9 +13,9 @@ use trilink_robot::{Friction, Gait, Number, Parameter, Quantity, Robot, WheelFri
 pub struct Algebraic;
 
 impl Friction for Algebraic {
-    const SKID: &'static [Parameter] = &Quantity::SkidDry.of_each();
-    const ROLL: &'static [Parameter] = &[Quantity::Transition.one()];
-    const IS_LINEAR: bool = false;
+    fn is_linear(_: Laws) -> bool {
+        false
+    }
 
     fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
         let dry_n = wheel.skid_dry_n;
@@ -29,19 +29,16 @@ impl Friction for Algebraic {
         [T::splat(0.0); 2]
     }
 
-    fn skid_slopes<T: Number>(
-        robot: &Robot,
-        wheel: usize,
-        velocity: T,
-        mut add: impl FnMut(usize, T),
-    ) {
-        let relative = velocity * T::splat(1.0 / robot.transition_m_s);
-        let [_, slope] = Self::skid(&robot.wheel_friction(wheel), velocity);
-        add(wheel, relative * inverse_root(relative));
-        add(Self::SKID.len(), -(slope * relative));
+    fn slopes<T: Number>(wheel: &WheelFriction, number: LinkNumber, _: T, skid_m_s: T) -> [T; 2] {
+        let relative = skid_m_s * T::splat(1.0 / wheel.transition_m_s);
+        let [_, slope] = Self::skid(wheel, skid_m_s);
+        let skid = match number {
+            LinkNumber::SkidDry => relative * inverse_root(relative),
+            LinkNumber::Transition => -(slope * relative),
+            _ => T::splat(0.0),
+        };
+        [T::splat(0.0), skid]
     }
-
-    fn roll_slopes<T: Number>(_: &Robot, _: usize, _: T, _: impl FnMut(usize, T)) {}
 }
 
 /// Returns 1 / sqrt(1 + s^2) for the relative velocity s.
@@ -52,7 +49,7 @@ fn inverse_root<T: Number>(relative: T) -> T {
 fn main() -> Result<(), MotionError> {
     let laws = Laws { roll: trilink_robot::RollLaw::None, ..Laws::COULOMB };
     let robot = Robot { skid_dry_n: [0.5, 0.3, 0.3], ..Robot::kinematic() };
-    let problem = Problem { robot, gait: Gait::symmetric(), laws, omega_rad_s: 3.9 };
+    let problem = Problem::new(robot, Gait::symmetric(), laws, 3.9);
     let tanh = Solver::default().solve(&problem, REFERENCE_ACCURACY)?;
     let algebraic = Solver::with_friction::<Algebraic>().solve(&problem, REFERENCE_ACCURACY)?;
     println!(

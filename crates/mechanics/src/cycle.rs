@@ -1,11 +1,7 @@
 //! Metrics of one steady-state cycle (eq. 17 and 20).
 
-use std::f64::consts::TAU;
-
-use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
-use super::Problem;
 use super::element::Linearisation;
 use super::extreme::Extremes;
 use super::mesh::Mesh;
@@ -15,7 +11,7 @@ use super::reduced::Reduced;
 
 /// Measurements on a steady-state cycle, by the quadrature rule of the collocation elements.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cycle<const N: usize> {
+pub(super) struct Cycle {
     /// Displacement per cycle, m.
     pub d_m: f64,
     /// Rotation per cycle, rad.
@@ -26,23 +22,6 @@ pub(super) struct Cycle<const N: usize> {
     pub alpha_rad: [f64; MAX_JOINTS],
     /// Pose at the end of the time span of the mesh (one or more periods, or half of one).
     pub end: Pose,
-    /// Extremes of the angle of the first measured joint; `None` if there is none.
-    pub extremes: Option<Extremes<N>>,
-}
-
-impl<const N: usize> Cycle<N> {
-    /// Returns the metrics of the three-link robot.
-    pub(crate) fn gait_metrics(&self, problem: &Problem) -> GaitMetrics {
-        let first = problem.gait.joints[0];
-        let alpha1_rad = first.map_or(self.alpha_rad[0], |command| command.half_range_rad());
-        GaitMetrics {
-            d_m: self.d_m,
-            v_m_s: self.d_m * problem.omega_rad_s / TAU,
-            sigma: padded(&self.sigma[..3]),
-            alpha_rad: padded(&[alpha1_rad]),
-            dtheta_rad: self.dtheta_rad,
-        }
-    }
 }
 
 /// Computes the metrics of a periodic solution.
@@ -51,7 +30,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     mesh: &Mesh<N, R>,
     path: &Path<N, R>,
     workspace: &mut Linearisation,
-) -> Cycle<N> {
+) -> Cycle {
     let weights = RADAU.integrate[STAGES - 1];
     let end = path.end;
     let wheels = model.wheels();
@@ -72,11 +51,8 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
     let periods = mesh.periods as f64;
     let mut alpha_rad = [0.0; MAX_JOINTS];
-    let mut first = None;
     for joint in 0..model.measured_joints() {
-        let extremes = Extremes::find(joint, model, mesh, path, workspace);
-        alpha_rad[joint] = extremes.half_range();
-        first = first.or(Some(extremes));
+        alpha_rad[joint] = Extremes::find(joint, model, mesh, path, workspace).half_range();
     }
     Cycle {
         d_m: pose.x_m.hypot(pose.y_m) / periods,
@@ -84,6 +60,5 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
         sigma: skid_squared.map(|sum| sum.sqrt() / model.skid_scale_m_s()),
         alpha_rad,
         end,
-        extremes: first,
     }
 }

@@ -12,7 +12,7 @@ pub(super) use adjoint::fold_angles;
 use super::lu;
 use super::mesh::renew;
 use super::radau::{RADAU, Radau, STAGES};
-use super::reduced::{MAX_PARAMETERS, Reduced, Residual};
+use super::reduced::{Reduced, Residual};
 
 /// States at the stages of one collocation element.
 pub(super) type Stages<const N: usize, T = f64> = [[T; N]; STAGES];
@@ -118,13 +118,11 @@ pub(super) struct Linearisation<T = f64> {
     transfer: Vec<T>,
     /// Newton step of each element's unknowns with the state at its start held fixed.
     step: Vec<T>,
-    /// Derivatives of each element's residuals with respect to the parameters.
-    slopes: Vec<[T; MAX_PARAMETERS]>,
 }
 
 impl<T> Default for Linearisation<T> {
     fn default() -> Self {
-        Self { factors: Vec::new(), transfer: Vec::new(), step: Vec::new(), slopes: Vec::new() }
+        Self { factors: Vec::new(), transfer: Vec::new(), step: Vec::new() }
     }
 }
 

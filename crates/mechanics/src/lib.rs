@@ -7,15 +7,12 @@
 //!
 //! A [`Problem`] is a robot, a gait, friction laws and a frequency. In reading order:
 //!
-//! - Equations of motion (eq. 7) in minimal states: `reduced`; `quadrature` (eq. 3, where no wheel
-//!   skids and no joint is passive).
+//! - Equations of motion of chains of links (for the paper's robot, eq. 7, or eq. 3 where constraints determine the
+//!   motion): `chain`, behind the interface `reduced`.
 //! - Collocation: `radau`, `element`, `lu`, `mesh`, then `transient` and `orbit`, the periodic problem
-//!   with its Floquet multipliers; `method` and `solver` ([`Solver`], which also gives the [`Attractor`])
-//!   select the method.
-//! - Results, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `forces`, `trajectory`.
-//! - Derivatives of the results by the adjoint method: `sensitivity` and `gradient` ([`Derivatives`]).
-//! - Robots of other numbers of links: `chain` ([`ChainProblem`]); `any`, both kinds behind one interface
-//!   ([`AnySolver`]).
+//!   with its Floquet multipliers; `method` and `solver` ([`Solver`], which also gives the [`Attractor`]).
+//! - Results, as [`SteadyMotion`] and [`Sample`]: `cycle`, `extreme`, `path`, `trajectory`.
+//! - Derivatives of the results by the adjoint method: `orbit::adjoint` and `chain::derivative`.
 //! - Selection among several motions: `attractor` (the motion reached from rest), `branch` ([`branches`]
 //!   through folds, by numerical continuation), `sharp` ([`SharpLimit`], the limit of zero transition
 //!   speed of regularised Coulomb friction).
@@ -26,7 +23,7 @@
 //!
 //! let robot = Robot { skid_kg_s: [104.0, 34.0, 45.0], ..Robot::kinematic() };
 //! let gait = Gait::symmetric();
-//! let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
+//! let problem = Problem::new(robot, gait, Laws::SKID_ROLL, 3.9);
 //! let motion = problem.solve(REFERENCE_ACCURACY)?;
 //! assert!((motion.metrics.d_m - 0.478359748170948).abs() < 1e-10);
 //! assert!(motion.floquet.is_some_and(|modulus| modulus < 1.0));
@@ -36,44 +33,35 @@
 //! The example `floquet` prints d, v and the Floquet multipliers against frequency; `own_friction` solves
 //! motions under a friction law that the caller defines ([`Solver::with_friction`]).
 
-mod any;
 mod attractor;
 mod branch;
 mod chain;
 mod cycle;
 mod element;
 mod extreme;
-mod forces;
-mod gradient;
 mod lu;
 mod mesh;
 mod method;
 mod orbit;
 mod path;
-mod quadrature;
+mod problem;
 mod radau;
 mod reduced;
-mod sensitivity;
+mod sample;
 mod sharp;
 mod solver;
 mod trajectory;
 mod transient;
 
 use trilink_robot::metrics::{GaitMetrics, Metric};
-use trilink_robot::{Gait, Robot};
 
-pub use any::{AnyProblem, AnySample, AnySolver, DistanceAndWork, InputDerivatives};
 pub use branch::{Branch, BranchPoint, branches};
-pub use chain::{
-    ChainAttractor, ChainMetrics, ChainMotion, ChainProblem, ChainSample, ChainSlopes,
-};
 pub use orbit::Effort;
-pub use reduced::Derivatives;
+pub use problem::Problem;
+pub use sample::Sample;
 pub use sharp::SharpLimit;
-pub use solver::{Attractor, Solver};
-pub use trajectory::Sample;
+pub use solver::{Attractor, InputDerivatives, NumberDerivatives, Solver};
 pub use transient::Posture;
-pub use trilink_robot::ContactForces;
 pub use trilink_robot::metrics::{FromRest, MotionStatus};
 pub use trilink_robot::{Laws, Model, Pose};
 
@@ -152,15 +140,6 @@ impl MotionError {
     }
 }
 
-/// Robot with given friction laws and a gait at one frequency.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Problem {
-    pub robot: Robot,
-    pub gait: Gait,
-    pub laws: Laws,
-    pub omega_rad_s: f64,
-}
-
 /// Relative accuracy of the metrics in reports, about ten digits.
 pub const REFERENCE_ACCURACY: f64 = 1e-10;
 /// Relative accuracy of solutions from which forces are computed, because the forces on skidding wheels are
@@ -168,85 +147,6 @@ pub const REFERENCE_ACCURACY: f64 = 1e-10;
 pub const FORCES_ACCURACY: f64 = 1e-12;
 /// Relative accuracy of the metrics in fits, far below the measurement uncertainty.
 pub const FIT_ACCURACY: f64 = 1e-6;
-
-impl Problem {
-    /// Solves for the steady-state periodic motion to a relative `accuracy` of its metrics, and for its
-    /// stability. To solve many problems, use a [`Solver`], which reuses its workspace.
-    ///
-    /// # Errors
-    /// Returns an error if no such motion exists, or if it could not be found or resolved.
-    pub fn solve(&self, accuracy: f64) -> Result<SteadyMotion> {
-        let mut solver = Solver::default();
-        let metrics = solver.solve(self, accuracy)?;
-        solver.steady_motion(metrics)
-    }
-
-    /// Returns the coordinates `(x, y, theta, phi1, phi2)`, m and rad, sampled at `rate_hz` over `duration_s`
-    /// from rest at phase 0, with a relative error per time step near `tolerance`.
-    ///
-    /// # Errors
-    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
-    pub fn transient(
-        &self,
-        duration_s: f64,
-        rate_hz: f64,
-        tolerance: f64,
-    ) -> Result<Vec<[f64; 5]>> {
-        self.varied_transient(&[], duration_s, rate_hz, tolerance)
-    }
-
-    /// Returns the coordinates as [`Problem::transient`] does, with all friction of the wheels in cycle i
-    /// scaled by `friction[i]`; cycles beyond the slice are unscaled.
-    ///
-    /// # Errors
-    /// Returns an error as [`Problem::transient`] does.
-    pub fn varied_transient(
-        &self,
-        friction: &[f64],
-        duration_s: f64,
-        rate_hz: f64,
-        tolerance: f64,
-    ) -> Result<Vec<[f64; 5]>> {
-        let postures = AnyProblem::from(self.clone())
-            .varied_transient(friction, duration_s, rate_hz, tolerance)?;
-        let coordinates = postures
-            .into_iter()
-            .map(|(pose, [phi1, phi2, ..])| [pose.x_m, pose.y_m, pose.theta_rad, phi1, phi2]);
-        Ok(coordinates.collect())
-    }
-
-    /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the
-    /// end.
-    ///
-    /// # Errors
-    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
-    pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
-        Solver::default().with(self, |method| method.cycles_from_rest(cycles, samples))
-    }
-
-    /// Returns whether the no-skid constraints alone determine the motion (eq. 3 of the paper): both joints
-    /// are commanded and the wheels cannot skid.
-    fn is_determined(&self) -> bool {
-        !self.laws.skids() && self.gait.passive_joint().is_none()
-    }
-
-    /// Returns the problem with the transition speed of dry friction multiplied by `factor`.
-    fn with_transition_scaled(&self, factor: f64) -> Self {
-        let mut problem = self.clone();
-        problem.robot.transition_m_s *= factor;
-        problem
-    }
-
-    /// Returns the problem with all friction of the wheels multiplied by `factor`.
-    fn with_friction_scaled(&self, factor: f64) -> Self {
-        Self { robot: self.robot.with_friction_scaled(factor), ..self.clone() }
-    }
-
-    /// Returns the problem with the coefficients that its friction laws do not use set to zero.
-    fn effective(&self) -> Self {
-        Self { robot: self.laws.effective(&self.robot), ..self.clone() }
-    }
-}
 
 /// Steady-state periodic motion.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,10 +1,8 @@
-//! Solution methods for steady-state motions: the trait that both methods share, and its implementation by
-//! collocation.
+//! Search for steady-state motions by collocation.
 
 use std::f64::consts::TAU;
 
-use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Lanes, Parameter};
+use trilink_robot::Lanes;
 
 use super::Result;
 use super::attractor::{MAX_CYCLES, find_attractor};
@@ -13,10 +11,8 @@ use super::mesh::Mesh;
 use super::orbit::{Effort, PeriodicOrbit, Start, sum_of_lanes};
 use super::path::Path;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{Derivatives, Reduced, ThreeLink};
-use super::sensitivity::{Workspaces, differentiate, differentiate_distance};
-use super::trajectory::{self, Sample};
-use super::transient::{self, Frames, Integrator, Posture};
+use super::reduced::Reduced;
+use super::transient::Integrator;
 
 /// Number of cycles that are integrated from rest to come near the steady-state motion.
 const TRANSIENT_CYCLES: f64 = 40.0;
@@ -27,66 +23,7 @@ const TRANSIENT_TOLERANCE: f64 = 1e-4;
 /// example one of several tonnes.
 const SEARCHED_CYCLES: usize = 100;
 
-/// Numerical method that finds the steady-state motion of one problem. The functions of this trait correspond to those
-/// with the same names in [`Solver`](super::Solver) and [`Problem`](super::Problem). The default implementations are
-/// those for motions without dynamic states, which the no-skid constraints alone determine (eq. 3 of the paper).
-pub(super) trait Method {
-    /// Solves for the steady-state motion to a relative `accuracy` of its metrics. If `is_warm`, the search starts from
-    /// the last solution; otherwise, or if that fails, from the model's initial guess.
-    fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)>;
-
-    /// Solves for the steady-state motion, starting from the last solution or, if that fails, from the
-    /// model's initial guess; the last solution is retained if both fail.
-    fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
-        self.solve(true, accuracy)
-    }
-
-    fn floquet(&mut self) -> Result<Option<f64>> {
-        Ok(None)
-    }
-
-    /// Returns whether the solution is one of two motions that mirror each other with a shift of half a
-    /// period.
-    fn is_symmetry_broken(&self) -> bool {
-        false
-    }
-
-    /// Returns the derivatives of the metrics with respect to the `wanted` parameters or, if it is `None`, to
-    /// all variables: parameters, frequency and gait.
-    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives>;
-
-    fn work_and_loss_j(&self) -> Result<[f64; 2]>;
-
-    /// Returns the energy dissipated by friction over a cycle, J.
-    fn loss_j(&mut self) -> Result<f64>;
-
-    /// Returns the derivatives, with respect to all variables, of the displacement per cycle d (m) and of the work of
-    /// the actuators over a cycle (J).
-    fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]>;
-
-    fn polish(&mut self) -> Result<f64> {
-        Ok(0.0)
-    }
-
-    /// Replaces the solution by the attractor reached from rest; `first` contains the metrics of the solution, or the
-    /// error if none was found. Returns the attractor's metrics, the number of cycles to settle, and whether the
-    /// attractor is the original solution.
-    fn attractor(
-        &mut self,
-        first: Result<GaitMetrics>,
-        _: f64,
-    ) -> Result<(GaitMetrics, usize, bool)> {
-        Ok((first?, 0, true))
-    }
-
-    fn cycle(&self, samples: usize) -> Result<Vec<Sample>>;
-
-    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>>;
-
-    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<Posture>>;
-}
-
-/// Solution method for motions that are governed by differential equations.
+/// Search for the steady-state motion of one model.
 pub(super) struct Collocation<'o, const N: usize, R: Reduced<N>> {
     pub model: &'o R,
     pub orbit: &'o mut PeriodicOrbit<N, R>,
@@ -108,7 +45,7 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     /// Returns the metrics of the solution and the computational effort. A solution with half-period symmetry that is
     /// unstable to symmetry breaking is first replaced by the attractor reached from rest, which lacks the symmetry, if
     /// that attractor can be found.
-    fn measure(&mut self, accuracy: f64) -> (Cycle<N>, Effort) {
+    fn measure(&mut self, accuracy: f64) -> Cycle {
         let (model, orbit) = (self.model, &mut *self.orbit);
         if orbit.breaks_symmetry() {
             let symmetric = orbit.clone();
@@ -116,11 +53,13 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
                 *orbit = symmetric;
             }
         }
-        (orbit.measure(model), orbit.effort)
+        orbit.measure(model)
     }
 
-    /// Solves as [`Method::solve`] does.
-    pub(super) fn find(&mut self, is_warm: bool, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
+    /// Solves for the steady-state motion to a relative `accuracy` of its metrics. If `is_warm`, the search starts from
+    /// the last solution; otherwise, or if that fails, from the model's initial guess and, if that fails, from the
+    /// transient from rest.
+    pub(super) fn find(&mut self, is_warm: bool, accuracy: f64) -> Result<Cycle> {
         self.orbit.effort = Effort::default();
         let is_solved = is_warm && self.continue_last(accuracy).is_ok();
         let (model, orbit) = (self.model, &mut *self.orbit);
@@ -138,8 +77,9 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         Ok(self.measure(accuracy))
     }
 
-    /// Solves as [`Method::solve_near`] does.
-    pub(super) fn find_near(&mut self, accuracy: f64) -> Result<(Cycle<N>, Effort)> {
+    /// Solves for the steady-state motion, starting from the last solution or, if that fails, from the
+    /// model's initial guess; the last solution is retained if both fail.
+    pub(super) fn find_near(&mut self, accuracy: f64) -> Result<Cycle> {
         self.orbit.effort = Effort::default();
         let last = self.orbit.snapshot();
         if self.continue_last(accuracy).is_err()
@@ -151,89 +91,12 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         Ok(self.measure(accuracy))
     }
 
-    /// Replaces the solution by the attractor as [`Method::attractor`] does.
-    pub(super) fn reach(
-        &mut self,
-        is_solved: bool,
-        accuracy: f64,
-    ) -> Result<(Cycle<N>, usize, bool)> {
+    /// Replaces the solution by the attractor reached from rest; if `is_solved`, the solution is the first candidate.
+    /// Returns the attractor's measurements, the number of cycles to settle, and whether it is the original solution.
+    pub(super) fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<(Cycle, usize, bool)> {
         let (model, orbit) = (self.model, &mut *self.orbit);
         let (cycles, is_first) = find_attractor(model, orbit, is_solved, accuracy, MAX_CYCLES)?;
         Ok((orbit.measure(model), cycles, is_first))
-    }
-}
-
-impl<const N: usize, R: ThreeLink<N>> Method for Collocation<'_, N, R> {
-    fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
-        let (cycle, effort) = self.find(is_warm, accuracy)?;
-        Ok((self.model.gait_metrics(&cycle), effort))
-    }
-
-    fn solve_near(&mut self, accuracy: f64) -> Result<(GaitMetrics, Effort)> {
-        let (cycle, effort) = self.find_near(accuracy)?;
-        Ok((self.model.gait_metrics(&cycle), effort))
-    }
-
-    fn floquet(&mut self) -> Result<Option<f64>> {
-        self.orbit.floquet(self.model).map(Some)
-    }
-
-    fn is_symmetry_broken(&self) -> bool {
-        self.orbit.is_symmetry_broken
-    }
-
-    fn derivatives(&mut self, wanted: Option<&[Parameter]>) -> Result<Derivatives> {
-        let (model, orbit) = (self.model, &mut *self.orbit);
-        let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = orbit;
-        let workspaces = Workspaces { linearisation, workspace, adjoints };
-        let found = differentiate(model, mesh, (path, &cycle), workspaces, wanted);
-        found.ok_or(orbit.not_converged())
-    }
-
-    fn work_and_loss_j(&self) -> Result<[f64; 2]> {
-        Ok(work_and_loss_j(self.model, &self.orbit.mesh))
-    }
-
-    fn loss_j(&mut self) -> Result<f64> {
-        let (model, orbit) = (self.model, &mut *self.orbit);
-        orbit.measure(model);
-        Ok(loss_j(model, &orbit.mesh, &orbit.path))
-    }
-
-    fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
-        let (model, orbit) = (self.model, &mut *self.orbit);
-        let cycle = orbit.measure(model);
-        let PeriodicOrbit { mesh, path, linearisation, workspace, adjoints, .. } = orbit;
-        let loss_j = loss_j(model, mesh, path);
-        let workspaces = Workspaces { linearisation, workspace, adjoints };
-        let found = differentiate_distance(model, mesh, (path, &cycle), workspaces, loss_j);
-        found.ok_or(orbit.not_converged())
-    }
-
-    fn polish(&mut self) -> Result<f64> {
-        self.orbit.polish(self.model)
-    }
-
-    fn attractor(
-        &mut self,
-        first: Result<GaitMetrics>,
-        accuracy: f64,
-    ) -> Result<(GaitMetrics, usize, bool)> {
-        let (cycle, cycles, is_first) = self.reach(first.is_ok(), accuracy)?;
-        Ok((self.model.gait_metrics(&cycle), cycles, is_first))
-    }
-
-    fn cycle(&self, samples: usize) -> Result<Vec<Sample>> {
-        trajectory::cycle(self.model, &self.orbit.mesh, samples)
-    }
-
-    fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
-        trajectory::from_rest(self.model, cycles, samples)
-    }
-
-    fn transient(&self, frames: &Frames, tolerance: f64) -> Result<Vec<Posture>> {
-        transient::from_rest(self.model, frames, tolerance)
     }
 }
 

@@ -1,9 +1,9 @@
 //! Extrapolation of a motion under dry friction to zero transition speed.
 
+use trilink_robot::Quantity;
 use trilink_robot::metrics::{ByMetric, GaitMetrics};
 
-use super::any::Kind;
-use super::{AnyProblem, AnySolver, Result};
+use super::{Problem, Result, Solver};
 
 /// Metrics in the limit of zero transition speed, where dry friction reverses its sign discontinuously.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -13,7 +13,7 @@ pub struct SharpLimit {
     pub uncertainty: GaitMetrics,
 }
 
-impl AnyProblem {
+impl Problem {
     /// Extrapolates the metrics to zero transition speed from solutions at the robot's transition speed, half
     /// of it and a quarter of it, each computed to the relative `accuracy`. Returns `None` if no friction is
     /// dry, or if the no-skid constraints alone determine the motion.
@@ -24,7 +24,7 @@ impl AnyProblem {
         if !self.laws.are_dry() || self.is_determined() {
             return Ok(None);
         }
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let whole = solver.solve(&self.with_transition_scaled(1.0), accuracy)?;
         let half = solver.solve(&self.with_transition_scaled(0.5), accuracy)?;
         let quarter = solver.solve(&self.with_transition_scaled(0.25), accuracy)?;
@@ -41,19 +41,11 @@ impl AnyProblem {
         Ok(Some(SharpLimit { metrics, uncertainty }))
     }
 
-    /// Returns whether the no-skid constraints and the commands alone determine the motion.
-    pub(super) fn is_determined(&self) -> bool {
-        match self.kind() {
-            Kind::ThreeLinks(problem) => problem.is_determined(),
-            Kind::Chain(problem) => problem.is_determined(),
-        }
-    }
-
     /// Returns the problem with the transition speed of dry friction multiplied by `factor`.
     fn with_transition_scaled(&self, factor: f64) -> Self {
-        match self.kind() {
-            Kind::ThreeLinks(problem) => problem.with_transition_scaled(factor).into(),
-            Kind::Chain(problem) => problem.with_transition_scaled(factor).into(),
-        }
+        let mut problem = self.clone();
+        let transition = Quantity::Transition.one();
+        problem.robot.set(transition, factor * self.robot.value(transition));
+        problem
     }
 }

@@ -1,138 +1,49 @@
 //! Warm-started solver of steady-state motions.
 
 use std::f64::consts::TAU;
-use std::fmt::Debug;
 
-use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Dry, Friction, Parameter, Viscous};
+use trilink_robot::metrics::{ByMetric, GaitMetrics};
+use trilink_robot::{
+    AnyRobot, ChainNumber, CommandNumber, Dry, FreeJoint, Friction, Joint, MAX_JOINTS, Parameter,
+    Quantity,
+};
 
-use super::method::{Collocation, Method};
-use super::orbit::{Effort, PeriodicOrbit};
-use super::quadrature::{GaitAnalysis, Quadrature};
-use super::reduced::{Derivatives, PassiveNoSkid, Skid};
-use super::trajectory::Sample;
-use super::{FromRest, MotionError, MotionStatus, Problem, Result, SteadyMotion};
+use super::chain::{ChainProblem, Slopes, Steady};
+use super::{
+    Effort, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Result, Sample,
+    SteadyMotion,
+};
 
 /// Warm-started solver of steady-state motions, which reuses its workspace. A solution starts from the last one if both
-/// motions are of the same kind: with the same passive joint (or none), with or without skid, and with or without dry
-/// friction. Otherwise it starts from the model's initial guess.
-#[derive(Debug, Clone, Default)]
+/// motions are of the same kind: with as many free joints, with or without skid, and with or without dry friction.
+/// Otherwise it starts from the model's initial guess.
+#[derive(Debug, Clone)]
 pub struct Solver {
-    /// Problem of the last solution.
+    /// Creates the equations of motion of a problem under the solver's friction law.
+    steady: fn(ChainProblem) -> Result<Box<dyn Steady>>,
+    kept: Option<Box<dyn Steady>>,
+    /// Kind of the motion from which the next solution starts; `None` if it starts from the initial guess. After a failed
+    /// [`Solver::solve_near`], the last solution that was found can still be the start.
+    start: Option<StartKind>,
+    /// Last problem that was solved.
     last: Option<Problem>,
-    /// Problem of the solution from which the next one starts; `None` if the next one starts from the model's initial
-    /// guess. After a failed [`Solver::solve_near`], the last solution that was found can still be the start.
-    start: Option<Problem>,
-    /// Last problem whose motion the no-skid constraints alone determine (eq. 3 of the paper), the metrics of
-    /// that motion, and their relative accuracy.
-    last_quadrature: Option<(Problem, GaitMetrics, f64)>,
-    /// Analysis of the gait in the problem of `last_quadrature`.
-    gait_analysis: GaitAnalysis,
-    viscous: Orbits<Viscous>,
-    dry: Orbits<Dry>,
-    /// Motions under the friction law of [`Solver::with_friction`]; `None` if the solver uses the friction laws in the
-    /// problems.
-    custom: Option<Box<dyn CustomFriction>>,
     effort: Effort,
 }
 
-/// Steady-state motions under a friction law from outside this crate; implemented by [`Orbits`].
-trait CustomFriction: Debug + Send + Sync {
-    /// Runs `task` with the solution method for the problem. `known` keeps the analysis of the gait from one
-    /// call to the next.
-    fn with(
-        &mut self,
-        problem: &Problem,
-        known: &mut GaitAnalysis,
-        task: &mut dyn FnMut(&mut dyn Method) -> Result<()>,
-    ) -> Result<()>;
-
-    fn successor(&self) -> Box<dyn CustomFriction>;
-
-    fn copy(&self) -> Box<dyn CustomFriction>;
+/// What two motions must have in common for one to be the start of the search for the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct StartKind {
+    free_joints: usize,
+    skids: bool,
+    is_linear: bool,
 }
 
-impl Clone for Box<dyn CustomFriction> {
-    fn clone(&self) -> Self {
-        self.as_ref().copy()
-    }
-}
-
-impl<F: Friction> CustomFriction for Orbits<F> {
-    fn with(
-        &mut self,
-        problem: &Problem,
-        known: &mut GaitAnalysis,
-        task: &mut dyn FnMut(&mut dyn Method) -> Result<()>,
-    ) -> Result<()> {
-        match problem.gait.joints {
-            [Some(joint1), Some(joint2)] if !problem.laws.skids() => {
-                task(&mut Quadrature::<F>::new(problem, [joint1, joint2], known))
-            }
-            _ => Orbits::with(self, problem.clone(), problem.gait.passive_joint(), task),
-        }
-    }
-
-    fn successor(&self) -> Box<dyn CustomFriction> {
-        Box::new(Orbits::successor(self))
-    }
-
-    fn copy(&self) -> Box<dyn CustomFriction> {
-        Box::new(self.clone())
-    }
-}
-
-/// Last steady-state motion of each kind that is governed by differential equations: all kinds but that of a robot with
-/// both joints commanded and no-skid wheels.
-#[derive(Debug, Clone)]
-struct Orbits<F: Friction> {
-    kinematic_skid: PeriodicOrbit<3, Skid<3, F>>,
-    passive_skid: PeriodicOrbit<5, Skid<5, F>>,
-    passive_no_skid: PeriodicOrbit<2, PassiveNoSkid<F>>,
-}
-
-impl<F: Friction> Default for Orbits<F> {
-    fn default() -> Self {
+impl StartKind {
+    fn of(problem: &ChainProblem) -> Self {
         Self {
-            kinematic_skid: PeriodicOrbit::default(),
-            passive_skid: PeriodicOrbit::default(),
-            passive_no_skid: PeriodicOrbit::default(),
-        }
-    }
-}
-
-impl<F: Friction> Orbits<F> {
-    fn successor(&self) -> Self {
-        let Self { kinematic_skid, passive_skid, passive_no_skid } = self;
-        Self {
-            kinematic_skid: kinematic_skid.successor(),
-            passive_skid: passive_skid.successor(),
-            passive_no_skid: passive_no_skid.successor(),
-        }
-    }
-
-    /// Runs `task` with the solution method for the problem; `passive` is the index of the passive joint, if
-    /// there is one.
-    fn with<T>(
-        &mut self,
-        problem: Problem,
-        passive: Option<usize>,
-        task: impl FnOnce(&mut dyn Method) -> Result<T>,
-    ) -> Result<T> {
-        let Self { kinematic_skid, passive_skid, passive_no_skid } = self;
-        match (passive, problem.laws.skids()) {
-            (None, _) => {
-                let model = Skid::new(problem, 0);
-                task(&mut Collocation { model: &model, orbit: kinematic_skid })
-            }
-            (Some(passive), true) => {
-                let model = Skid::new(problem, passive);
-                task(&mut Collocation { model: &model, orbit: passive_skid })
-            }
-            (Some(passive), false) => {
-                let model = PassiveNoSkid::new(problem, passive);
-                task(&mut Collocation { model: &model, orbit: passive_no_skid })
-            }
+            free_joints: problem.chain.free_joints(),
+            skids: problem.laws.skids(),
+            is_linear: problem.laws.are_linear(),
         }
     }
 }
@@ -159,19 +70,43 @@ impl Attractor {
     }
 }
 
+/// Derivatives of the metrics, and of the work of the actuators over a cycle (J), per unit of a number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NumberDerivatives {
+    pub metrics: GaitMetrics,
+    pub work_j: f64,
+}
+
+/// Derivatives of metrics with respect to the frequency, per rad/s, and to the offset, amplitude and phase of each
+/// joint's command, per radian; zero for a joint that is not driven, NaN if no motion exists for neighbouring gaits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputDerivatives {
+    pub omega: GaitMetrics,
+    pub gait: [[GaitMetrics; COMMAND.len()]; MAX_JOINTS],
+}
+
+/// Numbers of a command in [`InputDerivatives`].
+const COMMAND: [CommandNumber; 3] =
+    [CommandNumber::Offset, CommandNumber::Amplitude, CommandNumber::Phase];
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self::with_friction::<Dry>()
+    }
+}
+
 impl Solver {
     /// Creates a solver that uses friction law `F` in place of the friction laws in the problems. The laws in
-    /// a problem then determine only whether the wheels can skid, and with respect to which parameters
+    /// a problem then determine only whether the wheels can skid, and with respect to which numbers
     /// derivatives are computed. The example `own_friction` defines such a law.
     pub fn with_friction<F: Friction>() -> Self {
-        const {
-            let count = F::SKID.len() + F::ROLL.len();
-            assert!(
-                count <= Dry::SKID.len() + Dry::ROLL.len(),
-                "the friction law has more parameters than the solver supports"
-            );
+        Self {
+            steady: ChainProblem::steady_with::<F>,
+            kept: None,
+            start: None,
+            last: None,
+            effort: Effort::default(),
         }
-        Self { custom: Some(Box::new(Orbits::<F>::default())), ..Self::default() }
     }
 
     /// Solves for the steady-state periodic motion to a relative `accuracy` of its metrics. Under commands
@@ -179,10 +114,15 @@ impl Solver {
     /// to symmetry breaking, the solution is the motion reached from rest, one of a mirror-image pair.
     ///
     /// # Errors
-    /// Returns an error if the problem has no steady-state motion, or if the motion could not be found or resolved.
+    /// Returns an error if the description of the robot is wrong, if the problem has no steady-state motion, or if the
+    /// motion could not be found or resolved.
     pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
-        let is_warm = self.start.take().is_some_and(|start| is_alike(&start, problem));
-        self.solve_by(problem, accuracy, |method| method.solve(is_warm, accuracy))
+        let chain = problem.chain();
+        let kind = StartKind::of(&chain);
+        let is_warm = self.start.take() == Some(kind);
+        let metrics = self.set_problem(chain)?.solve(is_warm, accuracy)?;
+        self.record(problem, kind);
+        Ok(problem.own_metrics(metrics))
     }
 
     /// Solves as [`Solver::solve`] does, except if a solution of the same kind exists: then Newton's method starts only
@@ -190,169 +130,16 @@ impl Solver {
     /// solution starts from the existing one. Meant for searches, which solve many similar problems.
     ///
     /// # Errors
-    /// Returns an error if the problem has no steady-state motion, or if the motion could not be found or resolved, for
-    /// example because it is too far from the existing solution.
+    /// Returns an error as [`Solver::solve`] does, or if the motion is too far from the existing solution.
     pub fn solve_near(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
-        if !self.start.as_ref().is_some_and(|start| is_alike(start, problem)) {
+        let chain = problem.chain();
+        let kind = StartKind::of(&chain);
+        if self.start != Some(kind) {
             return self.solve(problem, accuracy);
         }
-        self.solve_by(problem, accuracy, |method| method.solve_near(accuracy))
-    }
-
-    /// Solves the problem by calling `solve` with the solution method for the problem, unless
-    /// [`Solver::scaled_quadrature`] already has the metrics, and stores the problem as the last one solved.
-    fn solve_by(
-        &mut self,
-        problem: &Problem,
-        accuracy: f64,
-        solve: impl FnOnce(&mut dyn Method) -> Result<(GaitMetrics, Effort)>,
-    ) -> Result<GaitMetrics> {
-        self.last = None;
-        self.effort = Effort::default();
-        let metrics;
-        (metrics, self.effort) = match self.scaled_quadrature(problem, accuracy) {
-            Some(known) => (known, Effort::default()),
-            None => self.with(problem, solve)?,
-        };
-        if problem.is_determined() && self.effort.elements > 0 {
-            self.last_quadrature = Some((problem.clone(), metrics, accuracy));
-        }
-        self.record(problem);
-        Ok(metrics)
-    }
-
-    /// Returns the metrics of a motion that the no-skid constraints alone determine (eq. 3 of the paper),
-    /// scaled from those at another frequency, which changes only the speed. Returns `None` unless the last
-    /// motion of this kind had the same robot, gait and friction laws, and at least this accuracy.
-    fn scaled_quadrature(&self, problem: &Problem, accuracy: f64) -> Option<GaitMetrics> {
-        let (known, metrics, known_accuracy) = self.last_quadrature.as_ref()?;
-        let Problem { robot, gait, laws, omega_rad_s } = problem;
-        let is_same = known.robot == *robot && known.gait == *gait && known.laws == *laws;
-        let is_same = is_same && *known_accuracy <= accuracy;
-        is_same.then(|| GaitMetrics { v_m_s: metrics.d_m * omega_rad_s / TAU, ..*metrics })
-    }
-
-    /// Records the problem of the current solution.
-    fn record(&mut self, problem: &Problem) {
-        self.last = Some(problem.clone());
-        self.start = Some(problem.clone());
-    }
-
-    /// Creates a solver whose next solution starts from the same motion as the next solution of this solver.
-    /// The new solver has no last solution that could be queried.
-    pub fn successor(&self) -> Self {
-        Self {
-            last: None,
-            start: self.start.clone(),
-            last_quadrature: self.last_quadrature.clone(),
-            gait_analysis: self.gait_analysis,
-            viscous: self.viscous.successor(),
-            dry: self.dry.successor(),
-            custom: self.custom.as_ref().map(|custom| custom.successor()),
-            effort: Effort::default(),
-        }
-    }
-
-    /// Makes the next solution start from the model's initial guess; the workspace is retained.
-    pub fn forget(&mut self) {
-        self.last = None;
-        self.start = None;
-        self.last_quadrature = None;
-    }
-
-    /// Returns the modulus of the last solution's largest Floquet multiplier; `None` if the motion has no
-    /// dynamic states.
-    ///
-    /// # Errors
-    /// Returns an error if there is no last solution, or if its linearisation is singular.
-    pub fn floquet(&mut self) -> Result<Option<f64>> {
-        self.with_last(|method| method.floquet())
-    }
-
-    /// Returns whether the last solution is one of two motions that mirror each other with a shift of half a
-    /// period, although the commands have half-period symmetry.
-    ///
-    /// # Errors
-    /// Returns an error if there is no last solution.
-    pub fn is_symmetry_broken(&mut self) -> Result<bool> {
-        self.with_last(|method| Ok(method.is_symmetry_broken()))
-    }
-
-    /// Returns whether the last solution is stable, and whether it is one of a mirror-image pair.
-    ///
-    /// # Errors
-    /// Returns an error as [`Solver::floquet`] does.
-    pub fn status(&mut self) -> Result<MotionStatus> {
-        Ok(MotionStatus::new(self.floquet()?, self.is_symmetry_broken()?))
-    }
-
-    /// Returns the derivatives of the last solution's metrics with respect to all variables.
-    ///
-    /// # Errors
-    /// Returns an error as [`Solver::floquet`] does.
-    pub fn derivatives(&mut self) -> Result<Derivatives> {
-        self.with_last(|method| method.derivatives(None))
-    }
-
-    /// Returns the derivatives of the last solution's metrics with respect to the `wanted` parameters; other
-    /// derivatives may be zero.
-    ///
-    /// # Errors
-    /// Returns an error as [`Solver::floquet`] does.
-    pub fn derivatives_of(&mut self, wanted: &[Parameter]) -> Result<Derivatives> {
-        self.with_last(|method| method.derivatives(Some(wanted)))
-    }
-
-    /// Returns the work of the actuators and the energy dissipated by friction over a cycle of the last
-    /// solution, J. The two are equal up to the accuracy of the solution.
-    ///
-    /// # Errors
-    /// Returns an error if there is no last solution.
-    pub fn work_and_loss_j(&mut self) -> Result<[f64; 2]> {
-        self.with_last(|method| method.work_and_loss_j())
-    }
-
-    /// Returns the energy dissipated by friction over a cycle of the last solution, J.
-    ///
-    /// # Errors
-    /// Returns an error if there is no last solution.
-    pub fn loss_j(&mut self) -> Result<f64> {
-        self.with_last(|method| method.loss_j())
-    }
-
-    /// Returns the derivatives of the last solution's work over a cycle, J per unit of each variable.
-    ///
-    /// # Errors
-    /// Returns an error as [`Solver::floquet`] does.
-    pub fn work_derivatives(&mut self) -> Result<Derivatives<f64>> {
-        self.distance_and_work_derivatives().map(|[_, work]| work)
-    }
-
-    /// Returns the derivatives of the last solution's displacement d (m per unit of each variable) and work
-    /// over a cycle (J per unit of each variable).
-    ///
-    /// # Errors
-    /// Returns an error as [`Solver::floquet`] does.
-    pub fn distance_and_work_derivatives(&mut self) -> Result<[Derivatives<f64>; 2]> {
-        self.with_last(|method| method.distance_and_work_derivatives())
-    }
-
-    /// Takes one more Newton step, with a fresh Jacobian, from the last solution. Returns the size of the
-    /// step relative to the states, which estimates the remaining error; 0 for a motion without dynamic
-    /// states.
-    ///
-    /// # Errors
-    /// Returns an error as [`Solver::floquet`] does.
-    pub fn polish(&mut self) -> Result<f64> {
-        self.with_last(|method| method.polish())
-    }
-
-    /// Samples one cycle of the last solution at `samples + 1` equally spaced times, the first at phase 0.
-    ///
-    /// # Errors
-    /// Returns an error if there is no last solution, or if its equations cannot be solved at a sample.
-    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>> {
-        self.with_last(|method| method.cycle(samples))
+        let metrics = self.set_problem(chain)?.solve_near(accuracy)?;
+        self.record(problem, kind);
+        Ok(problem.own_metrics(metrics))
     }
 
     /// Integrates the transient from rest and solves for the steady-state motion that it reaches. The next
@@ -376,12 +163,79 @@ impl Solver {
         first: Result<GaitMetrics>,
         accuracy: f64,
     ) -> Result<Attractor> {
-        self.last = None;
+        let chain = problem.chain();
+        let kind = StartKind::of(&chain);
+        if chain.is_determined() {
+            let motion = self.steady_motion(first?)?;
+            return Ok(Attractor { motion, cycles: 0, is_found_by_solve: true });
+        }
         self.start = None;
         let (metrics, cycles, is_found_by_solve) =
-            self.with(problem, |method| method.attractor(first, accuracy))?;
-        self.record(problem);
-        Ok(Attractor { motion: self.steady_motion(metrics)?, cycles, is_found_by_solve })
+            self.set_problem(chain)?.reach(first.is_ok(), accuracy)?;
+        self.record(problem, kind);
+        let motion = self.steady_motion(problem.own_metrics(metrics))?;
+        Ok(Attractor { motion, cycles, is_found_by_solve })
+    }
+
+    /// Returns whether the last solution, that of `problem` with the given metrics, is reached from rest. The motion that
+    /// is reached becomes the last solution.
+    pub fn from_rest(&mut self, problem: &Problem, metrics: GaitMetrics) -> FromRest {
+        Attractor::from_rest(&self.attractor(problem, Ok(metrics), REFERENCE_ACCURACY))
+    }
+
+    /// Creates a solver whose next solution starts from the same motion as the next solution of this solver.
+    /// The new solver has no last solution that could be queried.
+    pub fn successor(&self) -> Self {
+        let kept = self.kept.as_ref().map(|kept| kept.successor());
+        Self { kept, last: None, effort: Effort::default(), ..*self }
+    }
+
+    /// Makes the next solution start from the model's initial guess; the workspace is retained.
+    pub fn forget(&mut self) {
+        (self.start, self.last) = (None, None);
+    }
+
+    /// Returns the modulus of the last solution's largest Floquet multiplier; `None` if the motion has no
+    /// dynamic states.
+    ///
+    /// # Errors
+    /// Returns an error if there is no last solution, or if its linearisation is singular.
+    pub fn floquet(&mut self) -> Result<Option<f64>> {
+        self.solved()?.1.floquet()
+    }
+
+    /// Returns whether the last solution is one of two motions that mirror each other with a shift of half a
+    /// period, although the commands have half-period symmetry.
+    ///
+    /// # Errors
+    /// Returns an error if there is no last solution.
+    pub fn is_symmetry_broken(&mut self) -> Result<bool> {
+        Ok(self.solved()?.1.is_symmetry_broken())
+    }
+
+    /// Returns whether the last solution is stable, and whether it is one of a mirror-image pair.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::floquet`] does.
+    pub fn status(&mut self) -> Result<MotionStatus> {
+        Ok(MotionStatus::new(self.floquet()?, self.is_symmetry_broken()?))
+    }
+
+    /// Returns the work of the actuators and the energy dissipated over a cycle of the last solution, J. The two are
+    /// equal up to the accuracy of the solution.
+    ///
+    /// # Errors
+    /// Returns an error if there is no last solution.
+    pub fn work_and_loss_j(&mut self) -> Result<[f64; 2]> {
+        Ok(self.solved()?.1.work_and_loss_j())
+    }
+
+    /// Returns the energy dissipated over a cycle of the last solution, J.
+    ///
+    /// # Errors
+    /// Returns an error if there is no last solution.
+    pub fn loss_j(&mut self) -> Result<f64> {
+        Ok(self.solved()?.1.loss_j())
     }
 
     /// Returns the steady-state motion of the last solution, given its metrics.
@@ -395,52 +249,237 @@ impl Solver {
         Ok(SteadyMotion { metrics, floquet, work_j, is_symmetry_broken })
     }
 
+    /// Takes one more Newton step, with a fresh Jacobian, from the last solution. Returns the size of the
+    /// step relative to the states, which estimates the remaining error.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::floquet`] does.
+    pub fn polish(&mut self) -> Result<f64> {
+        self.solved()?.1.polish()
+    }
+
+    /// Samples one cycle of the last solution at `samples + 1` equally spaced times, the first at phase 0.
+    ///
+    /// # Errors
+    /// Returns an error if there is no last solution, or if its equations cannot be solved at a sample.
+    pub fn cycle(&mut self, samples: usize) -> Result<Vec<Sample>> {
+        self.solved()?.1.cycle(samples)
+    }
+
     /// Returns the computational effort of the last [`Solver::solve`].
     pub fn effort(&self) -> Effort {
         self.effort
     }
 
-    /// Runs `task` with the solution method that holds the last solution; returns an error if there is no last
-    /// solution.
-    fn with_last<T>(&mut self, task: impl FnOnce(&mut dyn Method) -> Result<T>) -> Result<T> {
-        let problem = self.last.clone().ok_or(MotionError::Unsolved)?;
-        self.with(&problem, task)
+    /// Returns the derivatives of the last solution with respect to numbers of the robot, in SI units and in their order.
+    /// The numbers of a robot of three links are those of [`Robot::chain`](trilink_robot::Robot::chain).
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::floquet`] does, or if the robot does not have one of the numbers.
+    pub fn derivatives(&mut self, numbers: &[ChainNumber]) -> Result<Vec<NumberDerivatives>> {
+        let slopes = self.slopes(numbers, Slopes::All)?;
+        Ok(slopes
+            .into_iter()
+            .map(|(metrics, work_j)| NumberDerivatives { metrics, work_j })
+            .collect())
     }
 
-    /// Runs `task` with the solution method for the problem.
-    pub(super) fn with<T>(
+    /// Returns the derivatives of the last solution's metrics with respect to the given parameters, in their order.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::floquet`] does.
+    pub fn derivatives_of(&mut self, parameters: &[Parameter]) -> Result<Vec<GaitMetrics>> {
+        let derivatives = self.of_parameters(parameters, Slopes::Metrics)?;
+        Ok(derivatives.into_iter().map(|derivatives| derivatives.metrics).collect())
+    }
+
+    /// Returns the derivatives of the last solution with respect to the given parameters, in their order.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::floquet`] does.
+    pub fn parameter_derivatives(
         &mut self,
-        problem: &Problem,
-        task: impl FnOnce(&mut dyn Method) -> Result<T>,
-    ) -> Result<T> {
-        if problem.gait.joints == [None, None] {
-            return Err(MotionError::NotDriven);
+        parameters: &[Parameter],
+    ) -> Result<Vec<NumberDerivatives>> {
+        self.of_parameters(parameters, Slopes::All)
+    }
+
+    fn of_parameters(
+        &mut self,
+        parameters: &[Parameter],
+        wanted: Slopes,
+    ) -> Result<Vec<NumberDerivatives>> {
+        let Problem { robot, gait, .. } = self.last.as_ref().ok_or(MotionError::Unsolved)?;
+        let numbers: Vec<(usize, ChainNumber, f64)> = parameters
+            .iter()
+            .enumerate()
+            .flat_map(|(i, parameter)| {
+                let shares = robot.shares_of(*parameter, gait).into_iter();
+                shares.map(move |(number, share)| (i, number, share))
+            })
+            .collect();
+        // The skid ratios of three links refer to the mean length of the side links.
+        let length_m = match robot {
+            AnyRobot::ThreeLinks(robot) => robot.skid_length_m(),
+            AnyRobot::Chain(_) => f64::INFINITY,
+        };
+        let all: Vec<ChainNumber> = numbers.iter().map(|(_, number, _)| *number).collect();
+        let slopes = self.slopes(&all, wanted)?;
+        let sigma = self.solved()?.1.metrics().sigma;
+        let none = (ByMetric::<f64>::splat(0.0), 0.0);
+        let mut sums = vec![none; parameters.len()];
+        for ((i, _, share), (slope, slope_j)) in numbers.iter().zip(&slopes) {
+            add(&mut sums[*i].0, *share, slope);
+            sums[*i].1 += share * slope_j;
         }
-        let problem = problem.effective();
-        if let Some(custom) = &mut self.custom {
-            let mut task = Some(task);
-            let mut found = None;
-            custom.with(&problem, &mut self.gait_analysis, &mut |method| {
-                found = task.take().map(|task| task(method)).transpose()?;
-                Ok(())
-            })?;
-            return found.ok_or(MotionError::Unsolved);
-        }
-        let passive = problem.gait.passive_joint();
-        match (problem.gait.joints, problem.laws) {
-            ([Some(joint1), Some(joint2)], laws) if !laws.skids() => {
-                let known = &mut self.gait_analysis;
-                task(&mut Quadrature::<Dry>::new(&problem, [joint1, joint2], known))
+        let derivative = |parameter: &Parameter, (metrics, work_j): (ByMetric<f64>, f64)| {
+            let mut metrics = GaitMetrics::from(metrics);
+            if parameter.quantity() == Quantity::L {
+                let share = if parameter.number().is_some() { 0.5 } else { 1.0 };
+                for (slope, sigma) in metrics.sigma.iter_mut().zip(sigma) {
+                    *slope -= share * sigma / length_m;
+                }
             }
-            (_, laws) if !laws.are_linear() => self.dry.with(problem, passive, task),
-            _ => self.viscous.with(problem, passive, task),
+            NumberDerivatives { metrics, work_j }
+        };
+        Ok(std::iter::zip(parameters, sums).map(|(of, sum)| derivative(of, sum)).collect())
+    }
+
+    /// Returns the derivatives of the last solution's metrics with respect to the frequency and the gait.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::floquet`] does.
+    pub fn input_derivatives(&mut self) -> Result<InputDerivatives> {
+        let problem = self.last.as_ref().ok_or(MotionError::Unsolved)?;
+        let commands = problem.gait.joints.iter().enumerate().filter(|(_, one)| one.is_some());
+        let numbers: Vec<ChainNumber> = commands
+            .flat_map(|(joint, _)| COMMAND.map(|number| ChainNumber::Command(joint, number)))
+            .collect();
+        let (omega, slopes) = self.with_omega(&numbers, Slopes::Metrics)?;
+        let none = [GaitMetrics::NONE; COMMAND.len()];
+        let mut derivatives = InputDerivatives { omega: omega.metrics, gait: [none; MAX_JOINTS] };
+        for (number, slope) in numbers.iter().zip(&slopes) {
+            let ChainNumber::Command(joint, command) = number else { continue };
+            let index = COMMAND.iter().position(|one| one == command).unwrap_or(0);
+            derivatives.gait[*joint][index] = slope.metrics;
+        }
+        Ok(derivatives)
+    }
+
+    /// Returns the derivatives of the last solution with respect to the frequency, per rad/s, and to numbers of the
+    /// robot, in SI units and in their order.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::derivatives`] does.
+    pub fn derivatives_with_omega(
+        &mut self,
+        numbers: &[ChainNumber],
+    ) -> Result<(NumberDerivatives, Vec<NumberDerivatives>)> {
+        self.with_omega(numbers, Slopes::All)
+    }
+
+    fn with_omega(
+        &mut self,
+        numbers: &[ChainNumber],
+        wanted: Slopes,
+    ) -> Result<(NumberDerivatives, Vec<NumberDerivatives>)> {
+        let problem = self.last.as_ref().ok_or(MotionError::Unsolved)?.chain().effective();
+        let omega_rad_s = problem.omega_rad_s;
+        // The motion as a function of phase is the same at another frequency if each number is scaled by a power of it.
+        let scaled: Vec<(ChainNumber, f64)> = problem
+            .chain
+            .numbers()
+            .into_iter()
+            .filter_map(|number| {
+                let value = problem.chain.number(number)?;
+                let factor = -f64::from(number.power_of_omega()) * value / omega_rad_s;
+                (factor != 0.0).then_some((number, factor))
+            })
+            .collect();
+        let all: Vec<ChainNumber> =
+            numbers.iter().copied().chain(scaled.iter().map(|(number, _)| *number)).collect();
+        let mut slopes = self.slopes(&all, wanted)?;
+        let of_scaled = slopes.split_off(numbers.len());
+        let d_m = self.solved()?.1.metrics().d_m;
+        // At constant displacement per cycle, the speed is proportional to the frequency; forces, and therefore the work,
+        // scale with its square.
+        let mut metrics = ByMetric::<f64>::splat(0.0);
+        let mut work_j = match wanted {
+            Slopes::All => 2.0 * self.loss_j()? / omega_rad_s,
+            Slopes::Metrics => 0.0,
+        };
+        for ((_, factor), (slope, slope_j)) in scaled.iter().zip(&of_scaled) {
+            add(&mut metrics, *factor, slope);
+            work_j += factor * slope_j;
+        }
+        let mut metrics = GaitMetrics::from(metrics);
+        metrics.v_m_s = (d_m + metrics.d_m * omega_rad_s) / TAU;
+        let number = |(metrics, work_j)| NumberDerivatives { metrics, work_j };
+        Ok((NumberDerivatives { metrics, work_j }, slopes.into_iter().map(number).collect()))
+    }
+
+    /// Returns the derivatives of the metrics and of the work; that of the work is zero if it is not wanted.
+    fn slopes(
+        &mut self,
+        numbers: &[ChainNumber],
+        wanted: Slopes,
+    ) -> Result<Vec<(GaitMetrics, f64)>> {
+        let (problem, kept) = self.solved()?;
+        let mut slopes = kept.slopes(numbers, wanted)?;
+        slopes.iter_mut().for_each(|(metrics, _)| *metrics = problem.own_metrics(*metrics));
+        Ok(slopes)
+    }
+
+    /// Returns the largest absolute torque of the actuators of joints at `samples + 1` times of a cycle of the last
+    /// solution, N m: the torque at driven and elastic joints, and the commanded torque. Torques that are not finite, at
+    /// a singular shape, are left out; zero if there are no others.
+    ///
+    /// # Errors
+    /// Returns an error as [`Solver::cycle`] does.
+    pub fn largest_torque_nm(&mut self, samples: usize) -> Result<f64> {
+        let ChainProblem { chain, omega_rad_s, .. } =
+            self.last.as_ref().ok_or(MotionError::Unsolved)?.chain();
+        let cycle = self.cycle(samples)?;
+        let torques_nm = cycle.iter().flat_map(|sample| {
+            let joints = chain.joints.iter().zip(&sample.torque_nm);
+            joints.map(|(joint, torque_nm)| match joint {
+                Joint::Free(FreeJoint { target, torque, .. }) if target.half_range_rad() == 0.0 => {
+                    torque.at(omega_rad_s * sample.time_s)
+                }
+                Joint::Driven(_) | Joint::Free(_) => *torque_nm,
+            })
+        });
+        let finite = torques_nm.map(f64::abs).filter(|torque| torque.is_finite());
+        Ok(finite.fold(0.0, f64::max))
+    }
+
+    /// Records the problem of the current solution.
+    fn record(&mut self, problem: &Problem, kind: StartKind) {
+        (self.start, self.last) = (Some(kind), Some(problem.clone()));
+        self.effort = self.kept.as_ref().map_or(Effort::default(), |kept| kept.effort());
+    }
+
+    fn solved(&mut self) -> Result<(&Problem, &mut Box<dyn Steady>)> {
+        self.last.as_ref().zip(self.kept.as_mut()).ok_or(MotionError::Unsolved)
+    }
+
+    fn set_problem(&mut self, problem: ChainProblem) -> Result<&mut Box<dyn Steady>> {
+        self.last = None;
+        let problem = problem.checked()?;
+        let free_joints = problem.chain.free_joints();
+        // If the equations of a problem cannot be set up, the last solution remains the start of the next.
+        match self.kept.take_if(|kept| kept.free_joints() == free_joints) {
+            Some(mut kept) => {
+                let result = kept.set_problem(problem);
+                let kept = self.kept.insert(kept);
+                result.map(|()| kept)
+            }
+            None => Ok(self.kept.insert((self.steady)(problem)?)),
         }
     }
 }
 
-/// Returns whether the solution of `last` can be the starting point for that of `next`.
-fn is_alike(last: &Problem, next: &Problem) -> bool {
-    last.gait.passive_joint() == next.gait.passive_joint()
-        && last.laws.skids() == next.laws.skids()
-        && last.laws.are_linear() == next.laws.are_linear()
+/// Adds derivatives of metrics, multiplied by a factor.
+fn add(sum: &mut ByMetric<f64>, factor: f64, slopes: &GaitMetrics) {
+    sum.iter_mut().for_each(|(metric, sum)| *sum += factor * slopes[metric]);
 }

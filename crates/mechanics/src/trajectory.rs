@@ -5,56 +5,14 @@
 
 use std::f64::consts::TAU;
 
-use trilink_robot::{ContactForces, Friction, Pose, dot, roll_rows, rotated, skid_rows};
+use trilink_robot::Pose;
 
 use super::element::{Element, Linearisation, Stages, integrate_poses, interpolate, solve_element};
-use super::forces::contact_forces;
 use super::mesh::Mesh;
 use super::radau::{RADAU, STAGES};
-use super::reduced::{KinematicState, Reduced};
+use super::reduced::Reduced;
 use super::transient::{Integrator, Step};
-use super::{MotionError, Problem, Result};
-
-/// State of the robot and the forces on it at one time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
-    pub time_s: f64,
-    /// Pose of link 0; the motion starts at the origin, heading along x.
-    pub pose: Pose,
-    /// Joint angles, rad.
-    pub phi_rad: [f64; 2],
-    /// Rates `(x', y', theta', phi1', phi2')`, m/s and rad/s.
-    pub rates: [f64; 5],
-    /// Roll velocities of wheels 0, 1, 2, m/s.
-    pub roll_m_s: [f64; 3],
-    /// Skid velocities of wheels 0, 1, 2, m/s.
-    pub skid_m_s: [f64; 3],
-    pub forces: ContactForces,
-}
-
-impl Sample {
-    /// Creates a sample from a state and the time derivatives of its velocities.
-    pub(super) fn new<F: Friction>(
-        problem: &Problem,
-        time_s: f64,
-        pose: Pose,
-        state: &KinematicState,
-        acceleration: &[f64; 5],
-    ) -> Self {
-        let trig = &state.trig;
-        let [u, v, turning, w1, w2] = state.velocity;
-        let [x_rate, y_rate] = rotated(pose.theta_rad, [u, v]);
-        Self {
-            time_s,
-            pose,
-            phi_rad: state.phi_rad,
-            rates: [x_rate, y_rate, turning, w1, w2],
-            roll_m_s: roll_rows(&problem.robot, trig).map(|row| dot(&row, &state.velocity)),
-            skid_m_s: skid_rows(&problem.robot, trig).map(|row| dot(&row, &state.velocity)),
-            forces: contact_forces::<F>(problem, state, acceleration),
-        }
-    }
-}
+use super::{MotionError, Result, Sample};
 
 /// Relative error tolerance per time step of the transient from rest.
 const TOLERANCE: f64 = 1e-9;
@@ -64,7 +22,7 @@ pub(super) fn cycle<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     count: usize,
-) -> Result<Vec<R::Sample>> {
+) -> Result<Vec<Sample>> {
     let mut sampler = Sampler::new(model, count);
     let mut pose = Pose::default();
     let spans = [[1.0; N], mesh.signs].into_iter().take(mesh.spans());
@@ -92,7 +50,7 @@ pub(super) fn from_rest<const N: usize, R: Reduced<N>>(
     model: &R,
     cycles: usize,
     count: usize,
-) -> Result<Vec<R::Sample>> {
+) -> Result<Vec<Sample>> {
     let mut sampler = Sampler::new(model, count);
     let mut transient = Integrator::new(model, TOLERANCE);
     let end_s = cycles as f64 * TAU / model.omega_rad_s();
@@ -124,7 +82,7 @@ struct Sampler<'a, const N: usize, R: Reduced<N>> {
     omega_rad_s: f64,
     interval_s: f64,
     workspace: Linearisation,
-    samples: Vec<R::Sample>,
+    samples: Vec<Sample>,
 }
 
 impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {

@@ -144,7 +144,7 @@ impl<'a, const N: usize, R: Reduced<N>> Integrator<'a, N, R> {
             self.elements += 1;
             self.sizes = sizes;
             self.last = Some((self.state, stages, duration_s));
-            self.state = stages[STAGES - 1];
+            self.state = model.consistent(self.omega_rad_s * end_s, stages[STAGES - 1]);
             self.pose = poses[STAGES - 1];
             self.time_s = end_s;
             let next_s = duration_s * (0.9 * growth).clamp(0.3, 4.0);

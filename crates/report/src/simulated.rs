@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{
-    AnyProblem, AnySample, FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose,
-    REFERENCE_ACCURACY, SteadyMotion,
+    FIT_ACCURACY, FORCES_ACCURACY, Model, MotionError, Pose, Problem, REFERENCE_ACCURACY, Sample,
+    SteadyMotion,
 };
 use trilink_robot::metrics::GaitMetrics;
 use trilink_statistics::extremes;
@@ -25,15 +25,15 @@ pub(crate) fn configured(
     campaign: &str,
     model: Model,
     omega_rad_s: f64,
-) -> Option<AnyProblem> {
+) -> Option<Problem> {
     let (robot, gait) = input.setup(campaign)?;
     let laws = input.models().get(&model)?.laws();
-    Some(AnyProblem { robot, gait, laws, omega_rad_s })
+    Some(Problem { robot, gait, laws, omega_rad_s })
 }
 
 /// Returns the motion problem for a fitted model under the commanded gait; `None` if the fit failed or its campaign is
 /// not configured.
-pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<AnyProblem> {
+pub(crate) fn fitted(input: &ReportInput, fit: &FitRow, omega_rad_s: f64) -> Option<Problem> {
     let mut problem = configured(input, &fit.campaign, fit.model, omega_rad_s)?;
     for (parameter, value) in fit.parameters.iter().filter(|(_, value)| value.is_finite()) {
         // The coefficients of the individual wheels are known whenever their sum is known.
@@ -52,7 +52,7 @@ pub(crate) fn best_known(
     campaign: &str,
     model: Model,
     omega_rad_s: f64,
-) -> Option<(AnyProblem, bool)> {
+) -> Option<(Problem, bool)> {
     let mut fits = tables.fits.iter();
     let fit = fits.find(|fit| fit.campaign == campaign && fit.model == model);
     match fit.and_then(|fit| fitted(input, fit, omega_rad_s)) {
@@ -62,7 +62,7 @@ pub(crate) fn best_known(
 }
 
 /// Returns the motion problem for a fitted model at a trial's frequency, under the gait input of the fit.
-pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<AnyProblem> {
+pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> Option<Problem> {
     let problem = fitted(input, fit, trial.omega_rad_s)?;
     let is_measured = fit.gait_input == GaitInput::Measured;
     Some(if is_measured { under_gait_of(trial, problem) } else { problem })
@@ -70,7 +70,7 @@ pub(crate) fn fitted_to(input: &ReportInput, fit: &FitRow, trial: &TrialRow) -> 
 
 /// Replaces the mean and the first harmonic of each joint command in a motion problem with those measured in a trial;
 /// joints that are not driven stay so.
-pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: AnyProblem) -> AnyProblem {
+pub(crate) fn under_gait_of(trial: &TrialRow, mut problem: Problem) -> Problem {
     for (command, measured) in problem.gait.joints.iter_mut().zip(trial.joints()) {
         *command = command.map(|command| command.measured(measured.command()));
     }
@@ -83,7 +83,7 @@ pub(crate) fn curve(
     tables: &Tables,
     input: &ReportInput,
     fit: &FitRow,
-    quantity: impl Fn(&AnyProblem) -> Option<f64> + Sync,
+    quantity: impl Fn(&Problem) -> Option<f64> + Sync,
 ) -> Vec<(f64, f64)> {
     /// Minimum stride with which the frequencies of the prediction curve are subsampled.
     const STRIDE: usize = 2;
@@ -107,7 +107,7 @@ pub(crate) fn curve(
 /// Steady-state motion of a robot with a given model and gait.
 pub(crate) struct Steady {
     pub metrics: GaitMetrics,
-    pub cycle: Vec<AnySample>,
+    pub cycle: Vec<Sample>,
     /// Number of cycles after which the motion from rest is within 1 % of the steady-state motion; `None` if the motion
     /// from rest does not reach it.
     pub cycles_to_settle: Option<usize>,
@@ -117,7 +117,7 @@ pub(crate) struct Steady {
 ///
 /// # Errors
 /// Returns an error if there is no steady-state motion.
-pub(crate) fn steady(problem: &AnyProblem) -> Result<Steady, MotionError> {
+pub(crate) fn steady(problem: &Problem) -> Result<Steady, MotionError> {
     if let Ok((settled, cycle)) = problem.settled_cycle(FORCES_ACCURACY, SAMPLES) {
         let cycles_to_settle = Some(settled.cycles);
         return Ok(Steady { metrics: settled.motion.metrics, cycle, cycles_to_settle });
@@ -132,20 +132,20 @@ pub(crate) fn steady(problem: &AnyProblem) -> Result<Steady, MotionError> {
 ///
 /// # Errors
 /// Returns an error if there is no steady-state motion.
-pub(crate) fn stable_cycle(problem: &AnyProblem) -> Result<Vec<AnySample>, MotionError> {
+pub(crate) fn stable_cycle(problem: &Problem) -> Result<Vec<Sample>, MotionError> {
     let cycle = stable(problem).and_then(|_| problem.cycle(FIT_ACCURACY, SAMPLES).ok());
     cycle.map_or_else(|| steady(problem).map(|steady| steady.cycle), Ok)
 }
 
 /// Returns the work of the actuators per metre of displacement (J/m); `None` if there is no stable motion or its
 /// displacement is not positive.
-pub(crate) fn work_j_m(problem: &AnyProblem) -> Option<f64> {
+pub(crate) fn work_j_m(problem: &Problem) -> Option<f64> {
     let SteadyMotion { metrics, work_j, .. } = stable(problem)?;
     (metrics.d_m > 0.0).then(|| work_j / metrics.d_m)
 }
 
 /// Returns half the peak-to-peak range of a joint angle (rad); `None` if there is no stable motion.
-pub(crate) fn amplitude_rad(problem: &AnyProblem, joint: usize) -> Option<f64> {
+pub(crate) fn amplitude_rad(problem: &Problem, joint: usize) -> Option<f64> {
     stable(problem)?;
     let cycle = problem.cycle(FIT_ACCURACY, SAMPLES).ok()?;
     let [low, high] = extremes(cycle.iter().map(|sample| sample.phi_rad[joint]));
@@ -153,13 +153,13 @@ pub(crate) fn amplitude_rad(problem: &AnyProblem, joint: usize) -> Option<f64> {
 }
 
 /// Returns the steady-state motion, or `None` if it does not exist or is not stable.
-fn stable(problem: &AnyProblem) -> Option<SteadyMotion> {
+fn stable(problem: &Problem) -> Option<SteadyMotion> {
     problem.solve(FIT_ACCURACY).ok().filter(|motion| motion.status().is_stable())
 }
 
 /// Returns the times (s) and poses of a motion that starts at the pose `start` and repeats a cycle. The poses in
 /// `cycle` are relative to the start of the cycle.
-pub(crate) fn repeat(cycle: &[AnySample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
+pub(crate) fn repeat(cycle: &[Sample], cycles: usize, start: Pose) -> Vec<(f64, Pose)> {
     let [first, .., last] = cycle else { return Vec::new() };
     let mut poses = vec![(0.0, start)];
     let mut from = start;

@@ -2,8 +2,8 @@
 
 use super::metrics::Metric;
 use super::{
-    Chain, ChainNumber, FreeJoint, Gait, Joint, JointCommand, JointNumber, Laws, Link, LinkNumber,
-    MAX_JOINTS, Parameter, Per, Pose, Quantity, Robot, SecondHarmonic,
+    Chain, ChainNumber, CommandNumber, FreeJoint, Gait, Joint, JointCommand, JointNumber, Laws,
+    Link, LinkNumber, MAX_JOINTS, Parameter, Per, Pose, Quantity, Robot, SecondHarmonic,
 };
 
 /// Robot of three links, or a chain of two to eight.
@@ -165,6 +165,48 @@ impl AnyRobot {
         match self {
             Self::ThreeLinks(_) => quantity.one(),
             Self::Chain(_) => quantity.parameter(joint + 1),
+        }
+    }
+
+    /// Returns the numbers of the robot as a chain ([`Robot::chain`]) with which a parameter changes if it has the given
+    /// gait, each with its change per unit of the parameter: for a sum over wheels its fraction of the sum. Empty if the
+    /// robot does not have the parameter.
+    pub fn shares_of(&self, parameter: Parameter, gait: &AnyGait) -> Vec<(ChainNumber, f64)> {
+        const FRONT: usize = 0;
+        const MIDDLE: usize = 1;
+        const REAR: usize = 2;
+        let gait = Gait::from(*gait);
+        let robot = match self {
+            Self::ThreeLinks(robot) => robot,
+            Self::Chain(chain) => return chain.shares_of(parameter),
+        };
+        let of_joint = |joint: usize| match (parameter.quantity(), joint) {
+            (Quantity::H, 1) => vec![(ChainNumber::Link(MIDDLE, LinkNumber::FrontJoint), 1.0)],
+            (Quantity::H, _) => vec![(ChainNumber::Link(MIDDLE, LinkNumber::RearJoint), 1.0)],
+            // A side link's origin is its wheel.
+            (Quantity::L, 1) => vec![
+                (ChainNumber::Link(FRONT, LinkNumber::RearJoint), 1.0),
+                (ChainNumber::Link(FRONT, LinkNumber::Com), -1.0),
+            ],
+            (Quantity::L, _) => vec![
+                (ChainNumber::Link(REAR, LinkNumber::FrontJoint), 1.0),
+                (ChainNumber::Link(REAR, LinkNumber::Com), 1.0),
+            ],
+            (Quantity::B, 1) => vec![(ChainNumber::Link(FRONT, LinkNumber::Com), 1.0)],
+            _ => vec![(ChainNumber::Link(REAR, LinkNumber::Com), -1.0)],
+        };
+        match (parameter.quantity().definition().per, parameter.number()) {
+            (Per::Joint, Some(joint)) => of_joint(joint),
+            (Per::Joint, None) => [of_joint(1), of_joint(2)].concat(),
+            (Per::FreeJoint, None) => {
+                let number = |joint| match parameter.quantity() {
+                    Quantity::Stiffness => ChainNumber::Joint(joint, JointNumber::Stiffness),
+                    Quantity::Damping => ChainNumber::Joint(joint, JointNumber::Damping),
+                    _ => ChainNumber::Command(joint, CommandNumber::Offset),
+                };
+                gait.passive_joint().map(|joint| (number(joint), 1.0)).into_iter().collect()
+            }
+            _ => robot.chain(&gait).shares_of(parameter),
         }
     }
 

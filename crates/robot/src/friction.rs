@@ -14,17 +14,10 @@
 
 use std::fmt::Debug;
 
-use super::{Laws, LinkNumber, Number, Parameter, Quantity, Robot, WheelFriction};
+use super::{Laws, LinkNumber, Number, WheelFriction};
 
 /// Friction law for a robot's wheels. Forces are resistances, so they have the sign of the velocity.
 pub trait Friction: Copy + Debug + Send + Sync + 'static {
-    /// Parameters that only the skid friction has.
-    const SKID: &'static [Parameter];
-    /// Parameters of the rolling friction, and those that rolling and skid friction share.
-    const ROLL: &'static [Parameter];
-    /// Whether every friction force is proportional to the wheel's velocity in the direction of the force.
-    const IS_LINEAR: bool;
-
     /// Returns the resistance (N) of a wheel to skidding at a velocity (m/s), and its derivative with respect
     /// to the velocity (kg/s).
     fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2];
@@ -45,55 +38,6 @@ pub trait Friction: Copy + Debug + Send + Sync + 'static {
         roll_m_s: T,
         skid_m_s: T,
     ) -> [T; 2];
-
-    /// Calls `add` for each parameter on which a wheel's skid resistance depends, with the index of the
-    /// parameter and the derivative of the resistance with respect to the parameter. Indices count the
-    /// parameters in [`Friction::SKID`], then those in [`Friction::ROLL`].
-    fn skid_slopes<T: Number>(robot: &Robot, wheel: usize, velocity: T, add: impl FnMut(usize, T));
-
-    /// Calls `add` for each parameter on which a wheel's rolling resistance depends, with the index of the
-    /// parameter in [`Friction::ROLL`] and the derivative of the resistance with respect to the parameter.
-    fn roll_slopes<T: Number>(robot: &Robot, wheel: usize, velocity: T, add: impl FnMut(usize, T));
-}
-
-/// Purely viscous friction.
-#[derive(Debug, Clone, Copy)]
-pub struct Viscous;
-
-impl Friction for Viscous {
-    const SKID: &'static [Parameter] = &Quantity::Skid.of_each();
-    const ROLL: &'static [Parameter] = &Quantity::Roll.of_each();
-    const IS_LINEAR: bool = true;
-
-    fn is_linear(_: Laws) -> bool {
-        true
-    }
-
-    fn slopes<T: Number>(_: &WheelFriction, _: LinkNumber, _: T, _: T) -> [T; 2] {
-        [T::splat(0.0); 2]
-    }
-
-    #[inline(always)]
-    fn skid<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
-        let c_kg_s = T::splat(wheel.skid_kg_s);
-        [c_kg_s * velocity, c_kg_s]
-    }
-
-    #[inline(always)]
-    fn roll<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
-        let c_kg_s = T::splat(wheel.roll_kg_s);
-        [c_kg_s * velocity, c_kg_s]
-    }
-
-    #[inline(always)]
-    fn skid_slopes<T: Number>(_: &Robot, wheel: usize, velocity: T, mut add: impl FnMut(usize, T)) {
-        add(wheel, velocity);
-    }
-
-    #[inline(always)]
-    fn roll_slopes<T: Number>(_: &Robot, wheel: usize, velocity: T, mut add: impl FnMut(usize, T)) {
-        add(wheel, velocity);
-    }
 }
 
 /// Friction that is the sum of a dry term, a viscous term and a power-law term in the velocity.
@@ -101,18 +45,6 @@ impl Friction for Viscous {
 pub struct Dry;
 
 impl Friction for Dry {
-    const SKID: &'static [Parameter] = &parameters::<16>(&[
-        Quantity::Skid,
-        Quantity::SkidDry,
-        Quantity::SkidStatic,
-        Quantity::Stribeck,
-        Quantity::SkidPower,
-        Quantity::SkidExponent,
-    ]);
-    const ROLL: &'static [Parameter] =
-        &parameters::<7>(&[Quantity::Roll, Quantity::RollDry, Quantity::Transition]);
-    const IS_LINEAR: bool = false;
-
     fn is_linear(laws: Laws) -> bool {
         laws.are_linear()
     }
@@ -149,54 +81,6 @@ impl Friction for Dry {
     fn roll<T: Number>(wheel: &WheelFriction, velocity: T) -> [T; 2] {
         Law::roll(wheel).force(velocity)
     }
-
-    #[inline(always)]
-    fn skid_slopes<T: Number>(
-        robot: &Robot,
-        wheel: usize,
-        velocity: T,
-        mut add: impl FnMut(usize, T),
-    ) {
-        let slopes = Law::skid(&robot.wheel_friction(wheel)).slopes(velocity);
-        add(wheel, slopes.viscous);
-        add(3 + wheel, slopes.dry);
-        add(6 + wheel, slopes.static_);
-        add(9, slopes.stribeck);
-        add(10 + wheel, slopes.power);
-        add(13 + wheel, slopes.exponent);
-        add(Self::SKID.len() + 6, slopes.transition);
-    }
-
-    #[inline(always)]
-    fn roll_slopes<T: Number>(
-        robot: &Robot,
-        wheel: usize,
-        velocity: T,
-        mut add: impl FnMut(usize, T),
-    ) {
-        let slopes = Law::roll(&robot.wheel_friction(wheel)).slopes(velocity);
-        add(wheel, slopes.viscous);
-        add(3 + wheel, slopes.dry);
-        add(6, slopes.transition);
-    }
-}
-
-/// Returns the parameters of several quantities, in sequence.
-const fn parameters<const COUNT: usize>(quantities: &[Quantity]) -> [Parameter; COUNT] {
-    let mut all = [quantities[0].parameter(0); COUNT];
-    let mut count = 0;
-    let mut i = 0;
-    while i < quantities.len() {
-        let mut index = 0;
-        while index < quantities[i].count() {
-            all[count] = quantities[i].parameter(index);
-            count += 1;
-            index += 1;
-        }
-        i += 1;
-    }
-    assert!(count == COUNT, "COUNT is not the number of parameters");
-    all
 }
 
 /// Friction law of one wheel in one direction.
@@ -214,7 +98,6 @@ struct Law {
 
 /// Derivatives of a friction force with respect to the parameters of its law.
 struct Slopes<T> {
-    viscous: T,
     dry: T,
     static_: T,
     transition: T,
@@ -315,7 +198,6 @@ impl Law {
         let [power, dpower, exponent] = self.power(relative);
         let transition = (T::splat(1.0) - sign * sign) * size + T::splat(self.power_n) * dpower;
         Slopes {
-            viscous: velocity,
             dry: sign * (T::splat(1.0) - static_fraction),
             static_: sign * static_fraction,
             transition: -(transition * relative * per_m_s),
@@ -342,8 +224,7 @@ mod tests {
             exponent: 0.6,
         };
         type Field = (fn(&mut Law) -> &mut f64, fn(&Slopes<f64>) -> f64);
-        let fields: [Field; 7] = [
-            (|law| &mut law.viscous_kg_s, |slopes| slopes.viscous),
+        let fields: [Field; 6] = [
             (|law| &mut law.dry_n, |slopes| slopes.dry),
             (|law| &mut law.static_n, |slopes| slopes.static_),
             (|law| &mut law.transition_m_s, |slopes| slopes.transition),

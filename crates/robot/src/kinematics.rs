@@ -1,18 +1,8 @@
-//! Forward kinematics (eq. 1): poses of the links, and roll and skid velocities of their wheels.
-//!
-//! With `c_i = cos phi_i` and `s_i = sin phi_i`, in the frame of link 0 the links point along `t0 = (1, 0)`,
-//! `t1 = (c1, -s1)`, `t2 = (c2, s2)`, and the axles of the wheels point along `n0 = (0, 1)`, `n1 = (s1,
-//! c1)`, `n2 = (-s2, c2)`. Rotating these rows by `theta` gives `W`.
+//! Poses, and those of the links of a robot of three links (eq. 1).
 
 use std::ops::Mul;
 
-use super::{Number, Robot};
-
-/// Velocities in the frame of link 0: `(u, v, theta', phi1', phi2')` with `u` along the link (m/s), `v`
-/// across it to the left (m/s), and angular rates in rad/s.
-///
-/// `u = x' cos(theta) + y' sin(theta)`, `v = -x' sin(theta) + y' cos(theta)`.
-pub type Velocity<T = f64> = [T; 5];
+use super::Robot;
 
 /// Pose of a link in the plane: the position of its origin (the wheel's axle) and its heading.
 ///
@@ -90,81 +80,6 @@ impl Robot {
     }
 }
 
-/// Sines and cosines of the joint angles.
-#[derive(Debug, Clone, Copy)]
-pub struct Trig<T = f64> {
-    pub s: [T; 2],
-    pub c: [T; 2],
-}
-
-impl<T: Number> Trig<T> {
-    #[inline(always)]
-    pub fn new(phi_rad: [T; 2]) -> Self {
-        let [(s1, c1), (s2, c2)] = T::both_sin_cos(phi_rad);
-        Self { s: [s1, s2], c: [c1, c2] }
-    }
-}
-
-/// Returns, for each wheel, the row whose dot product with [`Velocity`] is the skid velocity `v_perp` (eq. 1
-/// of the paper), m/s.
-#[inline(always)]
-pub fn skid_rows<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 3] {
-    let [[h1, h2], [l1, l2]] = [robot.h_m, robot.l_m].map(|lengths| lengths.map(T::splat));
-    let zero = T::splat(0.0);
-    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    let middle = [zero, T::splat(1.0), zero, zero, zero];
-    [middle, [s1, c1, l1 + h1 * c1, -l1, zero], [-s2, c2, -l2 - h2 * c2, zero, -l2]]
-}
-
-/// Returns the derivatives of the rows of wheels 1 and 2 (see [`skid_rows`]), each with respect to the angle
-/// of the wheel's own joint.
-#[inline(always)]
-pub fn dskid_rows_dphi<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 2] {
-    let [h1, h2] = robot.h_m.map(T::splat);
-    let zero = T::splat(0.0);
-    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    [[c1, -s1, -h1 * s1, zero, zero], [-c2, -s2, h2 * s2, zero, zero]]
-}
-
-/// Returns, for each wheel, the row whose dot product with [`Velocity`] is the roll velocity `v_par`, m/s.
-#[inline(always)]
-pub fn roll_rows<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 3] {
-    let [h1, h2] = robot.h_m.map(T::splat);
-    let zero = T::splat(0.0);
-    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    let middle = [T::splat(1.0), zero, zero, zero, zero];
-    [middle, [c1, -s1, -h1 * s1, zero, zero], [c2, s2, -h2 * s2, zero, zero]]
-}
-
-/// Returns the derivatives of the rows of wheels 1 and 2 (see [`roll_rows`]), each with respect to the angle
-/// of the wheel's own joint.
-#[inline(always)]
-pub fn droll_rows_dphi<T: Number>(robot: &Robot, trig: &Trig<T>) -> [[T; 5]; 2] {
-    let [h1, h2] = robot.h_m.map(T::splat);
-    let zero = T::splat(0.0);
-    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    [[-s1, -c1, -h1 * c1, zero, zero], [-s2, c2, -h2 * c2, zero, zero]]
-}
-
-/// Returns the dot product of a row (see [`skid_rows`], [`roll_rows`]) and a velocity.
-#[inline(always)]
-pub fn dot<T: Number>(row: &[T; 5], velocity: &Velocity<T>) -> T {
-    row.iter().zip(velocity).fold(T::splat(0.0), |sum, (a, b)| sum + *a * *b)
-}
-
-/// Returns the determinant `det W_b` of the constraint matrix of the body velocities (eq. 4 of the paper), m.
-///
-/// The sign is opposite to that printed in eq. 4, as follows from evaluating eq. 1 of the paper; only the
-/// zeros matter. Similarly, the matrix `A` in eq. 10 of the paper has, for the kinematic robot, the
-/// determinant `+det(W_b)^2` instead of the printed `-det(W_b)^2`.
-#[inline]
-pub fn det_wb(robot: &Robot, trig: &Trig) -> f64 {
-    let Trig { s: [s1, s2], c: [c1, c2] } = *trig;
-    let [h1, h2] = robot.h_m;
-    let [l1, l2] = robot.l_m;
-    s1 * (l2 + h2 * c2) - s2 * (l1 + h1 * c1)
-}
-
 #[cfg(test)]
 mod tests {
     use std::f64::consts::FRAC_PI_2;
@@ -199,28 +114,5 @@ mod tests {
         assert_eq!(middle, Pose::default());
         assert!(is_near(front, Pose { x_m: 2.0, y_m: -1.0, theta_rad: -FRAC_PI_2 }));
         assert!(is_near(rear, Pose { x_m: -3.0, y_m: -0.5, theta_rad: FRAC_PI_2 }));
-    }
-
-    #[test]
-    fn the_wheels_roll_and_skid_as_their_links_move() {
-        const STEP: f64 = 1e-6;
-        let phi = [0.4, -0.7];
-        let velocity = [0.3, -0.2, 0.9, 1.3, -0.6];
-        let robot = Robot { h_m: [0.1, 0.2], l_m: [0.15, 0.07], ..Robot::kinematic() };
-        let [u, v, turning, w1, w2] = velocity;
-        let at = |t: f64| {
-            let middle = Pose { x_m: t * u, y_m: t * v, theta_rad: t * turning };
-            robot.link_poses(middle, [phi[0] + t * w1, phi[1] + t * w2])
-        };
-        let before = at(-STEP);
-        let now = at(0.0);
-        let after = at(STEP);
-        let trig = Trig::new(phi);
-        for i in 0..3 {
-            let moved = [after[i].x_m - before[i].x_m, after[i].y_m - before[i].y_m];
-            let [roll, skid] = rotated(-now[i].theta_rad, moved.map(|x| x / (2.0 * STEP)));
-            assert!((roll - dot(&roll_rows(&robot, &trig)[i], &velocity)).abs() < 1e-9);
-            assert!((skid - dot(&skid_rows(&robot, &trig)[i], &velocity)).abs() < 1e-9);
-        }
     }
 }

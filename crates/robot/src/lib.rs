@@ -1,35 +1,28 @@
-//! Robot model: parameters, joint commands, and the equations of motion of the paper's section II in the
-//! frame of link 0.
+//! Robot model: parameters, joint commands, friction laws and metrics.
 //!
-//! Indices 0, 1, 2 always denote the middle, front and rear link. Units are SI and part of each name.
+//! Indices 0, 1, 2 of a robot of three links denote the middle, front and rear link. Units are SI and part of each name.
 //!
 //! - Description: [`Robot`] (Tables I and II), a robot of three links; [`Chain`], a robot of two to eight links;
 //!   [`AnyRobot`], either of them; [`Quantity`], the table of quantities that describe a robot; and [`Parameter`], a
 //!   single scalar parameter of a robot.
 //! - Actuation: `command` and `gait`; a [`Gait`] consists of one [`JointCommand`] per commanded joint (eq. 18
 //!   and 19).
-//! - Kinematics: `kinematics` (eq. 1), with [`skid_rows`] and [`roll_rows`], which map velocities to the
-//!   wheels' skid and roll velocities, and [`det_wb`] (eq. 4).
+//! - Kinematics: [`Pose`] (eq. 1).
 //! - Friction: `law` and `friction`, the [`Laws`] of skidding and rolling (eq. 14 and 15); a [`Model`] is a
 //!   named set of laws.
-//! - Dynamics: `balance`, the [`force_balance`] (eq. 7) with its Jacobian; [`decay`], free decay in closed
-//!   form; [`metrics`], the metrics of a gait cycle (eq. 17 and 20).
-//! - `number`: evaluates the equations for one [`Number`] or for several in the lanes of a SIMD vector.
+//! - [`decay`], free decay in closed form; [`metrics`], the metrics of a gait cycle (eq. 17 and 20).
+//! - `number`: evaluates equations for one [`Number`] or for several in the lanes of a SIMD vector.
 //!
 //! ```
-//! use trilink_robot::{Gait, Robot, Trig, dot, skid_rows};
+//! use trilink_robot::{Gait, Pose, Robot};
 //!
 //! let robot = Robot::kinematic();
-//! let shape = Gait::symmetric().at(1.0, 3.9);
-//! // Link 0 at rest: the side wheels skid as their joints turn them.
-//! let [rate1, rate2] = shape.rate_rad_s;
-//! let velocity = [0.0, 0.0, 0.0, rate1, rate2];
-//! let skid_m_s = skid_rows(&robot, &Trig::new(shape.phi_rad)).map(|row| dot(&row, &velocity));
-//! assert_eq!(skid_m_s, [0.0, -robot.l_m[0] * rate1, -robot.l_m[1] * rate2]);
+//! let [front, rear] = Gait::symmetric().joints.map(|command| command.map_or(0.0, |command| command.derivative(0, 1.0)));
+//! let [middle, ..] = robot.link_poses(Pose::default(), [front, rear]);
+//! assert_eq!(middle, Pose::default());
 //! ```
 
 mod any;
-mod balance;
 mod chain;
 mod command;
 pub mod decay;
@@ -44,18 +37,14 @@ mod parameter;
 mod quantity;
 
 pub use any::{AnyGait, AnyRobot};
-pub use balance::{Balance, ContactForces, dforce_dphi, force_balance, mass_matrix};
 pub use chain::{
     Chain, ChainError, ChainNumber, CommandNumber, Drag, FreeJoint, Joint, JointNumber, Link,
     LinkNumber, MAX_JOINTS, MAX_LINKS, NumberKind, Rotor, TorqueCommand, Wheel, WheelFriction,
 };
 pub use command::{JointCommand, MAX_TURNS, SecondHarmonic, Turns};
-pub use friction::{Dry, Friction, Viscous};
-pub use gait::{Gait, Shape};
-pub use kinematics::{
-    Pose, Trig, Velocity, det_wb, dot, droll_rows_dphi, dskid_rows_dphi, in_world, roll_rows,
-    rotated, skid_rows,
-};
+pub use friction::{Dry, Friction};
+pub use gait::Gait;
+pub use kinematics::{Pose, in_world, rotated};
 pub use law::{Laws, RollLaw, SkidLaw};
 pub use model::Model;
 pub use number::{LANES, Lanes, Number};

@@ -6,7 +6,7 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
-use trilink_mechanics::{AnyProblem, ChainProblem, Laws, Problem};
+use trilink_mechanics::{Laws, Problem};
 use trilink_robot::{AnyRobot, Joint, Model};
 use trilink_tables::config::{ChainCampaign, ChainGait, Config, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
@@ -52,7 +52,7 @@ pub(super) enum Source {
 
 /// Commanded robot of a gait trial, with its true coefficients on the floor of the trial's day.
 pub(super) struct Drive {
-    pub problem: AnyProblem,
+    pub problem: Problem,
     /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
     pub day: Option<usize>,
     /// Friction of the trial relative to that of its day.
@@ -165,7 +165,7 @@ struct Schedule<'r> {
 impl Schedule<'_> {
     /// Returns the plans of the trials. `problem` returns the equations of motion at a frequency with all friction
     /// multiplied by a factor.
-    fn plans(&self, problem: impl Fn(f64, f64) -> AnyProblem) -> Vec<Plan> {
+    fn plans(&self, problem: impl Fn(f64, f64) -> Problem) -> Vec<Plan> {
         let Self { recipe, days, campaign, robot, first } = *self;
         let is_tidy = recipe.tidy.contains(robot);
         let (servo, variation) =
@@ -246,7 +246,7 @@ pub(super) fn gaits(
             Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
         plans.extend(schedule.plans(|omega_rad_s, friction| {
             let robot = robot.with_friction_scaled(friction);
-            Problem { robot, gait, laws, omega_rad_s }.into()
+            Problem::new(robot, gait, laws, omega_rad_s)
         }));
     }
     for (index, (name, campaign)) in config.chains.campaign.iter().enumerate() {
@@ -276,7 +276,8 @@ pub(super) fn gaits(
         plans.extend(schedule.plans(|omega_rad_s, factor| {
             let mut chain = robot.clone();
             chain::change_friction(&mut chain, |_, friction| *friction = friction.scaled(factor));
-            ChainProblem { chain, laws, omega_rad_s }.into()
+            let gait = chain.gait();
+            Problem::new(chain, gait, laws, omega_rad_s)
         }));
     }
     (plans, campaigns, days)

@@ -3,9 +3,9 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal};
-use trilink_mechanics::{AnyProblem, MotionError, Posture, REFERENCE_ACCURACY};
+use trilink_mechanics::{MotionError, Posture, Problem, REFERENCE_ACCURACY};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Dry, Friction as _, Gait, JointCommand, Parameter, Quantity, Robot};
+use trilink_robot::{Gait, JointCommand, Parameter, Quantity, Robot};
 
 /// Skid coefficients fitted in the paper (Tables I and II), by campaign, kg/s.
 const FITTED_SKID_KG_S: [(&str, [f64; 3]); 3] = [
@@ -70,9 +70,8 @@ pub(super) fn vary_coefficients(mut robot: Robot, random: &mut ChaCha8Rng) -> Ro
 
 /// Iterates over the parameters of skid resistance, each with the index of its wheel.
 pub(super) fn skid_resistances() -> impl Iterator<Item = (Parameter, usize)> {
-    let parameters = Dry::SKID.iter();
-    let resistances = parameters.filter(|one| one.quantity().definition().is_resistance);
-    resistances.filter_map(|one| Some((*one, one.number()?)))
+    let quantities = [Quantity::Skid, Quantity::SkidDry, Quantity::SkidStatic, Quantity::SkidPower];
+    quantities.into_iter().flat_map(|quantity| quantity.of_each().into_iter().zip(0..))
 }
 
 /// Draws the ratio of a true coefficient to its expected value.
@@ -93,7 +92,7 @@ pub(super) fn min_frames(omega_rad_s: f64, rate_hz: f64) -> f64 {
 /// # Errors
 /// Returns an error if the model has no periodic solution, or if the motion cannot be integrated.
 pub(super) fn from_rest(
-    problem: &AnyProblem,
+    problem: &Problem,
     variation: f64,
     random: &ChaCha8Rng,
     rate_hz: f64,

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 use serde::Serialize;
-use trilink_mechanics::{AnyProblem, AnySample, AnySolver, MotionError, REFERENCE_ACCURACY};
+use trilink_mechanics::{MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver};
 use trilink_robot::{JointCommand, MAX_JOINTS, SecondHarmonic};
 
 /// Servo with lag and compliance. The complex amplitude of the n-th harmonic of the joint angle is
@@ -39,12 +39,12 @@ impl Servo {
     ///
     /// # Errors
     /// Returns an error if the model has no periodic solution, or if the torque in the periodic solution is unbounded.
-    pub(super) fn reached(&self, problem: &AnyProblem) -> Result<AnyProblem, MotionError> {
+    pub(super) fn reached(&self, problem: &Problem) -> Result<Problem, MotionError> {
         let mut reached = problem.clone();
         if self.if_any().is_none() {
             return Ok(reached);
         }
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let iterations = if self.compliance_rad_nm > 0.0 { ITERATIONS } else { 0 };
         let mut torques = [Torque::default(); MAX_JOINTS];
         for iteration in 0..=iterations {
@@ -91,7 +91,7 @@ struct Torque {
 impl Torque {
     /// Computes the mean and harmonics of the torques of all joints from the [`SAMPLES`] samples of a cycle, each with
     /// the torques of the joints.
-    fn of_joints(cycle: &[AnySample]) -> Result<[Self; MAX_JOINTS], MotionError> {
+    fn of_joints(cycle: &[Sample]) -> Result<[Self; MAX_JOINTS], MotionError> {
         let mut torques = [Self::default(); MAX_JOINTS];
         for (i, sample) in cycle.iter().take(SAMPLES).enumerate() {
             let turn = Complex::cis(-TAU * i as f64 / SAMPLES as f64);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_report::{SimulationError, simulation_page};
 use trilink_tables::write_if_changed;
 
@@ -25,7 +25,7 @@ pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {
 pub(super) fn write(
     path: &Path,
     names: (&str, &str),
-    problem: impl Into<AnyProblem>,
+    problem: impl Into<Problem>,
     cycles_to_settle: Option<usize>,
     answer: &impl Serialize,
 ) -> Result<String, Failure> {

@@ -59,10 +59,7 @@ impl Simulate {
                 note!("{campaign} {model}: the fitted coefficients are taken as exact: {why}");
             }
             for (omega_rad_s, rows) in found.motions {
-                input += &match setup {
-                    AnySetup::ThreeLinks(setup) => format!("{:?}", setup.problem(omega_rad_s)),
-                    AnySetup::Chain(setup) => format!("{:?}", setup.problem(omega_rad_s)),
-                };
+                input += &format!("{:?}", setup.problem(omega_rad_s));
                 match rows {
                     Ok(rows) => all.push(rows),
                     Err(error) => {

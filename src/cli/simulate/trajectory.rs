@@ -24,7 +24,7 @@ pub(super) fn write(
         input += &format!("{problem:?} {from_rest} {samples}");
         match setup.trajectory(answer, from_rest, samples) {
             Ok(found) => {
-                unbounded += found.iter().filter(|s| s.forces.lateral_n[0].is_nan()).count();
+                unbounded += found.iter().filter(|s| s.lateral_n[0].is_nan()).count();
                 rows.extend(found);
             }
             Err(_) => absent += 1,

@@ -141,7 +141,7 @@ pub fn settings(text: &[u8]) {
         for model in &campaign.models {
             let laws = config.model[model].laws();
             let robot = robot.clone();
-            let _ = Problem { robot, gait, laws, omega_rad_s: 3.9 }.solve(FIT_ACCURACY);
+            let _ = Problem::new(robot, gait, laws, 3.9).solve(FIT_ACCURACY);
         }
     }
 }

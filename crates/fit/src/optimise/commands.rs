@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::fmt;
 
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, ChainNumber, CommandNumber, JointNumber};
 use trilink_tables::config::did_you_mean;
 use trilink_tables::{GaitNumbers, Objective};
@@ -42,7 +42,7 @@ impl CommandUnit {
 impl Command {
     /// Returns all commands that influence the steady-state motion, without second harmonics. Only phase differences
     /// between drives matter: the phase of the first one is never included.
-    pub fn all(problem: &AnyProblem) -> Vec<Self> {
+    pub fn all(problem: &Problem) -> Vec<Self> {
         let drives = Drive::all(problem);
         let amplitudes = drives.iter().map(|drive| drive.amplitude());
         let offsets = drives.iter().filter_map(|drive| drive.offset());
@@ -86,7 +86,7 @@ impl Command {
     }
 
     /// Adds to `free` the components of the second harmonic of every joint and rotor that has a free command.
-    pub fn with_second_harmonics(mut free: Vec<Self>, problem: &AnyProblem) -> Vec<Self> {
+    pub fn with_second_harmonics(mut free: Vec<Self>, problem: &Problem) -> Vec<Self> {
         let drives = Drive::all(problem).into_iter();
         let drives =
             drives.filter(|drive| free.iter().any(|command| command.drive() == Some(*drive)));
@@ -101,7 +101,7 @@ impl Command {
     ///
     /// # Errors
     /// Returns an error if a name is unknown or the command has no influence on the motion.
-    pub fn parse(names: &[String], problem: &AnyProblem) -> Result<Vec<Self>, String> {
+    pub fn parse(names: &[String], problem: &Problem) -> Result<Vec<Self>, String> {
         let mut all = Self::all(problem);
         let seconds = Drive::all(problem).into_iter().filter_map(Drive::second_harmonic);
         all.extend(seconds.flatten());
@@ -167,7 +167,7 @@ impl Command {
     }
 
     /// Returns the value of the command in a problem, rad/s, rad or N m.
-    pub fn value(self, problem: &AnyProblem) -> f64 {
+    pub fn value(self, problem: &Problem) -> f64 {
         match self {
             Self::Omega => problem.omega_rad_s,
             Self::Number(number) => problem.number(number).unwrap_or(0.0),
@@ -175,7 +175,7 @@ impl Command {
     }
 
     /// Sets the value of the command in a problem, rad/s, rad or N m.
-    pub fn set(self, problem: &mut AnyProblem, value: f64) {
+    pub fn set(self, problem: &mut Problem, value: f64) {
         let Self::Number(number) = self else {
             problem.omega_rad_s = value;
             return;
@@ -268,8 +268,8 @@ impl Command {
 }
 
 /// Returns the error message for an unknown command name.
-fn unknown_command(name: &str, problem: &AnyProblem) -> String {
-    let AnyProblem { robot, .. } = problem;
+fn unknown_command(name: &str, problem: &Problem) -> String {
+    let Problem { robot, .. } = problem;
     let drives = Drive::all(problem);
     let known: Vec<String> =
         Command::all(problem).iter().map(|command| command.name(robot)).collect();
@@ -316,7 +316,7 @@ impl Bounds {
     ///
     /// # Errors
     /// Returns an error if a torque is free although torques are not limited.
-    pub fn check(&self, free: &[Command], problem: &AnyProblem) -> Result<(), String> {
+    pub fn check(&self, free: &[Command], problem: &Problem) -> Result<(), String> {
         let torque = free.iter().find(|command| command.unit() == CommandUnit::NewtonMetre);
         match torque {
             Some(torque) if self.torque_nm.is_none() => Err(format!(

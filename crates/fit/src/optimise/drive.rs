@@ -1,6 +1,6 @@
 //! Drives: the periodic commands that move a robot.
 
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{
     AnyRobot, ChainNumber, CommandNumber, FreeJoint, Joint, JointCommand, JointNumber, Rotor,
 };
@@ -22,7 +22,7 @@ pub enum Drive {
 impl Drive {
     /// Returns the drives of a problem that move the robot: the driven joints, the elastic joints whose commanded angle
     /// varies and the torques that are not zero, from front to rear, then the rotors whose angle varies.
-    pub fn all(problem: &AnyProblem) -> Vec<Self> {
+    pub fn all(problem: &Problem) -> Vec<Self> {
         let mut drives = Vec::new();
         for joint in 0..problem.robot.joints() {
             let joint_of_chain = problem.robot.as_chain().map(|chain| &chain.joints[joint]);
@@ -84,7 +84,7 @@ impl Drive {
     }
 
     /// Returns the command of the angle; `None` for a torque.
-    pub fn angle(self, problem: &AnyProblem) -> Option<&JointCommand> {
+    pub fn angle(self, problem: &Problem) -> Option<&JointCommand> {
         match self {
             Self::Angle(joint) => problem.command(joint),
             Self::Torque(_) => None,
@@ -95,7 +95,7 @@ impl Drive {
     }
 
     /// Returns access to the command of the angle; `None` for a torque.
-    pub(super) fn angle_mut(self, problem: &mut AnyProblem) -> Option<&mut JointCommand> {
+    pub(super) fn angle_mut(self, problem: &mut Problem) -> Option<&mut JointCommand> {
         match self {
             Self::Angle(joint) => problem.command_mut(joint),
             Self::Torque(_) => None,
@@ -135,7 +135,7 @@ impl Drive {
     }
 
     /// Returns the keys and values of the command in the configuration.
-    pub fn configured(self, problem: &AnyProblem) -> Vec<(&'static str, f64)> {
+    pub fn configured(self, problem: &Problem) -> Vec<(&'static str, f64)> {
         let Some(command) = self.angle(problem) else {
             let commands = self.commands();
             return ["torque_nm", "mean_nm", "phase_deg"]
@@ -154,7 +154,7 @@ impl Drive {
     }
 
     /// Stores the numbers of the drive in `numbers`, those of second harmonics only if the command has them.
-    pub(super) fn fill(self, problem: &AnyProblem, numbers: &mut GaitNumbers) {
+    pub(super) fn fill(self, problem: &Problem, numbers: &mut GaitNumbers) {
         for command in self.commands() {
             if let Some(number) = command.number_mut(numbers, &problem.robot) {
                 *number = command.value(problem);

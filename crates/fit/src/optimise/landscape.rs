@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use nalgebra::DVector;
-use trilink_mechanics::{AnyProblem, AnySolver, MotionStatus};
+use trilink_mechanics::{MotionStatus, NumberDerivatives, Problem, Solver};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{ChainNumber, JointCommand};
 use trilink_tables::Objective;
@@ -37,7 +37,7 @@ struct Limits {
 }
 
 impl Limits {
-    fn new(problem: &AnyProblem) -> Self {
+    fn new(problem: &Problem) -> Self {
         let joints = problem.robot.joints();
         let rotors = problem.robot.as_chain().map_or(0, |chain| chain.links.len());
         Self { joints, power: (2 * joints + rotors) * PEAKS }
@@ -67,7 +67,7 @@ impl Limits {
     }
 
     /// Returns the name of a limit, given its index.
-    fn name(self, limit: usize, problem: &AnyProblem) -> String {
+    fn name(self, limit: usize, problem: &Problem) -> String {
         let Self { joints, power } = self;
         match (limit / PEAKS, limit.checked_sub(power)) {
             (_, Some(0)) => "power".to_owned(),
@@ -130,8 +130,8 @@ pub(super) struct Landscape<'a> {
     bounds: &'a Bounds,
     ranges: Vec<[f64; 2]>,
     limits: Limits,
-    problem: AnyProblem,
-    solver: AnySolver,
+    problem: Problem,
+    solver: Solver,
     /// Relative accuracy of the solver.
     pub accuracy: f64,
     /// Whether to reject solutions that are not clearly stable.
@@ -145,7 +145,7 @@ pub(super) struct Landscape<'a> {
 
 impl<'a> Landscape<'a> {
     pub(super) fn new(
-        problem: AnyProblem,
+        problem: Problem,
         objective: Objective,
         commands: &'a [Command],
         bounds: &'a Bounds,
@@ -158,7 +158,7 @@ impl<'a> Landscape<'a> {
             ranges: commands.iter().map(|command| command.range(bounds)).collect(),
             limits: Limits::new(&problem),
             problem,
-            solver: AnySolver::default(),
+            solver: Solver::default(),
             accuracy,
             only_stable: false,
             only_near: false,
@@ -182,7 +182,7 @@ impl<'a> Landscape<'a> {
     }
 
     /// Returns the position of a problem, with commands clamped to their ranges.
-    pub(super) fn position_of(&self, problem: &AnyProblem) -> Position {
+    pub(super) fn position_of(&self, problem: &Problem) -> Position {
         let mut position = self.origin();
         for (i, command) in self.commands.iter().enumerate() {
             let [low, high] = self.ranges[i];
@@ -192,13 +192,13 @@ impl<'a> Landscape<'a> {
     }
 
     /// Returns the problem to solve at a position.
-    pub(super) fn problem_at(&self, position: &Position) -> AnyProblem {
+    pub(super) fn problem_at(&self, position: &Position) -> Problem {
         let mut problem = self.problem.clone();
         self.set(&mut problem, position);
         problem
     }
 
-    fn set(&self, problem: &mut AnyProblem, position: &Position) {
+    fn set(&self, problem: &mut Problem, position: &Position) {
         for (i, command) in self.commands.iter().enumerate() {
             let [low, high] = self.ranges[i];
             command.set(problem, low + position[i] * (high - low));
@@ -232,7 +232,7 @@ impl<'a> Landscape<'a> {
     /// Solves a problem; returns the metrics and the actuators' work per cycle, J (1 if the work is not needed). `None`
     /// if there is no periodic solution (or no stable one, if required), or if displacement or work is not positive,
     /// because the cost is a logarithm.
-    fn solve(&mut self, problem: &AnyProblem) -> Option<(GaitMetrics, f64)> {
+    fn solve(&mut self, problem: &Problem) -> Option<(GaitMetrics, f64)> {
         let metrics = if self.only_near {
             self.solver.solve_near(problem, self.accuracy)
         } else {
@@ -289,7 +289,7 @@ impl<'a> Landscape<'a> {
 
     fn evaluate_problem(
         &mut self,
-        problem: &AnyProblem,
+        problem: &Problem,
         position: &Position,
         max_merit: f64,
     ) -> Option<Result<Evaluation, f64>> {
@@ -321,14 +321,15 @@ impl<'a> Landscape<'a> {
             Command::Number(number) => Some(*number),
         });
         let numbers: Vec<ChainNumber> = numbers.collect();
-        let (by_omega, by_number) = self.solver.distance_and_work_derivatives(&numbers).ok()?;
+        let (by_omega, by_number) = self.solver.derivatives_with_omega(&numbers).ok()?;
         let mut by_number = by_number.into_iter();
         for (i, command) in self.commands.iter().enumerate() {
             let size = self.ranges[i][1] - self.ranges[i][0];
-            let [d_m, work] = match command {
+            let NumberDerivatives { metrics: slopes, work_j: work } = match command {
                 Command::Omega => by_omega,
                 Command::Number(_) => by_number.next()?,
             };
+            let d_m = slopes.d_m;
             let dln_omega = if *command == Command::Omega { 1.0 / omega } else { 0.0 };
             let slope = |objective: Objective| {
                 let [d_power, omega_power, work_power] = objective.powers();
@@ -354,7 +355,7 @@ impl<'a> Landscape<'a> {
     }
 
     /// Stores the relative excess of joint angles and rates over their limits in `point`, with gradients.
-    fn limit_commands(&self, point: &mut Evaluation, problem: &AnyProblem) {
+    fn limit_commands(&self, point: &mut Evaluation, problem: &Problem) {
         let omega = problem.omega_rad_s;
         self.for_each_peak(problem, |limit, drive, order, Peak { value, slopes }, most| {
             point.excess[limit] = value / most - 1.0;
@@ -382,11 +383,7 @@ impl<'a> Landscape<'a> {
 
     /// Calls `task` for every limited peak with the index of the limit, the drive, the order of the derivative (0 for
     /// the angle, 1 for the rate), the peak, and the maximum value allowed for it.
-    fn for_each_peak(
-        &self,
-        problem: &AnyProblem,
-        mut task: impl FnMut(usize, Drive, i32, Peak, f64),
-    ) {
+    fn for_each_peak(&self, problem: &Problem, mut task: impl FnMut(usize, Drive, i32, Peak, f64)) {
         let Bounds { angle_rad, rate_rad_s, .. } = *self.bounds;
         let rate_per_omega = rate_rad_s / problem.omega_rad_s;
         for drive in Drive::all(problem) {
@@ -408,11 +405,11 @@ impl<'a> Landscape<'a> {
         &mut self,
         point: &mut Evaluation,
         torque_nm: f64,
-        problem: &AnyProblem,
+        problem: &Problem,
         position: &Position,
     ) -> Option<()> {
         let limit = self.limits.torque();
-        let here = largest_torque(&mut self.solver, problem)?;
+        let here = largest_torque(&mut self.solver)?;
         point.excess[limit] = here / torque_nm - 1.0;
         let mut neighbour = problem.clone();
         let size = TORQUE_STEP * self.accuracy.sqrt();
@@ -422,7 +419,7 @@ impl<'a> Landscape<'a> {
             moved[i] += step;
             self.set(&mut neighbour, &moved);
             self.solver.solve(&neighbour, self.accuracy).ok()?;
-            let there = largest_torque(&mut self.solver, &neighbour)?;
+            let there = largest_torque(&mut self.solver)?;
             point.excess_gradients[limit][i] = (there - here) / (step * torque_nm);
         }
         Some(())
@@ -453,8 +450,8 @@ impl<'a> Landscape<'a> {
 }
 
 /// Returns the largest absolute torque of the actuators of joints in a cycle, N m; `None` if it is zero.
-fn largest_torque(solver: &mut AnySolver, problem: &AnyProblem) -> Option<f64> {
-    let largest = solver.largest_torque_nm(&problem.gait, TORQUE_SAMPLES).ok()?;
+fn largest_torque(solver: &mut Solver) -> Option<f64> {
+    let largest = solver.largest_torque_nm(TORQUE_SAMPLES).ok()?;
     (largest > 0.0).then_some(largest)
 }
 

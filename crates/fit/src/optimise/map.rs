@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::Model;
 use trilink_tables::{MapPoint, OptimumMapRow};
 
@@ -52,7 +52,7 @@ impl Search {
             axis.map_or(String::new(), |of| of.command.name(&self.problem.robot))
         };
         let [x_command, y_command] = [Some(first), second].map(name);
-        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64, of: &AnyProblem| OptimumMapRow {
+        let row = |point: MapPoint, [x, y]: [f64; 2], value: f64, of: &Problem| OptimumMapRow {
             campaign: campaign.to_owned(),
             model,
             objective: self.objective,
@@ -87,7 +87,7 @@ impl Search {
             Ok(rows.collect())
         });
         let mut rows = grid.collect::<Result<Vec<Vec<_>>, Cancelled>>()?.concat();
-        let coordinates = |problem: &AnyProblem| {
+        let coordinates = |problem: &Problem| {
             let coordinate = |axis: &Axis| axis.coordinate(problem, &best.problem);
             [coordinate(first), second.map_or(f64::NAN, coordinate)]
         };
@@ -166,7 +166,7 @@ impl Axis {
 
     /// Returns the value of the command in a problem, in rad/s for the frequency and in degrees for angles. A phase is
     /// shifted by whole turns to be as near as possible to its value at the optimum.
-    fn coordinate(&self, problem: &AnyProblem, optimum: &AnyProblem) -> f64 {
+    fn coordinate(&self, problem: &Problem, optimum: &Problem) -> f64 {
         let value = self.command.value(problem);
         let turns_rad = if self.command.is_phase() {
             whole_turns(value - self.command.value(optimum))

@@ -20,7 +20,7 @@ use std::f64::consts::{PI, TAU};
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{
-    AnyProblem, AnySolver, FromRest, MotionStatus, REFERENCE_ACCURACY, SteadyMotion,
+    FromRest, MotionStatus, Problem, REFERENCE_ACCURACY, Solver, SteadyMotion,
 };
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{ByParameter, JointCommand, SecondHarmonic};
@@ -42,7 +42,7 @@ pub use uncertainty::Uncertainty;
 #[derive(Debug, Clone)]
 pub struct Search {
     /// Robot and friction laws, with the current gait and frequency.
-    pub problem: AnyProblem,
+    pub problem: Problem,
     pub objective: Objective,
     /// Commands to vary; at least one.
     pub free: Vec<Command>,
@@ -54,7 +54,7 @@ pub struct Search {
 /// Optimal gait with its steady-state motion.
 #[derive(Debug, Clone)]
 pub struct Optimum {
-    pub problem: AnyProblem,
+    pub problem: Problem,
     pub value: f64,
     pub motion: SteadyMotion,
     pub status: MotionStatus,
@@ -71,12 +71,12 @@ pub struct Optimum {
 impl Optimum {
     /// Solves a problem to the reference accuracy; returns `None` if there is no periodic solution.
     fn new(
-        problem: AnyProblem,
+        problem: Problem,
         objective: Objective,
         at_bound: Vec<String>,
         starts: usize,
     ) -> Option<Self> {
-        let mut solver = AnySolver::default();
+        let mut solver = Solver::default();
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY).ok()?;
         let motion = solver.steady_motion(metrics).ok()?;
         let GaitMetrics { d_m, v_m_s, .. } = motion.metrics;
@@ -113,7 +113,7 @@ impl Optimum {
         search: &Search,
         present: Option<&Self>,
     ) -> OptimumRow {
-        let AnyProblem { robot, gait, laws, .. } = &self.problem;
+        let Problem { robot, gait, laws, .. } = &self.problem;
         let mut numbers = missing_numbers(&self.problem);
         Drive::all(&self.problem).iter().for_each(|drive| drive.fill(&self.problem, &mut numbers));
         OptimumRow {
@@ -169,7 +169,7 @@ impl Optimum {
 
 /// Returns missing numbers for every joint of a problem's robot and, if it has commanded torques or rotors, for the
 /// torques of its joints and for the rotors of its links.
-fn missing_numbers(problem: &AnyProblem) -> GaitNumbers {
+fn missing_numbers(problem: &Problem) -> GaitNumbers {
     let joints = problem.robot.joints();
     let drives = Drive::all(problem);
     let of_joints = |count: usize| ByJoint::from_iter(vec![f64::NAN; count]);
@@ -264,10 +264,10 @@ impl Search {
         &self,
         mut ends: Vec<(LocalOptimum, usize)>,
         accuracy: f64,
-    ) -> Vec<(LocalOptimum, AnyProblem, usize)> {
+    ) -> Vec<(LocalOptimum, Problem, usize)> {
         let landscape = self.landscape(accuracy);
         ends.sort_by(|(a, _), (b, _)| a.point.cost.total_cmp(&b.point.cost));
-        let mut distinct: Vec<(LocalOptimum, AnyProblem, usize)> = Vec::new();
+        let mut distinct: Vec<(LocalOptimum, Problem, usize)> = Vec::new();
         for (end, count) in ends {
             let problem = normalise_phases(landscape.problem_at(&end.position));
             let known = distinct
@@ -386,7 +386,7 @@ impl Search {
     }
 
     /// Solves a local optimum's problem to the reference accuracy; returns `None` if there is no periodic solution.
-    fn confirm(&self, end: LocalOptimum, problem: AnyProblem, starts: usize) -> Option<Optimum> {
+    fn confirm(&self, end: LocalOptimum, problem: Problem, starts: usize) -> Option<Optimum> {
         let at_bound = self.landscape(ACCURACY).bounds_met(&end.position, &end.point);
         let optimum = Optimum::new(problem, self.objective, at_bound, starts)?;
         Some(Optimum { hessian: Some(end.hessian), ..optimum })
@@ -439,7 +439,7 @@ fn whole_turns(angle_rad: f64) -> f64 {
 }
 
 /// Returns the same gait with all phases shifted to within half a turn of zero.
-fn normalise_phases(mut problem: AnyProblem) -> AnyProblem {
+fn normalise_phases(mut problem: Problem) -> Problem {
     for drive in Drive::all(&problem) {
         let phase_rad = drive.phase().value(&problem);
         drive.phase().set(&mut problem, phase_rad - whole_turns(phase_rad));
@@ -451,8 +451,8 @@ fn normalise_phases(mut problem: AnyProblem) -> AnyProblem {
 /// solver.
 fn are_same(
     landscape: &Landscape,
-    (one_end, one): (&LocalOptimum, &AnyProblem),
-    (other_end, other): (&LocalOptimum, &AnyProblem),
+    (one_end, one): (&LocalOptimum, &Problem),
+    (other_end, other): (&LocalOptimum, &Problem),
 ) -> bool {
     if !landscape.are_same(one_end.point.cost, other_end.point.cost) {
         return false;
@@ -479,7 +479,7 @@ fn are_close(a: f64, b: f64, tolerance: f64) -> bool {
 }
 
 /// Returns a message for each bound on angles, amplitudes or torques that the current gait exceeds.
-pub fn exceeded_bounds(problem: &AnyProblem, bounds: &Bounds) -> Vec<String> {
+pub fn exceeded_bounds(problem: &Problem, bounds: &Bounds) -> Vec<String> {
     let mut messages = Vec::new();
     for drive in Drive::all(problem) {
         let part = drive.part(&problem.robot);
@@ -537,7 +537,6 @@ mod tests {
         objective: Objective,
         omega_rad_s: [f64; 2],
     ) -> Search {
-        let problem = problem.into();
         let bounds = Bounds {
             omega_rad_s,
             amplitude_rad: [0.1, 0.8],
@@ -554,15 +553,15 @@ mod tests {
     /// follows.
     #[test]
     fn the_search_restarts_from_an_optimum_on_another_branch() {
-        let problem = Problem {
-            robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
-            gait: Gait::passive_symmetric(),
-            laws: Laws::SKID,
-            omega_rad_s: 0.356,
-        };
+        let problem = Problem::new(
+            Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
+            Gait::passive_symmetric(),
+            Laws::SKID,
+            0.356,
+        );
         let search = frequency_search(problem.clone(), Objective::Distance, [0.345, 0.365]);
         let mut landscape = search.landscape(ACCURACY);
-        let position = landscape.position_of(&problem.clone().into());
+        let position = landscape.position_of(&problem);
         let from_rest = landscape.cost(&position).expect("a motion");
         let ends = [0.0, 1.0].map(|from| {
             landscape.forget();
@@ -591,23 +590,25 @@ mod tests {
     fn a_search_that_ends_in_an_unstable_motion_is_repeated_among_stable_ones() {
         const STEP_RAD_S: f64 = 0.02;
         let offset = JointCommand::new(0.8137, 0.2838, 2.662);
-        let problem = |omega_rad_s: f64| Problem {
-            robot: Robot {
-                h_m: [0.1695; 2],
-                l_m: [0.1551; 2],
-                b_m: [0.02867; 2],
-                mass_kg: [2.93, 0.196, 0.2922],
-                inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
-                roll_kg_s: [0.0; 3],
-                skid_kg_s: [0.0; 3],
-                stiffness_nm_rad: 0.4998,
-                damping_nm_s_rad: 0.0643,
-                rest_angle_rad: -0.1661,
-                ..Robot::semi_passive()
-            },
-            gait: Gait { joints: [Some(offset), None] },
-            laws: Laws::NO_SKID,
-            omega_rad_s,
+        let problem = |omega_rad_s: f64| {
+            Problem::new(
+                Robot {
+                    h_m: [0.1695; 2],
+                    l_m: [0.1551; 2],
+                    b_m: [0.02867; 2],
+                    mass_kg: [2.93, 0.196, 0.2922],
+                    inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
+                    roll_kg_s: [0.0; 3],
+                    skid_kg_s: [0.0; 3],
+                    stiffness_nm_rad: 0.4998,
+                    damping_nm_s_rad: 0.0643,
+                    rest_angle_rad: -0.1661,
+                    ..Robot::semi_passive()
+                },
+                Gait { joints: [Some(offset), None] },
+                Laws::NO_SKID,
+                omega_rad_s,
+            )
         };
         let mut solver = Solver::default();
         let mut speed_and_stability = |omega_rad_s: f64| {
@@ -629,7 +630,7 @@ mod tests {
         let range = [away.min(unstable), away.max(unstable)];
         let search = frequency_search(problem(away), Objective::Speed, range);
         let mut landscape = search.landscape(ACCURACY);
-        let start = landscape.position_of(&problem(away).into());
+        let start = landscape.position_of(&problem(away));
         let is_stable = |position: &Position| {
             let mut fresh = search.landscape(ACCURACY);
             fresh.cost(position).expect("a motion");
@@ -648,12 +649,7 @@ mod tests {
     #[test]
     fn a_cancelled_search_ends_at_once() {
         let search = frequency_search(
-            Problem {
-                robot: Robot::kinematic(),
-                gait: Gait::symmetric(),
-                laws: Laws::SKID_ROLL,
-                omega_rad_s: 3.0,
-            },
+            Problem::new(Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL, 3.0),
             Objective::Speed,
             [1.0, 8.0],
         );

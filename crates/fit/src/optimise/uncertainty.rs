@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, FreeJoint, Joint, Link, SecondHarmonic};
 use trilink_statistics::quantiles;
 use trilink_tables::{NoIntervalReason, OptimumRow};
@@ -98,7 +98,7 @@ struct Start {
 struct TrackedOptimum {
     origin: Option<usize>,
     end: LocalOptimum,
-    problem: AnyProblem,
+    problem: Problem,
 }
 
 /// Returns starts at the new optima: those that are best for the coefficients of some refit, but were not tracked from
@@ -238,7 +238,7 @@ fn optimise_refits(
     let searches: Vec<Search> = alternatives
         .all()
         .map(|robot| {
-            let problem = AnyProblem { robot: robot.clone(), ..search.problem.clone() };
+            let problem = Problem { robot: robot.clone(), ..search.problem.clone() };
             Search { problem, ..search.clone() }
         })
         .collect();
@@ -339,12 +339,12 @@ impl Search {
     }
 
     /// Solves a gait's problem; returns `None` if its motion is not stable or is not reached from rest.
-    fn reachable_optimum(&self, problem: AnyProblem) -> Option<Optimum> {
+    fn reachable_optimum(&self, problem: Problem) -> Option<Optimum> {
         Optimum::new(problem, self.objective, Vec::new(), 0).filter(Optimum::is_reachable)
     }
 
     /// Returns the problem of this search with the free commands of another problem.
-    fn with_commands_of(&self, other: &AnyProblem) -> AnyProblem {
+    fn with_commands_of(&self, other: &Problem) -> Problem {
         let mut problem = self.problem.clone();
         for command in &self.free {
             command.set(&mut problem, command.value(other));
@@ -354,7 +354,7 @@ impl Search {
 
     /// Returns the free commands of a gait or of its mirror image, whichever is nearer to another gait; phases are
     /// shifted by whole turns to be nearest to those of the other gait.
-    fn commands_near(&self, problem: &AnyProblem, other: &AnyProblem) -> Vec<f64> {
+    fn commands_near(&self, problem: &Problem, other: &Problem) -> Vec<f64> {
         let offsets: Vec<Command> =
             Drive::all(problem).into_iter().filter_map(Drive::offset).collect();
         let distance = |sign: f64| -> f64 {
@@ -410,7 +410,7 @@ mod tests {
     fn semi_passive(skid_kg_s: [f64; 3]) -> Problem {
         let robot = Robot { skid_kg_s, ..Robot::semi_passive() };
         let gait = Gait::passive_symmetric();
-        Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.0 }
+        Problem::new(robot, gait, Laws::SKID_ROLL, 3.0)
     }
 
     /// Applies random errors with the given relative standard deviation to the coefficients.
@@ -443,7 +443,7 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let (value, omega_rad_s) = best(&run(&speed_search(TRUTH_KG_S)));
         let fitted = perturb(TRUTH_KG_S, 0.03, &mut random);
-        let replicate = |_| semi_passive(perturb(fitted, 0.03, &mut random)).robot.into();
+        let replicate = |_| semi_passive(perturb(fitted, 0.03, &mut random)).robot;
         let alternatives = Alternatives {
             replicates: (0..12).map(replicate).collect(),
             ..Alternatives::default()
@@ -472,7 +472,7 @@ mod tests {
     #[test]
     fn there_is_no_regret_if_every_replicate_equals_the_fit() {
         let problem = semi_passive([420.0, 200.0, 70.0]);
-        let replicates = vec![problem.robot.clone().into(); 2];
+        let replicates = vec![problem.robot.clone(); 2];
         let alternatives = Alternatives { replicates, ..Alternatives::default() };
         for objective in [Objective::Speed, Objective::WorkPerMetre] {
             let search = frequency_search(problem.clone(), objective, [1.0, 8.0]);
@@ -489,7 +489,7 @@ mod tests {
 
     #[test]
     fn the_mirror_image_and_phases_nearest_to_another_gait_are_chosen() {
-        let problem = Problem { gait: Gait::skewed(), ..semi_passive([0.0; 3]) };
+        let problem = Problem { gait: Gait::skewed().into(), ..semi_passive([0.0; 3]) };
         let search = frequency_search(problem, Objective::Speed, [1.0, 8.0]);
         let mut problem = search.problem.clone();
         let search = Search { free: Command::all(&problem), ..search };

@@ -3,11 +3,11 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 use trilink_mechanics::{
-    AnyProblem, Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY,
-    SharpLimit, Solver, SteadyMotion,
+    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, SharpLimit,
+    Solver, SteadyMotion,
 };
-use trilink_robot::Model;
 use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{GRAVITY_M_S2, Model};
 use trilink_tables::{Columns as _, Extrapolation, NoInterval, rows};
 
 use super::{FitSummary, Setup};
@@ -136,9 +136,8 @@ impl<'a> Answer<'a> {
             Err(error) => (error.status(), Some(error.to_string())),
         };
         let motion = motion.ok();
-        let sharp_limit = motion.and_then(|_| {
-            AnyProblem::from(problem.clone()).sharp_limit(REFERENCE_ACCURACY).ok().flatten()
-        });
+        let sharp_limit =
+            motion.and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
         let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
         let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
         let work_j_m = if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN };
@@ -148,7 +147,7 @@ impl<'a> Answer<'a> {
             metrics,
             work_j,
             work_j_m,
-            cost_of_transport: work_j_m / problem.robot.weight_n(),
+            cost_of_transport: work_j_m / (GRAVITY_M_S2 * problem.robot.mass_kg()),
             status,
             reason,
             floquet: motion.and_then(|motion| motion.floquet),

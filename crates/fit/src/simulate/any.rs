@@ -1,7 +1,7 @@
 //! Setups of robots of either kind.
 
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, Model};
 use trilink_tables::config::Config;
 use trilink_tables::{Columns as _, Extrapolation, NoInterval, NoIntervalReason};
@@ -61,10 +61,10 @@ impl AnySetup {
     }
 
     /// Returns the problem to solve at a frequency.
-    pub fn problem(&self, omega_rad_s: f64) -> AnyProblem {
+    pub fn problem(&self, omega_rad_s: f64) -> Problem {
         match self {
-            Self::ThreeLinks(setup) => setup.problem(omega_rad_s).into(),
-            Self::Chain(setup) => setup.problem(omega_rad_s).into(),
+            Self::ThreeLinks(setup) => setup.problem(omega_rad_s),
+            Self::Chain(setup) => setup.problem(omega_rad_s),
         }
     }
 
@@ -87,12 +87,11 @@ impl AnySetup {
     }
 
     /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
-    pub fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
+    pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
         self.fitted().map_or_else(Extrapolation::blank, |fitted| fitted.extrapolation(problem))
     }
 
-    /// Computes the sensitivities of the metrics, as [`Setup::sensitivities`] does. Those of a chain are of the motion that
-    /// the solver finds, whether or not it is reached from rest.
+    /// Computes the sensitivities of the metrics, as [`Setup::sensitivities`] does.
     ///
     /// # Errors
     /// Returns an error if the computation is cancelled.
@@ -108,7 +107,7 @@ impl AnySetup {
             Self::ThreeLinks(setup) => {
                 setup.sensitivities(omegas_rad_s, from_rest, fits, draws, cancel)
             }
-            Self::Chain(setup) => setup.sensitivities(omegas_rad_s, fits, draws, cancel),
+            Self::Chain(setup) => setup.sensitivities(omegas_rad_s, from_rest, fits, draws, cancel),
         }
     }
 

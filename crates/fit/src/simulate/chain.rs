@@ -8,8 +8,8 @@ use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{
-    AnyProblem, AnySolver, ChainMetrics, ChainMotion, ChainProblem, ChainSample, FromRest,
-    MotionError, MotionStatus, REFERENCE_ACCURACY, SharpLimit,
+    Attractor, FromRest, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Sample,
+    SharpLimit, Solver, SteadyMotion,
 };
 use trilink_robot::metrics::Metric;
 use trilink_robot::{Chain, ChainNumber, GRAVITY_M_S2, Joint, Laws, Model};
@@ -17,11 +17,9 @@ use trilink_tables::config::{Config, did_you_mean};
 use trilink_tables::{Column, Columns, Extrapolation, Table};
 
 use super::fitted::{FitSummary, FittedSetup, KnownFits};
-use super::sensitivity::{
-    InputUncertainty, add_monte_carlo, metrics_of_chain, sensitivities_of_chain,
-};
+use super::sensitivity::{InputUncertainty, Motion};
 use super::trajectory::UNSETTLED_CYCLES;
-use super::{Draws, Interval, Sensitivities, SetupError, keys_of, known_laws, uncertainty};
+use super::{Draws, Interval, Sensitivities, SetupError, keys_of, known_laws, sensitivities};
 use crate::MeasuredRange;
 use crate::bands::without_resample;
 
@@ -142,28 +140,18 @@ impl ChainSetup {
     pub fn sensitivities(
         &self,
         omegas_rad_s: &[f64],
+        from_rest: bool,
         fits: Option<&KnownFits>,
         draws: Option<Draws>,
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
-        let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
-        let fitted = fits.zip(self.fitted.as_ref());
-        let (uncertainty, unknown) = uncertainty(&self.uncertainty, fitted, &problem);
-        let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
-            cancel.check()?;
-            let mut rows = sensitivities_of_chain(self, omega_rad_s, &uncertainty);
-            if let (Some(draws), Ok(rows)) = (draws, &mut rows) {
-                let problem = self.problem(omega_rad_s).into();
-                let solve = |of: &AnyProblem| metrics_of_chain(self, of);
-                let metrics: Vec<String> = rows
-                    .chunk_by(|a, b| a.metric == b.metric)
-                    .map(|of| of[0].metric.clone())
-                    .collect();
-                add_monte_carlo(rows, (&problem, &metrics), &solve, &uncertainty, draws, cancel)?;
-            }
-            Ok((omega_rad_s, rows))
-        });
-        Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
+        let motion = |omega_rad_s: f64| {
+            let problem = self.problem(omega_rad_s);
+            let extrapolation = self.extrapolation(&problem);
+            Motion { problem, model: self.model, metrics: self.metrics(), extrapolation }
+        };
+        let known = (&self.uncertainty, fits.zip(self.fitted.as_ref()));
+        sensitivities(&motion, omegas_rad_s, from_rest, known, draws, cancel)
     }
 
     /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed with
@@ -174,8 +162,8 @@ impl ChainSetup {
         let robot = self.chain.clone().into();
         let result = fitted.with_bands(&robot, &fits.data, |bands| {
             answers.par_iter_mut().for_each(|answer| {
-                let problem = self.problem(answer.omega_rad_s).into();
-                let mut solver = AnySolver::default();
+                let problem = self.problem(answer.omega_rad_s);
+                let mut solver = Solver::default();
                 let mut metrics = solver.solve(&problem, REFERENCE_ACCURACY);
                 if from_rest {
                     let attractor = solver.attractor(&problem, metrics, REFERENCE_ACCURACY);
@@ -196,35 +184,31 @@ impl ChainSetup {
     }
 
     /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
-    pub(super) fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
+    pub(super) fn extrapolation(&self, problem: &Problem) -> Extrapolation {
         let fitted = self.fitted.as_ref();
         fitted.map_or_else(Extrapolation::blank, |fitted| fitted.extrapolation(problem))
     }
 
-    /// Returns the metrics that have a derivative, by the names of their columns.
-    pub(super) fn metrics(&self, metrics: &ChainMetrics, work_j: f64) -> Vec<(String, f64)> {
-        let mut values = vec![
-            ("d_m".to_owned(), metrics.d_m),
-            ("v_m_s".to_owned(), metrics.v_m_s),
-            ("dtheta_rad".to_owned(), metrics.dtheta_rad),
-        ];
+    /// Returns the names of the columns of the metrics and of the work that have a derivative.
+    fn metrics(&self) -> Vec<String> {
+        let mut names: Vec<String> = ["d_m", "v_m_s", "dtheta_rad"].map(str::to_owned).to_vec();
         for (number, link) in self.chain.numbering().into_iter().enumerate() {
             if self.laws.skids() && self.chain.links[link].wheel.is_some() {
-                values.push((format!("sigma{number}"), metrics.sigma[link]));
+                names.push(format!("sigma{number}"));
             }
         }
         for (i, joint) in self.chain.joints.iter().enumerate() {
             if matches!(joint, Joint::Free(_)) {
-                values.push((format!("alpha{}_rad", i + 1), metrics.alpha_rad[i]));
+                names.push(format!("alpha{}_rad", i + 1));
             }
         }
-        values.push(("work_j".to_owned(), work_j));
-        values
+        names.push("work_j".to_owned());
+        names
     }
 
     /// Returns the problem to solve at a frequency.
-    pub fn problem(&self, omega_rad_s: f64) -> ChainProblem {
-        ChainProblem { chain: self.chain.clone(), laws: self.laws, omega_rad_s }
+    pub fn problem(&self, omega_rad_s: f64) -> Problem {
+        Problem::new(self.chain.clone(), self.chain.gait(), self.laws, omega_rad_s)
     }
 
     /// Returns the names of the links in the order in which columns number them.
@@ -236,16 +220,14 @@ impl ChainSetup {
     /// Solves for the steady-state motion at a frequency, or for the attractor reached from rest if `from_rest`.
     pub fn answer(&self, omega_rad_s: f64, from_rest: bool) -> ChainAnswer<'_> {
         let problem = self.problem(omega_rad_s);
-        let (first, attractor) = problem.solve_and_settle(REFERENCE_ACCURACY);
+        let mut solver = Solver::default();
+        let metrics = solver.solve(&problem, REFERENCE_ACCURACY);
+        let first = metrics.clone().and_then(|metrics| solver.steady_motion(metrics));
+        let attractor = solver.attractor(&problem, metrics, REFERENCE_ACCURACY);
         let cycles_to_settle = attractor.as_ref().ok().map(|attractor| attractor.cycles);
         let (motion, from_rest) = match (first, attractor) {
             (Ok(first), attractor) if !from_rest => {
-                let reach = match attractor {
-                    Ok(attractor) if attractor.is_found_by_solve => FromRest::Reached,
-                    Ok(_) => FromRest::Another,
-                    Err(_) => FromRest::Unsettled,
-                };
-                (Ok(first), Some(reach))
+                (Ok(first), Some(Attractor::from_rest(&attractor)))
             }
             (_, Ok(attractor)) => (Ok(attractor.motion), Some(FromRest::Reached)),
             (Err(error), Err(MotionError::Unsettled { .. })) if !from_rest => (Err(error), None),
@@ -254,7 +236,7 @@ impl ChainSetup {
         let sharp_limit = motion
             .as_ref()
             .ok()
-            .and_then(|_| AnyProblem::from(problem).sharp_limit(REFERENCE_ACCURACY).ok().flatten());
+            .and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
         ChainAnswer {
             setup: self,
             omega_rad_s,
@@ -276,7 +258,7 @@ impl ChainSetup {
         answer: &ChainAnswer,
         from_rest: bool,
         samples: usize,
-    ) -> Result<Vec<ChainSample>, MotionError> {
+    ) -> Result<Vec<Sample>, MotionError> {
         let problem = self.problem(answer.omega_rad_s);
         if !from_rest {
             return problem.cycle(REFERENCE_ACCURACY, samples);
@@ -287,13 +269,13 @@ impl ChainSetup {
 
     /// Returns the table of cycles of this chain with their models and frequencies. Columns number links as
     /// [`Chain::numbering`] does and joints from 1, front to rear.
-    pub fn trajectories(&self, cycles: &[(Model, f64, Vec<ChainSample>)]) -> Table {
-        type Of = fn(&ChainSample) -> &Vec<f64>;
+    pub fn trajectories(&self, cycles: &[(Model, f64, Vec<Sample>)]) -> Table {
+        type Of = fn(&Sample) -> &Vec<f64>;
         let each = || cycles.iter().flat_map(|cycle| cycle.2.iter().map(move |of| (cycle, of)));
         let columns = &mut Vec::new();
         add(columns, "model", each().map(|(cycle, _)| cycle.0));
         add(columns, "omega_rad_s", each().map(|(cycle, _)| cycle.1));
-        let mut number = |name: &str, value: &dyn Fn(&ChainSample) -> f64| {
+        let mut number = |name: &str, value: &dyn Fn(&Sample) -> f64| {
             add(columns, name, each().map(|(_, of)| value(of)));
         };
         number("time_s", &|of| of.time_s);
@@ -317,8 +299,8 @@ impl ChainSetup {
             }
         }
         for (stem, unit, values) in wheels {
-            for (n, link) in self.chain.numbering().into_iter().enumerate() {
-                number(&format!("{stem}{n}{unit}"), &|of| values(of)[link]);
+            for n in 0..self.chain.links.len() {
+                number(&format!("{stem}{n}{unit}"), &|of| values(of)[n]);
             }
         }
         number("power_w", &|of| of.power_w);
@@ -332,7 +314,7 @@ impl ChainSetup {
 pub struct ChainAnswer<'a> {
     pub setup: &'a ChainSetup,
     pub omega_rad_s: f64,
-    pub motion: Result<ChainMotion, MotionError>,
+    pub motion: Result<SteadyMotion, MotionError>,
     pub from_rest: Option<FromRest>,
     /// Number of cycles after which the robot, started from rest, stays within 1 % of its steady-state motion; `None`
     /// if unknown.
@@ -354,7 +336,7 @@ pub enum Angles {
 impl ChainAnswer<'_> {
     /// Returns the status of the motion.
     pub fn status(&self) -> MotionStatus {
-        self.motion.as_ref().map_or_else(MotionError::status, ChainMotion::status)
+        self.motion.as_ref().map_or_else(MotionError::status, SteadyMotion::status)
     }
 
     /// Returns why there is no motion; `None` if there is one.
@@ -367,14 +349,14 @@ impl ChainAnswer<'_> {
     pub fn numbers(&self, angles: Angles) -> Vec<(String, f64)> {
         let chain = &self.setup.chain;
         let motion = self.motion.as_ref().ok();
-        let of = |value: &dyn Fn(&ChainMotion) -> f64| motion.map_or(f64::NAN, value);
+        let of = |value: &dyn Fn(&SteadyMotion) -> f64| motion.map_or(f64::NAN, value);
         let mut numbers = vec![
             ("d_m".to_owned(), of(&|motion| motion.metrics.d_m)),
             ("v_m_s".to_owned(), of(&|motion| motion.metrics.v_m_s)),
             ("dtheta_rad".to_owned(), of(&|motion| motion.metrics.dtheta_rad)),
         ];
-        for (number, link) in chain.numbering().into_iter().enumerate() {
-            numbers.push((format!("sigma{number}"), of(&|motion| motion.metrics.sigma[link])));
+        for number in 0..chain.links.len() {
+            numbers.push((format!("sigma{number}"), of(&|motion| motion.metrics.sigma[number])));
         }
         for (i, joint) in chain.joints.iter().enumerate() {
             if angles == Angles::All || matches!(joint, Joint::Free(_)) {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, Model, Parameter};
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::{
@@ -313,7 +313,7 @@ impl FittedSetup {
     }
 
     /// Returns whether a problem lies outside the range of the fitted trials.
-    pub(super) fn extrapolation(&self, problem: &AnyProblem) -> Extrapolation {
+    pub(super) fn extrapolation(&self, problem: &Problem) -> Extrapolation {
         match self.range() {
             Ok(range) => range.extrapolation(problem),
             Err(why) => {

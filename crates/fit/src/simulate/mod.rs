@@ -13,7 +13,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::{AnyProblem, MotionError, Problem};
+use trilink_mechanics::{MotionError, Problem};
 use trilink_robot::{Gait, Laws, Model, Robot};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
 use trilink_tables::{
@@ -30,7 +30,7 @@ use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
 pub use sensitivity::Draws;
-use sensitivity::InputUncertainty;
+use sensitivity::{InputUncertainty, Motion};
 use settings::with_settings;
 pub use settings::{campaign_of, number_names, with_number};
 
@@ -67,7 +67,7 @@ pub struct Sensitivities {
 fn uncertainty(
     configured: &InputUncertainty,
     fitted: Option<(&KnownFits, &FittedSetup)>,
-    problem: &AnyProblem,
+    problem: &Problem,
 ) -> (InputUncertainty, Option<NoInterval>) {
     let Some((fits, fitted)) = fitted else { return (configured.clone(), None) };
     let known = fitted.with_bands(&problem.robot, &fits.data, |bands| {
@@ -77,6 +77,34 @@ fn uncertainty(
         Ok(uncertainty) => (uncertainty, None),
         Err(reason) => (configured.clone(), Some(reason)),
     }
+}
+
+/// Computes the sensitivities of the motions that `motion` returns at each frequency, as [`AnySetup::sensitivities`] does,
+/// given the configured uncertainty and the fit.
+fn sensitivities(
+    motion: &(impl Fn(f64) -> Motion + Sync),
+    omegas_rad_s: &[f64],
+    from_rest: bool,
+    (configured, fitted): (&InputUncertainty, Option<(&KnownFits, &FittedSetup)>),
+    draws: Option<Draws>,
+    cancel: &CancelToken,
+) -> Result<Sensitivities, Cancelled> {
+    let first = motion(omegas_rad_s.first().copied().unwrap_or(1.0));
+    let (uncertainty, unknown) = uncertainty(configured, fitted, &first.problem);
+    let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
+        cancel.check()?;
+        let motion = motion(omega_rad_s);
+        let mut rows = motion.sensitivities(from_rest, &uncertainty);
+        if let (Some(draws), Ok(rows)) = (draws, &mut rows)
+            && let Ok((solver, _)) = answer::solve_motion(&motion.problem, from_rest)
+        {
+            let solve = |of: &Problem| motion.values_near(&solver, of);
+            let of_motion = (&motion.problem, &motion.metrics[..]);
+            sensitivity::add_monte_carlo(rows, of_motion, &solve, &uncertainty, draws, cancel)?;
+        }
+        Ok((omega_rad_s, rows))
+    });
+    Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
 }
 
 /// Robot and gait of a campaign with the friction laws of a model.
@@ -157,7 +185,7 @@ impl Setup {
 
     /// Returns the problem to solve at a frequency.
     pub fn problem(&self, omega_rad_s: f64) -> Problem {
-        Problem { robot: self.robot.clone(), gait: self.gait, laws: self.laws, omega_rad_s }
+        Problem::new(self.robot.clone(), self.gait, self.laws, omega_rad_s)
     }
 
     /// Solves for the steady-state motion at a frequency, or for the attractor reached from rest if `from_rest`.
@@ -178,7 +206,7 @@ impl Setup {
 
     /// Returns whether a problem lies outside the range of the fitted trials; blank for configured coefficients.
     pub fn extrapolation(&self, problem: &Problem) -> Extrapolation {
-        let extrapolation = |fitted: &FittedSetup| fitted.extrapolation(&problem.clone().into());
+        let extrapolation = |fitted: &FittedSetup| fitted.extrapolation(problem);
         self.fitted.as_ref().map_or_else(Extrapolation::blank, extrapolation)
     }
 
@@ -214,37 +242,20 @@ impl Setup {
         draws: Option<Draws>,
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
-        let problem = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0)).into();
-        let fitted = fits.zip(self.fitted.as_ref());
-        let (uncertainty, unknown) = uncertainty(&self.uncertainty, fitted, &problem);
-        let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
-            cancel.check()?;
-            let mut rows = sensitivity::sensitivities(self, omega_rad_s, from_rest, &uncertainty);
-            if let (Some(draws), Ok(rows)) = (draws, &mut rows) {
-                let problem = self.problem(omega_rad_s);
-                if let Ok((solver, _)) = answer::solve_motion(&problem, from_rest) {
-                    let solve = |of: &AnyProblem| sensitivity::metrics_near(&solver, of);
-                    let motion = (&problem.into(), &SENSITIVE_METRICS.map(str::to_owned)[..]);
-                    sensitivity::add_monte_carlo(
-                        rows,
-                        motion,
-                        &solve,
-                        &uncertainty,
-                        draws,
-                        cancel,
-                    )?;
-                }
-            }
-            Ok((omega_rad_s, rows))
-        });
-        Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
+        let motion = |omega_rad_s: f64| {
+            let problem = self.problem(omega_rad_s);
+            let extrapolation = self.extrapolation(&problem);
+            let metrics = SENSITIVE_METRICS.map(str::to_owned).to_vec();
+            Motion { problem, model: self.model, metrics, extrapolation }
+        };
+        let known = (&self.uncertainty, fits.zip(self.fitted.as_ref()));
+        sensitivities(&motion, omegas_rad_s, from_rest, known, draws, cancel)
     }
 
     fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {
         let problem = self.problem(omega_rad_s);
-        let limits = answer::solve_motion(&problem, from_rest).and_then(|(solver, motion)| {
-            bands.limits(solver.into(), &problem.clone().into(), motion.metrics)
-        });
+        let limits = answer::solve_motion(&problem, from_rest)
+            .and_then(|(solver, motion)| bands.limits(solver, &problem, motion.metrics));
         match limits {
             Ok([lower, upper]) => Interval { lower, upper, no_interval: None },
             Err(error) => Interval::unknown(without_resample(&error)),

@@ -36,7 +36,7 @@ fn steady_cycle(problem: &Problem, samples: usize) -> Result<Vec<Sample>, Motion
 }
 
 fn row(answer: &Answer, sample: &Sample) -> TrajectoryRow {
-    let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s, phi_rate_rad_s @ ..] = sample.rates;
+    let [x_rate_m_s, y_rate_m_s, theta_rate_rad_s] = sample.pose_rates;
     TrajectoryRow {
         model: answer.model,
         omega_rad_s: answer.omega_rad_s,
@@ -45,13 +45,22 @@ fn row(answer: &Answer, sample: &Sample) -> TrajectoryRow {
         x_m: sample.pose.x_m,
         y_m: sample.pose.y_m,
         theta_rad: sample.pose.theta_rad,
-        phi_rad: sample.phi_rad,
+        phi_rad: each(&sample.phi_rad),
         x_rate_m_s,
         y_rate_m_s,
         theta_rate_rad_s,
-        phi_rate_rad_s,
-        roll_m_s: sample.roll_m_s,
-        skid_m_s: sample.skid_m_s,
-        forces: sample.forces,
+        phi_rate_rad_s: each(&sample.phi_rate_rad_s),
+        roll_m_s: each(&sample.roll_m_s),
+        skid_m_s: each(&sample.skid_m_s),
+        lateral_n: each(&sample.lateral_n),
+        roll_n: each(&sample.roll_n),
+        torque_nm: each(&sample.torque_nm),
+        power_w: sample.power_w,
+        loss_w: sample.loss_w,
     }
+}
+
+/// Returns the values of the joints or wheels of a robot of three links.
+fn each<const COUNT: usize>(values: &[f64]) -> [f64; COUNT] {
+    std::array::from_fn(|i| values[i])
 }

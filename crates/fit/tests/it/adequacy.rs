@@ -55,7 +55,7 @@ fn viscous(campaign: &str) -> Vec<(f64, GaitMetrics)> {
     let (mut robot, gait) = Config::default().campaign_setup(campaign).unwrap();
     robot.skid_kg_s = [104.0, 34.0, 45.0];
     let motion = |omega_rad_s: f64| {
-        let problem = Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+        let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
         (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
     };
     (1..=12).map(|i| motion(0.5 * f64::from(i))).collect()

@@ -42,7 +42,7 @@ fn problem(campaign: &str, model: Model, seed: u64) -> (Objective, Vec<FreeParam
     let measurements = OMEGAS_RAD_S
         .iter()
         .map(|&omega_rad_s| {
-            let truth = Problem { robot: truth.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+            let truth = Problem::new(truth.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
             let exact = truth.solve(REFERENCE_ACCURACY).unwrap().metrics.to_array();
             let mut noisy = |value: f64| -> f64 {
                 let normal: f64 = StandardNormal.sample(&mut random);

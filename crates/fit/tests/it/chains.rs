@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use trilink_fit::{Fitted, fit};
-use trilink_mechanics::{AnyProblem, AnySolver, Model, REFERENCE_ACCURACY};
+use trilink_mechanics::{Model, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{AnyRobot, Laws, Parameter, Quantity};
 use trilink_tables::config::{Config, Free, GaitInput, SigmaKind};
@@ -53,9 +53,8 @@ impl Case {
         let (gait, robot) = (chain.gait(), AnyRobot::from(chain));
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let trial = |omega_rad_s: f64| {
-            let problem =
-                AnyProblem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
-            let metrics = AnySolver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
+            let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
+            let metrics = Solver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
             let mut row = TrialRow {
                 trial: format!("at-{omega_rad_s}"),
                 campaign: self.campaign.to_owned(),

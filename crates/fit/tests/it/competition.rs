@@ -52,7 +52,7 @@ impl Truth {
         let (robot, gait) = Config::default().campaign_setup(campaign).unwrap();
         let robot = Robot { skid_kg_s: self.skid_kg_s, skid_dry_n: self.skid_dry_n, ..robot };
         let motion = |omega_rad_s: f64| {
-            let problem = Problem { robot: robot.clone(), gait, laws: self.laws, omega_rad_s };
+            let problem = Problem::new(robot.clone(), gait, self.laws, omega_rad_s);
             (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
         };
         OMEGAS_RAD_S.map(motion).into()

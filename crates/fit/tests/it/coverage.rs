@@ -46,7 +46,7 @@ impl Truth {
     fn motion(&self, omega_rad_s: f64) -> GaitMetrics {
         let (mut robot, gait) = self.config.campaign_setup(self.campaign).unwrap();
         robot.skid_kg_s = self.skid_kg_s;
-        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
+        let problem = Problem::new(robot, gait, Laws::SKID_ROLL, omega_rad_s);
         problem.solve(FIT_ACCURACY).unwrap().metrics
     }
 }

@@ -149,12 +149,7 @@ fn a_fit_to_servos_that_do_not_follow_their_command_needs_the_measured_gait() {
     let amplitude_rad = joint.amplitude_rad;
     let mut rows = trials(reference);
     for row in &mut rows {
-        let problem = Problem {
-            robot: robot.clone(),
-            gait,
-            laws: Laws::SKID_ROLL,
-            omega_rad_s: row.omega_rad_s,
-        };
+        let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, row.omega_rad_s);
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         row.gait[1] = JointGait { offset_rad, amplitude_rad, phase_rad: 0.0, ..row.gait[1] };
@@ -217,12 +212,7 @@ fn fits_to_data_of_dry_friction_recover_its_coefficients() {
     let truth = Robot { skid_dry_n: planted, ..robot };
     let mut rows = named(reference);
     for row in &mut rows {
-        let problem = Problem {
-            robot: truth.clone(),
-            gait,
-            laws: Laws::COULOMB,
-            omega_rad_s: row.omega_rad_s,
-        };
+        let problem = Problem::new(truth.clone(), gait, Laws::COULOMB, row.omega_rad_s);
         row.metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
     }
     let Fitted { fits, predictions, .. } = fit(&config, &rows.into(), &|_| {});
@@ -312,7 +302,7 @@ fn a_curve_passes_through_the_predictions_for_the_trials_own_gaits() {
             joint.phase_rad += 0.01 * turned;
         }
         let robot = robot.clone();
-        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s };
+        let problem = Problem::new(robot, gait, Laws::SKID_ROLL, omega_rad_s);
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         let mut row = TrialRow { omega_rad_s, metrics, ..named(reference).remove(0) };
         row.trial = format!("at-{omega_rad_s}");
@@ -594,8 +584,7 @@ fn fits_to_noise_free_trials_recover_the_free_parameters() {
         let mut rows = named(reference);
         for row in &mut rows {
             let omega_rad_s = row.omega_rad_s;
-            let problem =
-                Problem { robot: truth.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+            let problem = Problem::new(truth.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
             let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
             row.metrics = GaitMetrics { dtheta_rad: row.metrics.dtheta_rad, ..metrics };
         }

@@ -252,8 +252,7 @@ mod tests {
         for gait in [Gait::symmetric(), Gait::skewed()] {
             for omega_rad_s in [0.5, 2.0, 6.0] {
                 let found = steady_metrics(&robot, Floor::Viscous, &gait, omega_rad_s).to_array();
-                let problem =
-                    Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+                let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
                 let solved =
                     problem.solve(REFERENCE_ACCURACY).expect("a motion").metrics.to_array();
                 for (found, solved) in found.into_iter().zip(solved) {

@@ -115,7 +115,7 @@ fn fitted_with(
     let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
     planted.iter().for_each(|(parameter, value)| parameter.set(&mut robot, *value));
     let trial = |omega_rad_s: f64| {
-        let problem = Problem { robot: robot.clone(), gait, laws: *laws, omega_rad_s };
+        let problem = Problem::new(robot.clone(), gait, *laws, omega_rad_s);
         let metrics = problem.solve(REFERENCE_ACCURACY).unwrap().metrics;
         TrialRow {
             trial: format!("at {omega_rad_s} rad/s"),

@@ -37,7 +37,7 @@ fn motions(campaign: &str, laws: Laws, change: impl Fn(&mut Robot)) -> Motions {
     let (mut robot, gait) = Config::default().campaign_setup(campaign).unwrap();
     change(&mut robot);
     let motion = |omega_rad_s: f64| {
-        let problem = Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+        let problem = Problem::new(robot.clone(), gait, laws, omega_rad_s);
         (omega_rad_s, problem.solve(FIT_ACCURACY).unwrap().metrics)
     };
     (0..13).map(|i| motion(0.5 + 0.45 * f64::from(i))).collect()

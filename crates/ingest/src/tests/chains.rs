@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use trilink_mechanics::{ChainProblem, REFERENCE_ACCURACY};
+use trilink_mechanics::{Problem, REFERENCE_ACCURACY};
 use trilink_robot::decay::DecayLaw;
 use trilink_robot::{
     Chain, Drag, FreeJoint, Joint, JointCommand, Laws, Link, Pose, TorqueCommand, Wheel,
@@ -104,9 +104,9 @@ fn cases() -> Vec<(&'static str, Case)> {
 }
 
 impl Case {
-    fn problem(&self) -> ChainProblem {
+    fn problem(&self) -> Problem {
         let omega_rad_s = std::f64::consts::TAU * RATE_HZ / self.frames as f64;
-        ChainProblem { chain: self.chain.clone(), laws: Laws::SKID_ROLL, omega_rad_s }
+        Problem::new(self.chain.clone(), self.chain.gait(), Laws::SKID_ROLL, omega_rad_s)
     }
 
     /// Records the markers in several cycles of the steady motion.
@@ -187,14 +187,14 @@ impl Case {
         ];
         for (place, link) in Geometry::new(&self.chain).order.into_iter().enumerate() {
             if self.chain.links[place].wheel.is_some() {
-                metrics.push((format!("sigma{link}"), motion.sigma[place], sigma[link]));
+                metrics.push((format!("sigma{link}"), motion.sigma[link], sigma[link]));
             } else {
                 assert!(sigma[link].value.is_nan());
             }
         }
-        for (joint, truth) in motion.alpha_rad.into_iter().enumerate() {
+        for (joint, truth) in motion.alpha_rad[..self.chain.joints.len()].iter().enumerate() {
             let found = of(means.alpha_rad[joint], errors.alpha_rad[joint]);
-            metrics.push((format!("alpha{}", joint + 1), truth, found));
+            metrics.push((format!("alpha{}", joint + 1), *truth, found));
         }
         metrics
     }

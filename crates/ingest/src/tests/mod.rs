@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use trilink_mechanics::Posture;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Quantity, Robot};
 use trilink_statistics::Estimate;
@@ -45,6 +46,11 @@ fn gait_trial(id: &str, campaign: &str, omega_rad_s: f64) -> Trial {
         smoothing_window: None,
         aliases: BTreeMap::new(),
     }
+}
+
+/// Returns x, y and theta of link 0, and phi1 and phi2.
+fn coordinates((pose, phi_rad): &Posture) -> [f64; 5] {
+    [pose.x_m, pose.y_m, pose.theta_rad, phi_rad[0], phi_rad[1]]
 }
 
 fn names(table: &Table, column: &str) -> Vec<String> {

@@ -31,13 +31,14 @@ impl Truth {
         let config = Config::default();
         let (robot, gait) = config.campaign_setup(campaign).unwrap();
         let laws = config.model[&Model::new(model)].laws();
-        let problem = Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+        let problem = Problem::new(robot.clone(), gait, laws, omega_rad_s);
         let steady = Solver::default().settle(&problem, REFERENCE_ACCURACY).unwrap().motion;
         let decay = steady.floquet.unwrap_or(0.0).clamp(1e-12, 0.99);
         let transient = (3e-4_f64.ln() / decay.ln()).ceil().max(2.0);
         let duration_s = (transient + 9.5) * std::f64::consts::TAU / omega_rad_s;
         let fine_hz = RATE_HZ * FINE as f64;
-        let fine = problem.transient(duration_s, fine_hz, 1e-8).unwrap();
+        let fine = problem.varied_transient(&[], duration_s, fine_hz, 1e-8).unwrap();
+        let fine: Vec<[f64; 5]> = fine.iter().map(coordinates).collect();
         let series = |i: usize| fine.iter().map(|q| q[i]).collect::<Vec<f64>>();
         let all = Coordinates {
             x_m: series(0),

@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use trilink_robot::Robot;
 use trilink_robot::metrics::{GaitMetrics, padded};
-use trilink_robot::{Robot, Trig, dot, skid_rows};
 use trilink_tables::config::{Config, Markers};
 
 /// Motion with prescribed joint angles and prescribed velocities of link 0.
@@ -132,11 +132,9 @@ impl Motion {
         let mut squares = [0.0; 3];
         for i in 0..POINTS {
             let phase = TAU * i as f64 / POINTS as f64;
-            let [[phi1, rate1], [phi2, rate2]] = steady.phi(phase);
-            let [u, v, r] = steady.body(phase);
-            let rows = skid_rows(robot, &Trig::new([phi1, phi2]));
-            for (square, row) in squares.iter_mut().zip(&rows) {
-                *square += dot(row, &[u, v, r, rate1, rate2]).powi(2) / POINTS as f64;
+            let skid_m_s = skid_m_s(robot, steady.phi(phase), steady.body(phase));
+            for (square, skid_m_s) in squares.iter_mut().zip(skid_m_s) {
+                *square += skid_m_s * skid_m_s / POINTS as f64;
             }
         }
         let d_m = x.hypot(y);
@@ -149,6 +147,17 @@ impl Motion {
             dtheta_rad,
         }
     }
+}
+
+/// Returns the skid velocities of wheels 0, 1, 2 (eq. 1 of the paper), given each joint's angle and rate, and the
+/// velocities u and v and the angular rate of link 0.
+fn skid_m_s(robot: &Robot, joints: [[f64; 2]; 2], [u, v, r]: [f64; 3]) -> [f64; 3] {
+    let side = |joint: usize, sign: f64| {
+        let (h, l, [phi, rate]) = (robot.h_m[joint], robot.l_m[joint], joints[joint]);
+        let (sin, cos) = phi.sin_cos();
+        sign * (sin * u + h * cos * r + l * r) + cos * v - l * rate
+    };
+    [v, side(0, 1.0), side(1, -1.0)]
 }
 
 impl Recording {

@@ -13,13 +13,12 @@ mod continuation;
 use std::f64::consts::TAU;
 
 use trilink_robot::metrics::{Bifurcation, BranchKind, GaitMetrics, MotionStatus};
-use trilink_robot::{AnyRobot, Dry, Friction, Parameter, Viscous};
 
-use super::any::Kind;
+use super::chain::ChainProblem;
 use super::method::Collocation;
 use super::orbit::{PeriodicOrbit, Start};
-use super::reduced::{PassiveNoSkid, Reduced, Skid};
-use super::{AnyProblem, MotionError, Problem, Result};
+use super::reduced::Reduced;
+use super::{MotionError, Problem, Result};
 use continuation::{BranchStart, Continuation};
 
 /// Point of a branch: a steady-state motion.
@@ -59,7 +58,7 @@ pub(super) const ACCURACY: f64 = 1e-9;
 /// Returns an error if there is no steady-state motion at the lower end, if the no-skid constraints alone
 /// determine that motion, so that it has no dynamic states, or if the computation was cancelled.
 pub fn branches(
-    problem_at: &dyn Fn(f64) -> AnyProblem,
+    problem_at: &dyn Fn(f64) -> Problem,
     range: [f64; 2],
     is_cancelled: &dyn Fn() -> bool,
 ) -> Result<Vec<Branch>> {
@@ -71,39 +70,8 @@ pub fn branches(
     let sweep = Sweep { range, omega_rad_s: &speed, is_cancelled };
     // All problems are converted to one frequency with the same motion per radian of phase, so that no time
     // scale depends on the parameter.
-    let kind_at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s).kind();
-    // A parameter does not change the kind of the robot.
-    match first.kind() {
-        Kind::ThreeLinks(first) => {
-            let first = first.effective();
-            let at = |value: f64| match kind_at(value) {
-                Kind::ThreeLinks(problem) => problem.effective(),
-                Kind::Chain(_) => first.clone(),
-            };
-            of_three_links(&at, &sweep, &first)
-        }
-        Kind::Chain(first) => {
-            let first = first.effective();
-            let at = |value: f64| match kind_at(value) {
-                Kind::Chain(problem) => problem.effective(),
-                Kind::ThreeLinks(_) => first.clone(),
-            };
-            first.branches(&at, &sweep)
-        }
-    }
-}
-
-/// Traces all branches of a robot of three links; `first` is the problem at the lower end of the parameter range.
-fn of_three_links(
-    at: &dyn Fn(f64) -> Problem,
-    sweep: &Sweep,
-    first: &Problem,
-) -> Result<Vec<Branch>> {
-    match first.gait.joints {
-        [None, None] => Err(MotionError::NotDriven),
-        _ if !first.laws.are_linear() => with_friction::<Dry>(at, sweep, first),
-        _ => with_friction::<Viscous>(at, sweep, first),
-    }
+    let at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s).effective();
+    first.chain().checked()?.steady()?.branches(&at, &sweep)
 }
 
 /// Parameter range of the sweep, and the gait's frequency as a function of the parameter; shared by all
@@ -112,22 +80,6 @@ pub(super) struct Sweep<'a> {
     range: [f64; 2],
     omega_rad_s: &'a dyn Fn(f64) -> f64,
     is_cancelled: &'a dyn Fn() -> bool,
-}
-
-/// Traces all branches under the friction law `F`; `first` is the problem at the lower end of the parameter
-/// range.
-fn with_friction<F: Friction>(
-    at: &dyn Fn(f64) -> Problem,
-    sweep: &Sweep,
-    first: &Problem,
-) -> Result<Vec<Branch>> {
-    match (first.gait.passive_joint(), first.laws.skids()) {
-        (None, _) => trace_all(&|value| Skid::<3, F>::new(at(value), 0), sweep),
-        (Some(passive), true) => trace_all(&|value| Skid::<5, F>::new(at(value), passive), sweep),
-        (Some(passive), false) => {
-            trace_all(&|value| PassiveNoSkid::<F>::new(at(value), passive), sweep)
-        }
-    }
 }
 
 /// Traces all branches of the motions of one reduced model, in the order in which their starts are found.
@@ -164,26 +116,15 @@ pub(super) fn trace_all<const N: usize, R: Reduced<N>>(
     Ok(found)
 }
 
-impl AnyProblem {
+impl Problem {
     /// Returns the equivalent problem at the frequency `omega_rad_s`: its motion is the same function of the
     /// command's phase.
-    fn per_radian_as(&self, omega_rad_s: f64) -> Self {
+    fn per_radian_as(&self, omega_rad_s: f64) -> ChainProblem {
         let ratio = omega_rad_s / self.omega_rad_s;
-        let mut problem = Self { omega_rad_s, ..self.clone() };
-        match &mut problem.robot {
-            AnyRobot::ThreeLinks(robot) => {
-                for parameter in Parameter::ALL.into_iter().filter(|parameter| !parameter.is_sum())
-                {
-                    let factor = ratio.powf(parameter.power_of_omega());
-                    parameter.set(robot, parameter.value_in(robot) * factor);
-                }
-            }
-            AnyRobot::Chain(chain) => {
-                for number in chain.numbers() {
-                    if let Some(value) = chain.number_mut(number) {
-                        *value *= ratio.powi(number.power_of_omega());
-                    }
-                }
+        let mut problem = ChainProblem { omega_rad_s, ..self.chain() };
+        for number in problem.chain.numbers() {
+            if let Some(value) = problem.chain.number_mut(number) {
+                *value *= ratio.powi(number.power_of_omega());
             }
         }
         problem

@@ -139,7 +139,11 @@ impl<const D: usize> Constraints<D> {
                 by_size
                     .into_iter()
                     .take(wanted)
-                    .map(|k| -> [f64; D] { std::array::from_fn(|i| directions[(k, i)]) }),
+                    .map(|k| -> [f64; D] {
+                        // Ahead, as if the chain were straight.
+                        let sign = if directions[(k, 0)] < 0.0 { -1.0 } else { 1.0 };
+                        std::array::from_fn(|i| sign * directions[(k, i)])
+                    }),
             );
         }
         let all = DMatrix::from_fn(D, D, |i, j| match speeds.get(i) {
@@ -176,15 +180,20 @@ impl<const D: usize> Constraints<D> {
         (wheels, rows)
     }
 
-    /// Returns the velocities for which `W w = -b` and `E w = 0`, given the posture at rest.
-    pub(super) fn rest_velocities<const C: usize>(
+    /// Returns the velocities for which `W w = -b` and `E w` is the same as for the given velocities; the posture is that
+    /// at rest.
+    pub(super) fn consistent<const C: usize>(
         &self,
         system: &System,
         node: &Node<f64, C>,
-        posture: &Posture<f64, C>,
+        at_rest: &Posture<f64, C>,
+        velocities: &[f64; D],
     ) -> [f64; D] {
-        let (wheels, rows) = self.matrix(system, node, posture);
-        let right = std::array::from_fn(|i| if i < self.count { -wheels[i].skid_m_s } else { 0.0 });
+        let (wheels, rows) = self.matrix(system, node, at_rest);
+        let right = std::array::from_fn(|i| match i.checked_sub(self.count) {
+            None => -wheels[i].skid_m_s,
+            Some(_) => product(&rows[i], velocities),
+        });
         RowOrthogonal::new(rows).solve(right)
     }
 

@@ -7,8 +7,10 @@
 
 use std::f64::consts::TAU;
 
+use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    ChainError, ChainNumber, CommandNumber, Friction, Joint, Lanes, MAX_LINKS, Number, Pose,
+    ChainError, ChainNumber, CommandNumber, Friction, Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number,
+    Pose,
 };
 
 use super::balance::Node;
@@ -16,9 +18,9 @@ use super::constraint::Equation;
 use super::determined::{is_unbounded, velocities_and_factors};
 use super::links::Motion;
 use super::model::{Model, Wheels};
-use super::power::{Resistance, Resisted, Virtual};
+use super::power::{Power, Resistance, Resisted, Virtual};
 use super::wave::Wave;
-use super::{ChainMetrics, ChainProblem};
+use super::{ChainProblem, number_of};
 use crate::Result;
 use crate::cycle::Cycle;
 use crate::element::{Element, Stages};
@@ -28,13 +30,13 @@ use crate::path::Leg;
 use crate::radau::{RADAU, STAGES};
 use crate::reduced::Reduced;
 
-/// Derivatives of a chain's motion, per unit of a number.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ChainSlopes {
-    /// Of the metrics.
-    pub metrics: ChainMetrics,
-    /// Of the work of the actuators over a cycle, J: that of the loss, which is equal.
-    pub work_j: f64,
+/// Derivatives that are wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Slopes {
+    /// Those of the metrics.
+    Metrics,
+    /// Those of the metrics and of the work of the actuators over a cycle, which equals the loss.
+    All,
 }
 
 /// Number of quantities whose derivatives are computed together.
@@ -100,13 +102,15 @@ impl Wanted {
     }
 }
 
-/// Returns the derivatives of the solution `orbit` with respect to numbers of the chain of `problem`.
+/// Returns the derivatives of the metrics of the solution `orbit` and, if wanted, of the work (J) with respect to numbers
+/// of the chain.
 pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction>(
-    problem: &ChainProblem,
     model: &Model<N, C, D, F>,
     orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
     numbers: &[ChainNumber],
-) -> Result<Vec<ChainSlopes>> {
+    wanted_slopes: Slopes,
+) -> Result<Vec<(GaitMetrics, f64)>> {
+    let problem = &model.problem;
     let wanted: Vec<Wanted> =
         numbers.iter().map(|number| Wanted::new(problem, *number)).collect::<Result<_>>()?;
     let cycle = orbit.measure(model);
@@ -119,7 +123,9 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction
         skids.map(|(wheel, (_, link, _))| Quantity::Sigma { wheel, link: *link }).collect();
     quantities.push(Quantity::Distance);
     quantities.extend((0..C - 1).map(Quantity::Range));
-    quantities.push(Quantity::Loss);
+    if wanted_slopes == Slopes::All {
+        quantities.push(Quantity::Loss);
+    }
     if has_odd {
         quantities.push(Quantity::OddDistance);
     }
@@ -149,20 +155,21 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction
     Ok(std::iter::zip(0.., &wanted).map(|(i, wanted)| slope(i, wanted)).collect())
 }
 
-/// Returns the derivatives with respect to a number, given those of the quantities.
+/// Returns the derivatives of the metrics and of the work with respect to a number, given those of the quantities.
 fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
     model: &Model<N, C, D, F>,
     number: ChainNumber,
     is_odd: bool,
     of: impl Fn(Quantity) -> f64,
-) -> ChainSlopes {
+) -> (GaitMetrics, f64) {
     let ChainProblem { chain, omega_rad_s, .. } = &model.problem;
     let d_m = of(if is_odd { Quantity::OddDistance } else { Quantity::Distance });
-    let mut sigma: Vec<f64> = vec![f64::NAN; chain.links.len()];
+    let mut sigma = [f64::NAN; MAX_LINKS];
     for (wheel, (_, link, _)) in model.system.wheels.iter().enumerate() {
-        sigma[*link] = of(Quantity::Sigma { wheel, link: *link });
+        sigma[number_of(chain, *link)] = of(Quantity::Sigma { wheel, link: *link });
     }
-    let mut alpha_rad = vec![0.0; chain.joints.len()];
+    let mut alpha_rad = [f64::NAN; MAX_JOINTS];
+    alpha_rad[..chain.joints.len()].fill(0.0);
     for c in 1..C {
         alpha_rad[model.system.clusters.all[c].joint] = of(Quantity::Range(c - 1));
     }
@@ -172,16 +179,9 @@ fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
         let index = CommandNumber::ALL.iter().position(|one| *one == number).unwrap_or(0);
         alpha_rad[joint] = command.half_range_slopes()[index];
     }
-    ChainSlopes {
-        metrics: ChainMetrics {
-            d_m,
-            v_m_s: d_m * omega_rad_s / TAU,
-            dtheta_rad: of(Quantity::Turn),
-            sigma,
-            alpha_rad,
-        },
-        work_j: of(Quantity::Loss),
-    }
+    let v_m_s = d_m * omega_rad_s / TAU;
+    let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha_rad, dtheta_rad: of(Quantity::Turn) };
+    (metrics, of(Quantity::Loss))
 }
 
 /// Solution whose derivatives are computed.
@@ -196,11 +196,13 @@ struct Differentiation<'a, const N: usize, const C: usize, const D: usize, F: Fr
     dsigma_dskid: [f64; MAX_LINKS],
 }
 
-impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differentiation<'a, N, C, D, F> {
+impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
+    Differentiation<'a, N, C, D, F>
+{
     fn new(
         model: &'a Model<N, C, D, F>,
         orbit: &PeriodicOrbit<N, Model<N, C, D, F>>,
-        cycle: &Cycle<N>,
+        cycle: &Cycle,
         wanted: &'a [Wanted],
     ) -> Self {
         let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
@@ -251,6 +253,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
             }
         }
         let mesh = &orbit.mesh;
+        let mut power = Power::new();
         let spans = mesh.spans() as f64;
         for (pack, leg) in orbit.path.legs.iter().enumerate() {
             let starts = mesh.starts(pack);
@@ -273,7 +276,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
                         for j in 0..STAGES {
                             let at = self.resisted(&motions[j], [Lanes::default(); MAX_LINKS]);
                             let direct = self.direct(*quantity, &at, j, weights, spans);
-                            own[j] = self.by_state(&at, &direct);
+                            own[j] = self.by_state(&mut power, &at, &direct);
                         }
                     }
                 }
@@ -303,16 +306,21 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
                             Resistance::All => {
                                 (0..MAX_LINKS).for_each(|i| along.skid[i] += direct.along.skid[i]);
                             }
-                            Resistance::Dissipation => self.add(&at, &direct, own),
+                            Resistance::Dissipation => self.add(&mut power, &at, &direct, own),
                         }
                     }
                     if let Wheels::Follow(determined) = &self.model.wheels {
                         let (count, points) = determined.points(&self.model.system, phases_rad[j]);
                         for (weight, phase_rad) in &points[..count] {
-                            self.add_determined(*phase_rad, &along.body, *weight, own);
+                            self.add_determined(
+                                &mut power,
+                                *phase_rad,
+                                (&along.body, *weight),
+                                own,
+                            );
                         }
                     } else {
-                        self.add(&at, &WeightedPower::all(along), own);
+                        self.add(&mut power, &at, &WeightedPower::all(along), own);
                     }
                 }
             }
@@ -373,28 +381,46 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
     }
 
     /// Returns the derivatives of a virtual power with respect to the states.
-    fn by_state<T: Number>(&self, at: &Resisted<T>, direct: &WeightedPower<T>) -> [T; N] {
-        let power = at.power(&direct.along, direct.resistance);
+    fn by_state<T: Number>(
+        &self,
+        power: &mut Power<T>,
+        at: &Resisted<T>,
+        direct: &WeightedPower<T>,
+    ) -> [T; N] {
+        power.evaluate(at, &direct.along, direct.resistance);
         let mut by = [T::splat(0.0); N];
-        by[..3].copy_from_slice(&power.by_body());
+        by[..3].copy_from_slice(&power.by_body(at));
         for c in 1..C {
-            [by[D + c - 1], by[2 + c], _] = power.by_joint(self.model.system.clusters.all[c].joint);
+            [by[D + c - 1], by[2 + c], _] =
+                power.by_joint(at, self.model.system.clusters.all[c].joint);
         }
         by.map(|slope| direct.weight * slope)
     }
 
     /// Adds the derivatives of a virtual power with respect to all wanted numbers.
     #[inline(never)]
-    fn add<T: Number>(&self, at: &Resisted<T>, direct: &WeightedPower<T>, sums: &mut [T]) {
-        let power = at.power(&direct.along, direct.resistance);
+    fn add<T: Number>(
+        &self,
+        power: &mut Power<T>,
+        at: &Resisted<T>,
+        direct: &WeightedPower<T>,
+        sums: &mut [T],
+    ) {
+        power.evaluate(at, &direct.along, direct.resistance);
         for (sum, Wanted { number, wave }) in sums.iter_mut().zip(self.wanted) {
-            *sum += direct.weight * power.by_number(*number, wave.as_ref());
+            *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
         }
     }
 
     /// Adds the derivatives of the velocities that constraints and commands determine at a phase, times the factors
     /// `along`, with respect to all wanted numbers.
-    fn add_determined<T: Number>(&self, phase_rad: T, along: &[T; 3], weight: f64, sums: &mut [T]) {
+    fn add_determined<T: Number>(
+        &self,
+        power: &mut Power<T>,
+        phase_rad: T,
+        (along, weight): (&[T; 3], f64),
+        sums: &mut [T],
+    ) {
         let zero = T::splat(0.0);
         let Self { model, .. } = self;
         let (body, factors) = velocities_and_factors(&model.system, phase_rad, along);
@@ -404,7 +430,8 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
         }
         let state = std::array::from_fn(|i| if i < 3 { body[i] } else { zero });
         let motion = model.motion(phase_rad, &state, &[zero; N]);
-        self.add(&self.resisted(&motion, [zero; MAX_LINKS]), &WeightedPower::all(along), sums);
+        let at = self.resisted(&motion, [zero; MAX_LINKS]);
+        self.add(power, &at, &WeightedPower::all(along), sums);
     }
 
     /// Returns, for each wanted number, whether the velocities that constraints and commands determine are bounded also
@@ -419,7 +446,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
             let mut sizes = vec![0.0_f64; self.wanted.len()];
             for body in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, length_m]] {
                 let mut slopes = vec![0.0; self.wanted.len()];
-                self.add_determined(phase_rad, &body, 1.0, &mut slopes);
+                self.add_determined(&mut Power::new(), phase_rad, (&body, 1.0), &mut slopes);
                 sizes
                     .iter_mut()
                     .zip(slopes)
@@ -517,11 +544,12 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction> Differenti
         end[angle] = weight;
         let mut rows = vec![[0.0; 1]; D * STAGES];
         workspace.adjoint_factors::<N, Model<N, C, D, F>, 1>(0, duration_s, &[end], &mut rows);
+        let mut power = Power::new();
         for (j, motion) in self.motions(&element, &phases_rad).iter().enumerate() {
             let weighted = Weighted::new(self.model, &element, j);
             let at = self.resisted(motion, weighted.constraint_n);
             let rows = std::array::from_fn(|i| -rows[j * D + i][0]);
-            self.add(&at, &WeightedPower::all(weighted.along(self.model, &rows)), sums);
+            self.add(&mut power, &at, &WeightedPower::all(weighted.along(self.model, &rows)), sums);
         }
         Ok(by_start.map(|slope| weight * slope))
     }

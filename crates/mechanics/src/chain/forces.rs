@@ -1,45 +1,23 @@
 //! Forces on a chain: wheel forces, joint torques and power.
 
 use nalgebra::{DMatrix, DVector};
-use trilink_robot::{FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Number, Pose};
+use trilink_robot::{FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Number, Pose, rotated};
 
-use super::ChainProblem;
 use super::links::Motion;
 use super::power::{Power, Resistance, Resisted, Virtual};
 use super::wave::{Wave, prescribed};
-
-/// State of a chain and the forces on it at one time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ChainSample {
-    pub time_s: f64,
-    /// Pose of the reference link; the motion starts at the origin, heading along x.
-    pub pose: Pose,
-    /// Joint angles from front to rear, rad.
-    pub phi_rad: Vec<f64>,
-    /// Joint rates from front to rear, rad/s.
-    pub phi_rate_rad_s: Vec<f64>,
-    /// Velocities of the reference link along and across itself, m/s, and its turning rate, rad/s.
-    pub body: [f64; 3],
-    /// Roll velocities of the wheels, by link from front to rear, m/s; NaN for a link without a wheel.
-    pub roll_m_s: Vec<f64>,
-    /// Skid velocities of the wheels, by link from front to rear, m/s; NaN for a link without a wheel.
-    pub skid_m_s: Vec<f64>,
-    /// Lateral contact forces on the wheels, by link from front to rear, N: the constraint forces (eq. 8 of the paper)
-    /// where the wheels cannot skid, otherwise friction. NaN for a link without a wheel or where they are unbounded.
-    pub lateral_n: Vec<f64>,
-    /// Rolling friction forces on the wheels, by link from front to rear, N; NaN for a link without a wheel.
-    pub roll_n: Vec<f64>,
-    /// Torques at the joints from front to rear, N m: of the actuator, or of the spring, the damper and the prescribed
-    /// torque of a free joint.
-    pub torque_nm: Vec<f64>,
-    /// Power of the actuators of all joints and rotors, W.
-    pub power_w: f64,
-    /// Power dissipated at the wheels, by drag and in the joints, W.
-    pub loss_w: f64,
-}
+use super::{ChainProblem, number_of};
+use crate::Sample;
 
 /// Number of rows of the equations of motion: three of the reference link, and one for each joint.
 const MAX_ROWS: usize = 3 + MAX_JOINTS;
+
+/// Ratio of the smallest to the largest singular value below which the no-skid constraints count as
+/// dependent.
+const SINGULAR: f64 = 1e-6;
+/// Maximum number of iterations of the singular value decomposition, which would not end for numbers that are not
+/// finite.
+const MAX_ITERATIONS: usize = 1000;
 
 /// Loads on the actuators of a chain in motion.
 struct Loads<T> {
@@ -63,8 +41,13 @@ impl<T: Number> Loads<T> {
             (0..MAX_ROWS).fold(zero, |sum, row| sum + resistances[row] * rates[row])
         };
         let still = Virtual::none();
-        let supplied = rows(at.power(&still, Resistance::All).resistances());
-        let dissipating = rows(at.power(&still, Resistance::Dissipation).resistances());
+        let mut power = Power::new();
+        let mut resistances = |resistance: Resistance| {
+            power.evaluate(at, &still, resistance);
+            rows(power.resistances(at))
+        };
+        let [supplied, dissipating] =
+            [Resistance::All, Resistance::Dissipation].map(&mut resistances);
         let mut loads = Self {
             supplied,
             own_torques: [zero; MAX_JOINTS],
@@ -99,25 +82,35 @@ impl<T: Number> Loads<T> {
 }
 
 /// Returns the power of the actuators and the power dissipated, W.
-pub(super) fn power_and_loss_w<T: Number, F: Friction>(problem: &ChainProblem, motion: &Motion<T>) -> [T; 2] {
+pub(super) fn power_and_loss_w<T: Number, F: Friction>(
+    problem: &ChainProblem,
+    motion: &Motion<T>,
+) -> [T; 2] {
     let at = resisted::<_, F>(problem, motion);
     let Loads { power_w, loss_w, .. } = Loads::new(problem, &at);
     [power_w, loss_w]
 }
 
-/// Returns the sample of a motion, without its time and pose.
-pub(super) fn sample<F: Friction>(problem: &ChainProblem, motion: &Motion<f64>) -> ChainSample {
+/// Returns the sample of a motion at a time and pose of the reference link.
+pub(super) fn sample<F: Friction>(
+    problem: &ChainProblem,
+    motion: &Motion<f64>,
+    time_s: f64,
+    pose: Pose,
+) -> Sample {
     let ChainProblem { chain, laws, .. } = problem;
     let at = resisted::<_, F>(problem, motion);
     let Loads { supplied, own_torques, power_w, loss_w } = Loads::new(problem, &at);
     let joints = &motion.joints[..chain.joints.len()];
     let missing = vec![f64::NAN; chain.links.len()];
-    let mut sample = ChainSample {
-        time_s: 0.0,
-        pose: Pose::default(),
+    let [u, v, turning_rad_s] = motion.body;
+    let [x_rate_m_s, y_rate_m_s] = rotated(pose.theta_rad, [u, v]);
+    let mut sample = Sample {
+        time_s,
+        pose,
+        pose_rates: [x_rate_m_s, y_rate_m_s, turning_rad_s],
         phi_rad: joints.iter().map(|[angle, ..]| *angle).collect(),
         phi_rate_rad_s: joints.iter().map(|[_, rate, _]| *rate).collect(),
-        body: motion.body,
         roll_m_s: missing.clone(),
         skid_m_s: missing.clone(),
         lateral_n: missing.clone(),
@@ -130,10 +123,11 @@ pub(super) fn sample<F: Friction>(problem: &ChainProblem, motion: &Motion<f64>) 
     for link in 0..chain.links.len() {
         let Some(contact) = at.contact(link) else { continue };
         wheels.push(link);
-        sample.roll_m_s[link] = contact.roll_m_s;
-        sample.skid_m_s[link] = contact.skid_m_s;
-        sample.roll_n[link] = -contact.roll[0];
-        sample.lateral_n[link] = -contact.skid[0];
+        let number = number_of(chain, link);
+        sample.roll_m_s[number] = contact.roll_m_s;
+        sample.skid_m_s[number] = contact.skid_m_s;
+        sample.roll_n[number] = -contact.roll[0];
+        sample.lateral_n[number] = -contact.skid[0];
     }
     // Torques that keep wheels from skidding, by row.
     let mut of_wheels = [0.0; MAX_ROWS];
@@ -151,10 +145,10 @@ pub(super) fn sample<F: Friction>(problem: &ChainProblem, motion: &Motion<f64>) 
             right[row] = supplied[row] - joint.map_or(0.0, |joint| own_torques[joint]);
             skid_rows.iter().enumerate().for_each(|(i, skid)| columns[(row, i)] = skid[row]);
         }
-        let forces = crate::forces::least_squares(columns, &right);
+        let forces = least_squares(columns, &right);
         for (i, (link, skid)) in wheels.iter().zip(&skid_rows).enumerate() {
             let force = forces.as_ref().map_or(f64::NAN, |forces| forces[i]);
-            sample.lateral_n[*link] = force;
+            sample.lateral_n[number_of(chain, *link)] = force;
             of_wheels.iter_mut().zip(skid).for_each(|(sum, entry)| *sum += entry * force);
         }
     }
@@ -166,7 +160,10 @@ pub(super) fn sample<F: Friction>(problem: &ChainProblem, motion: &Motion<f64>) 
     sample
 }
 
-fn resisted<'a, T: Number, F: Friction>(problem: &'a ChainProblem, motion: &'a Motion<T>) -> Resisted<'a, T> {
+fn resisted<'a, T: Number, F: Friction>(
+    problem: &'a ChainProblem,
+    motion: &'a Motion<T>,
+) -> Resisted<'a, T> {
     let ChainProblem { chain, omega_rad_s, .. } = problem;
     Resisted::new::<F>(chain, motion, *omega_rad_s, [T::splat(0.0); MAX_LINKS])
 }
@@ -176,13 +173,25 @@ fn resisted<'a, T: Number, F: Friction>(problem: &'a ChainProblem, motion: &'a M
 fn skid_row(at: &Resisted<f64>, link: usize, joints: usize) -> [f64; MAX_ROWS] {
     let mut along = Virtual::none();
     along.skid[link] = 1.0;
-    let power: Power<f64> = at.power(&along, Resistance::All);
+    let mut power = Power::new();
+    power.evaluate(at, &along, Resistance::All);
     let mut row = [0.0; MAX_ROWS];
-    row[..3].copy_from_slice(&power.by_body());
-    (0..joints).for_each(|joint| row[3 + joint] = power.by_joint(joint)[1]);
+    row[..3].copy_from_slice(&power.by_body(at));
+    (0..joints).for_each(|joint| row[3 + joint] = power.by_joint(at, joint)[1]);
     row
 }
 
 fn rows<T: Number>((body, joints): ([T; 3], [T; MAX_JOINTS])) -> [T; MAX_ROWS] {
     std::array::from_fn(|row| if row < 3 { body[row] } else { joints[row - 3] })
+}
+
+/// Solves a linear system by least squares. `None` if its columns are dependent.
+fn least_squares(columns: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let decomposed = columns.try_svd(true, true, 5.0 * f64::EPSILON, MAX_ITERATIONS)?;
+    let singular = &decomposed.singular_values;
+    if singular.min() <= SINGULAR * singular.max() {
+        return None;
+    }
+    let solution = decomposed.solve(right, 0.0).ok()?;
+    solution.iter().all(|force| force.is_finite()).then_some(solution)
 }

@@ -120,11 +120,7 @@ pub(super) struct Contact<T> {
 impl<T: Number> Contact<T> {
     /// Returns the contact of a link's wheel; `None` if it has none.
     #[inline(always)]
-    pub(super) fn of<F: Friction>(
-        chain: &Chain,
-        links: &Links<T>,
-        link: usize,
-    ) -> Option<Self> {
+    pub(super) fn of<F: Friction>(chain: &Chain, links: &Links<T>, link: usize) -> Option<Self> {
         let wheel = chain.links[link].wheel.as_ref()?;
         let (sin, cos) = wheel.steer_rad.sin_cos();
         let direction = rotated(links.heading[link].turn, [T::splat(cos), T::splat(sin)]);

@@ -5,20 +5,20 @@ use std::marker::PhantomData;
 
 use nalgebra::{DMatrix, DVector};
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{Friction, Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number, Pose};
+use trilink_robot::{Chain, Friction, Joint, Lanes, Link, MAX_JOINTS, MAX_LINKS, Number, Pose};
 
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
 use super::constraint::Constraints;
 use super::determined::Determined;
-use super::forces::{ChainSample, power_and_loss_w, sample};
+use super::forces::{power_and_loss_w, sample};
 use super::links::Motion;
 use super::response::Response;
 use super::wave::Wave;
 use super::{ChainProblem, metrics_of};
-use crate::Result;
 use crate::cycle::Cycle;
 use crate::reduced::{MAX_TRACKED, Reduced, Residual};
+use crate::{Result, Sample};
 
 /// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then
 /// the rates and then the angles of the free joints, in the order of the clusters: `N` = 2 `C` + 1 states for `C`
@@ -59,6 +59,23 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
             model.wheels = Wheels::Roll(Constraints::new::<C>(problem)?);
         }
         Ok(model)
+    }
+
+    /// Returns the equations for another problem as [`Model::new`] does, with the singular shapes known from these
+    /// equations if the motion that the constraints determine is the same.
+    ///
+    /// # Errors
+    /// Returns an error as [`Model::new`] does.
+    pub(super) fn renewed(&self, problem: ChainProblem) -> Result<Self> {
+        match &self.wheels {
+            Wheels::Follow(_)
+                if problem.is_determined()
+                    && has_same_constraints(&self.problem.chain, &problem.chain) =>
+            {
+                Ok(self.with_problem(problem))
+            }
+            _ => Self::new(problem),
+        }
     }
 
     fn with_wheels(problem: ChainProblem, wheels: Wheels<D>) -> Self {
@@ -127,6 +144,20 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
         }
     }
 
+    /// Returns the response to the commands as if the wheels could not skid, if such a motion exists; otherwise with skid.
+    fn response(&self) -> Option<Response<N>> {
+        let constraints = match &self.wheels {
+            Wheels::Skid if self.system.wheels.len() <= D => {
+                Constraints::new::<C>(&self.problem).ok()
+            }
+            _ => None,
+        };
+        let as_rolling = constraints.and_then(|constraints| {
+            Response::find(&Self { wheels: Wheels::Roll(constraints), ..self.clone() })
+        });
+        as_rolling.or_else(|| Response::find(self))
+    }
+
     #[inline(always)]
     fn angles<T: Number>(y: &[T; N]) -> [T; C] {
         std::array::from_fn(|c| if c == 0 { T::splat(0.0) } else { y[D + c - 1] })
@@ -148,14 +179,23 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
     }
 }
 
+/// Returns whether the constraints of wheels that cannot skid, and the commands, are the same in two chains.
+fn has_same_constraints(one: &Chain, other: &Chain) -> bool {
+    let of = |link: &Link| {
+        let wheel = link.wheel.map(|wheel| (wheel.place_m, wheel.steer_rad));
+        (link.front_joint_m, link.rear_joint_m, wheel)
+    };
+    one.joints == other.joints
+        && one.reference == other.reference
+        && one.links.iter().map(of).eq(other.links.iter().map(of))
+}
+
 impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for Model<N, C, D, F> {
     const ANGLES: usize = C - 1;
-    const INTEGRATED: bool = true;
     const TRACKED: usize = N;
 
     type Node<T: Number> = Node<T, C>;
     type State<T: Number> = Posture<T, C>;
-    type Sample = ChainSample;
 
     fn skids(&self) -> bool {
         matches!(self.wheels, Wheels::Skid)
@@ -188,14 +228,10 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
 
     fn guess(&self) -> impl Fn(f64) -> [f64; N] {
         let rest = self.at_rest();
-        let response = (C > 1).then(|| Response::find(self)).flatten();
-        move |phase_rad| match (&self.wheels, &response) {
-            (Wheels::Follow(determined), _) => {
-                let velocities = determined.velocities(&self.system, phase_rad);
-                std::array::from_fn(|i| velocities[i])
-            }
-            (_, Some(response)) => response.at(phase_rad),
-            (_, None) => rest,
+        let response = (C > 1).then(|| self.response()).flatten();
+        move |phase_rad| {
+            let state = response.as_ref().map_or(rest, |response| response.at(phase_rad));
+            self.consistent(phase_rad, state)
         }
     }
 
@@ -206,6 +242,25 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
             node.determined = determined.velocities(&self.system, phase_rad);
         }
         node
+    }
+
+    fn consistent(&self, phase_rad: f64, mut y: [f64; N]) -> [f64; N] {
+        match &self.wheels {
+            Wheels::Skid => {}
+            Wheels::Follow(determined) => {
+                y[..3].copy_from_slice(&determined.velocities(&self.system, phase_rad));
+            }
+            Wheels::Roll(constraints) => {
+                let node = self.node(phase_rad);
+                let zero = [0.0; C];
+                let at_rest =
+                    self.system.posture(&node.clusters, [0.0; 3], Self::angles(&y), zero);
+                let own = std::array::from_fn(|i| y[i]);
+                let velocities = constraints.consistent(&self.system, &node, &at_rest, &own);
+                y[..D].copy_from_slice(&velocities);
+            }
+        }
+        y
     }
 
     // Not inlined, because the equations are long and there are many.
@@ -288,9 +343,9 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
         _: &Node<f64, C>,
         y: &[f64; N],
         dy: &[f64; N],
-    ) -> ChainSample {
+    ) -> Sample {
         let motion = self.motion(self.problem.omega_rad_s * time_s, y, dy);
-        ChainSample { time_s, pose, ..sample::<F>(&self.problem, &motion) }
+        sample::<F>(&self.problem, &motion, time_s, pose)
     }
 
     /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.
@@ -345,8 +400,8 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
         joints_rad
     }
 
-    fn gait_metrics(&self, cycle: &Cycle<N>) -> GaitMetrics {
-        metrics_of(self, cycle).by_number(&self.problem.chain)
+    fn gait_metrics(&self, cycle: &Cycle) -> GaitMetrics {
+        metrics_of(self, cycle)
     }
 
     fn at_rest(&self) -> [f64; N] {
@@ -355,16 +410,6 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
             let joint = self.system.clusters.all[c].joint;
             state[D + c - 1] = self.problem.chain.rest_angle_rad(joint);
         }
-        let node = self.node(0.0);
-        match &self.wheels {
-            Wheels::Skid => {}
-            Wheels::Roll(constraints) => {
-                let posture = self.kinematics(&node, &state);
-                let velocities = constraints.rest_velocities(&self.system, &node, &posture);
-                state[..D].copy_from_slice(&velocities);
-            }
-            Wheels::Follow(_) => state[..3].copy_from_slice(&node.determined),
-        }
-        state
+        self.consistent(0.0, state)
     }
 }

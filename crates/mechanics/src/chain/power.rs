@@ -145,7 +145,16 @@ impl<'a, T: Number> Resisted<'a, T> {
                 [_, _, rotors[i]] = Wave::new(&rotor.angle).at([sin, cos], omega_rad_s);
             }
         }
-        Self { chain, motion, links, contacts, constraint_n, rotors, omega_rad_s, slopes: F::slopes }
+        Self {
+            chain,
+            motion,
+            links,
+            contacts,
+            constraint_n,
+            rotors,
+            omega_rad_s,
+            slopes: F::slopes,
+        }
     }
 
     pub(super) fn motion(&self) -> &Motion<T> {
@@ -180,35 +189,64 @@ impl<'a, T: Number> Resisted<'a, T> {
             Resistance::Dissipation => skid_n,
         }
     }
+}
+
+/// Virtual power and its derivatives. A power that is evaluated many times keeps its memory.
+#[derive(Debug, Clone)]
+pub(super) struct Power<T> {
+    along: Virtual<T>,
+    resistance: Resistance,
+    /// Virtual turning rates of the links, and virtual velocities of their origins.
+    rate: [T; MAX_LINKS],
+    velocity: [Vector<T>; MAX_LINKS],
+    /// Derivatives with respect to the motion of the links' centres of mass and of their wheels.
+    com: [Point<T>; MAX_LINKS],
+    wheel: [Point<T>; MAX_LINKS],
+    /// Sums over each link and all links beyond it, away from the reference link.
+    beyond: [Sums<T>; MAX_LINKS],
+}
+
+impl<T: Number> Power<T> {
+    pub(super) fn new() -> Self {
+        let zero = T::splat(0.0);
+        let none = Sums::none().point();
+        Self {
+            along: Virtual::none(),
+            resistance: Resistance::All,
+            rate: [zero; MAX_LINKS],
+            velocity: [[zero; 2]; MAX_LINKS],
+            com: [none; MAX_LINKS],
+            wheel: [none; MAX_LINKS],
+            beyond: [Sums::none(); MAX_LINKS],
+        }
+    }
 
     /// Evaluates the virtual power along a virtual motion, which for [`Resistance::Dissipation`] must be the actual one.
-    pub(super) fn power(&self, along: &Virtual<T>, resistance: Resistance) -> Power<'_, 'a, T> {
-        let zero = T::splat(0.0);
-        let Self { chain, links, .. } = self;
-        let mut power = Power {
-            at: self,
-            along: *along,
-            resistance,
-            rate: [along.body[2]; MAX_LINKS],
-            velocity: [[along.body[0], along.body[1]]; MAX_LINKS],
-            com: [Sums::none().point(); MAX_LINKS],
-            wheel: [Sums::none().point(); MAX_LINKS],
-            beyond: [Sums::none(); MAX_LINKS],
-        };
+    pub(super) fn evaluate(
+        &mut self,
+        at: &Resisted<T>,
+        along: &Virtual<T>,
+        resistance: Resistance,
+    ) {
+        let Resisted { chain, links, .. } = at;
+        let none = Sums::none().point();
+        self.along = *along;
+        self.resistance = resistance;
+        self.rate[chain.reference] = along.body[2];
+        self.velocity[chain.reference] = [along.body[0], along.body[1]];
         for i in outwards(chain) {
             let hinge = Hinge::of(chain, i);
-            power.rate[i] =
-                power.rate[hinge.inner] + T::splat(hinge.sign) * along.joints[hinge.joint];
-            let at_hinge = power.at_hinge(&hinge);
-            let arm = normal(links.unit[i].at);
-            let across = power.rate[i] * T::splat(-hinge.own_m);
-            power.velocity[i] = sum(at_hinge, scaled(across, arm));
+            self.rate[i] =
+                self.rate[hinge.inner] + T::splat(hinge.sign) * along.joints[hinge.joint];
+            let across = self.rate[i] * T::splat(-hinge.own_m);
+            let at_hinge = self.at_hinge(links, &hinge);
+            self.velocity[i] = sum(at_hinge, scaled(across, normal(links.unit[i].at)));
         }
         let has_inertia = resistance == Resistance::All;
         for (i, link) in chain.links.iter().enumerate() {
             let com = links.point(i, link.com_m);
-            let own = &mut power.com[i];
-            let velocity = Power::point(links, &power.velocity, &power.rate, i, link.com_m);
+            let velocity = self.velocity_of(links, i, link.com_m);
+            let mut own = none;
             if has_inertia {
                 let mass = T::splat(link.mass_kg);
                 own.by_virtual = scaled(mass, com.acceleration);
@@ -226,24 +264,25 @@ impl<'a, T: Number> Resisted<'a, T> {
                     own.by_velocity = sum(own.by_velocity, scaled(slope, direction));
                 }
             }
-            let sums = &mut power.beyond[i];
-            sums.add(&com, own);
+            let mut sums = Sums::none();
+            sums.add(&com, &own);
+            self.com[i] = own;
             if has_inertia {
                 let rotor = T::splat(link.rotor.map_or(0.0, |rotor| rotor.inertia_kg_m2));
                 let inertia = T::splat(link.inertia_kg_m2) + rotor;
                 sums.by_virtual_turn +=
-                    inertia * links.heading[i].acceleration + rotor * self.rotors[i];
-                sums.by_turn_acceleration += inertia * power.rate[i];
+                    inertia * links.heading[i].acceleration + rotor * at.rotors[i];
+                sums.by_turn_acceleration += inertia * self.rate[i];
             }
             if link.drag.turning_nm_s_rad != 0.0 {
                 let coefficient = T::splat(link.drag.turning_nm_s_rad);
                 sums.by_virtual_turn += coefficient * links.heading[i].rate;
-                sums.by_turn += coefficient * power.rate[i];
+                sums.by_turn += coefficient * self.rate[i];
             }
-            if let (Some(contact), Some(wheel)) = (&self.contacts[i], &link.wheel) {
+            if let (Some(contact), Some(wheel)) = (&at.contacts[i], &link.wheel) {
                 let Contact { direction, roll, skid, .. } = *contact;
-                let lateral = self.lateral_n(i, skid[0], resistance);
-                let velocity = Power::point(links, &power.velocity, &power.rate, i, wheel.place_m);
+                let lateral = at.lateral_n(i, skid[0], resistance);
+                let velocity = self.velocity_of(links, i, wheel.place_m);
                 let axle = normal(direction);
                 let [by_roll, by_skid] = [
                     roll[1] * inner(direction, velocity),
@@ -252,59 +291,36 @@ impl<'a, T: Number> Resisted<'a, T> {
                 let own = Point {
                     by_virtual: sum(scaled(roll[0], direction), scaled(lateral, axle)),
                     by_velocity: sum(scaled(by_roll, direction), scaled(by_skid, axle)),
-                    by_acceleration: [zero; 2],
+                    ..none
                 };
-                power.wheel[i] = own;
                 sums.add(&contact.point, &own);
+                self.wheel[i] = own;
             }
+            self.beyond[i] = sums;
         }
         for i in outwards(chain).rev() {
             let inner = Hinge::of(chain, i).inner;
-            let own = power.beyond[i];
-            power.beyond[inner].add_sums(&own);
+            let own = self.beyond[i];
+            self.beyond[inner].add_sums(&own);
         }
-        power
     }
-}
 
-/// Virtual power and its derivatives.
-pub(super) struct Power<'r, 'a, T> {
-    at: &'r Resisted<'a, T>,
-    along: Virtual<T>,
-    resistance: Resistance,
-    /// Virtual turning rates of the links, and virtual velocities of their origins.
-    rate: [T; MAX_LINKS],
-    velocity: [Vector<T>; MAX_LINKS],
-    /// Derivatives with respect to the motion of the links' centres of mass and of their wheels.
-    com: [Point<T>; MAX_LINKS],
-    wheel: [Point<T>; MAX_LINKS],
-    /// Sums over each link and all links beyond it, away from the reference link.
-    beyond: [Sums<T>; MAX_LINKS],
-}
-
-impl<T: Number> Power<'_, '_, T> {
     /// Returns the virtual velocity of a point of a link.
     #[inline(always)]
-    fn point(
-        links: &Links<T>,
-        velocity: &[Vector<T>; MAX_LINKS],
-        rate: &[T; MAX_LINKS],
-        link: usize,
-        place_m: f64,
-    ) -> Vector<T> {
-        let across = rate[link] * T::splat(place_m);
-        sum(velocity[link], scaled(across, normal(links.unit[link].at)))
+    fn velocity_of(&self, links: &Links<T>, link: usize, place_m: f64) -> Vector<T> {
+        let across = self.rate[link] * T::splat(place_m);
+        sum(self.velocity[link], scaled(across, normal(links.unit[link].at)))
     }
 
     #[inline(always)]
-    fn at_hinge(&self, hinge: &Hinge) -> Vector<T> {
-        Self::point(&self.at.links, &self.velocity, &self.rate, hinge.inner, hinge.from_m)
+    fn at_hinge(&self, links: &Links<T>, hinge: &Hinge) -> Vector<T> {
+        self.velocity_of(links, hinge.inner, hinge.from_m)
     }
 
     /// Returns the derivatives with respect to the velocities of the reference link. Those of
     /// [`Resistance::Dissipation`] include the change in the virtual motion.
-    pub(super) fn by_body(&self) -> [T; 3] {
-        let sums = &self.beyond[self.at.chain.reference];
+    pub(super) fn by_body(&self, at: &Resisted<T>) -> [T; 3] {
+        let sums = &self.beyond[at.chain.reference];
         let [mut x, mut y] = sums.by_velocity;
         let mut turn = sums.by_turn;
         if self.resistance == Resistance::Dissipation {
@@ -318,14 +334,14 @@ impl<T: Number> Power<'_, '_, T> {
     /// and the damper of a free joint only for [`Resistance::Dissipation`], whose derivative includes the change in the
     /// virtual motion.
     #[inline(always)]
-    pub(super) fn by_joint(&self, joint: usize) -> [T; 3] {
-        let Resisted { chain, links, .. } = self.at;
+    pub(super) fn by_joint(&self, resisted: &Resisted<T>, joint: usize) -> [T; 3] {
+        let Resisted { chain, links, .. } = resisted;
         let outer = if joint < chain.reference { joint } else { joint + 1 };
         let hinge = Hinge::of(chain, outer);
         let sums = &self.beyond[outer];
         let Moving { at, rate, acceleration } = links.hinge(&hinge);
         let two = T::splat(2.0);
-        let by_angle = moment(self.at_hinge(&hinge), sums.by_virtual)
+        let by_angle = moment(self.at_hinge(links, &hinge), sums.by_virtual)
             + moment(rate, sums.by_velocity)
             + moment(acceleration, sums.by_acceleration);
         let by_acceleration = sums.by_turn_acceleration - moment(at, sums.by_acceleration);
@@ -346,8 +362,8 @@ impl<T: Number> Power<'_, '_, T> {
 
     /// Returns the derivative with respect to the place of points along a link, per metre ahead.
     #[inline(always)]
-    fn by_place(&self, link: usize, points: &Point<T>) -> T {
-        let Moving { at, rate, acceleration } = &self.at.links.unit[link];
+    fn by_place(&self, links: &Links<T>, link: usize, points: &Point<T>) -> T {
+        let Moving { at, rate, acceleration } = &links.unit[link];
         self.rate[link] * inner(normal(*at), points.by_virtual)
             + inner(*rate, points.by_velocity)
             + inner(*acceleration, points.by_acceleration)
@@ -356,9 +372,14 @@ impl<T: Number> Power<'_, '_, T> {
     /// Returns the derivative with respect to a number of the chain, in SI units. `wave` is the derivative of the number's
     /// command with respect to it ([`Wave::slope`]), if it is one of a command.
     #[inline(always)]
-    pub(super) fn by_number(&self, number: ChainNumber, wave: Option<&Wave>) -> T {
+    pub(super) fn by_number(
+        &self,
+        at: &Resisted<T>,
+        number: ChainNumber,
+        wave: Option<&Wave>,
+    ) -> T {
         let zero = T::splat(0.0);
-        let Resisted { chain, links, motion, rotors, omega_rad_s, .. } = self.at;
+        let Resisted { chain, links, motion, rotors, omega_rad_s, .. } = at;
         let has_inertia = self.resistance == Resistance::All;
         let slope = |wave: &Wave| {
             let (sin, cos) = motion.phase_rad.sin_cos();
@@ -368,7 +389,7 @@ impl<T: Number> Power<'_, '_, T> {
             ChainNumber::Link(link, number) => match number {
                 LinkNumber::Mass if has_inertia => {
                     let com_m = chain.links[link].com_m;
-                    let velocity = Self::point(links, &self.velocity, &self.rate, link, com_m);
+                    let velocity = self.velocity_of(links, link, com_m);
                     inner(links.point(link, com_m).acceleration, velocity)
                 }
                 LinkNumber::Inertia if has_inertia => {
@@ -378,7 +399,7 @@ impl<T: Number> Power<'_, '_, T> {
                     (links.heading[link].acceleration + rotors[link]) * self.rate[link]
                 }
                 LinkNumber::Mass | LinkNumber::Inertia | LinkNumber::RotorInertia => zero,
-                _ => self.by_link(link, number),
+                _ => self.by_link(at, link, number),
             },
             ChainNumber::Rotor(link, _) => match (&chain.links[link].rotor, wave) {
                 (Some(rotor), Some(wave)) if has_inertia => {
@@ -410,7 +431,7 @@ impl<T: Number> Power<'_, '_, T> {
                 (_, None) => zero,
                 (Joint::Driven(_), Some(wave)) => {
                     let [angle, rate, acceleration] = slope(wave);
-                    let by = self.by_joint(joint);
+                    let by = self.by_joint(at, joint);
                     by[0] * angle + by[1] * rate + by[2] * acceleration
                 }
                 (Joint::Free(FreeJoint { stiffness_nm_rad, .. }), Some(wave)) if has_inertia => {
@@ -423,23 +444,23 @@ impl<T: Number> Power<'_, '_, T> {
 
     /// Returns the derivative with respect to a number of a link on which also the dissipated power depends.
     #[inline(always)]
-    fn by_link(&self, link: usize, number: LinkNumber) -> T {
+    fn by_link(&self, at: &Resisted<T>, link: usize, number: LinkNumber) -> T {
         let zero = T::splat(0.0);
-        let Resisted { chain, links, contacts, .. } = self.at;
+        let Resisted { chain, links, contacts, .. } = at;
         let own = &chain.links[link];
         let com = |direction: Vector<T>| {
-            let velocity = Self::point(links, &self.velocity, &self.rate, link, own.com_m);
+            let velocity = self.velocity_of(links, link, own.com_m);
             inner(direction, links.point(link, own.com_m).rate) * inner(direction, velocity)
         };
-        let beyond = |outer: usize| self.by_place(link, &self.beyond[outer].point());
+        let beyond = |outer: usize| self.by_place(links, link, &self.beyond[outer].point());
         let last = chain.links.len() - 1;
         match number {
             LinkNumber::FrontJoint if link > chain.reference => -beyond(link),
             LinkNumber::FrontJoint if link > 0 => beyond(link - 1),
             LinkNumber::RearJoint if link < chain.reference => beyond(link),
             LinkNumber::RearJoint if link < last => -beyond(link + 1),
-            LinkNumber::Com => self.by_place(link, &self.com[link]),
-            LinkNumber::WheelPlace => self.by_place(link, &self.wheel[link]),
+            LinkNumber::Com => self.by_place(links, link, &self.com[link]),
+            LinkNumber::WheelPlace => self.by_place(links, link, &self.wheel[link]),
             LinkNumber::DragAlong => com(links.unit[link].at),
             LinkNumber::DragAcross => com(normal(links.unit[link].at)),
             LinkNumber::DragTurning => links.heading[link].rate * self.rate[link],
@@ -447,17 +468,17 @@ impl<T: Number> Power<'_, '_, T> {
                 let (Some(contact), Some(wheel)) = (&contacts[link], &own.wheel) else {
                     return zero;
                 };
-                let velocity = Self::point(links, &self.velocity, &self.rate, link, wheel.place_m);
+                let velocity = self.velocity_of(links, link, wheel.place_m);
                 let Contact { direction, roll_m_s, skid_m_s, roll, skid, .. } = *contact;
                 let [along, across] = [direction, normal(direction)].map(|x| inner(x, velocity));
                 if number == LinkNumber::WheelSteer {
                     let by_roll = roll[1] * along;
                     let by_skid = skid[1] * across + self.along.skid[link];
-                    let lateral = self.at.lateral_n(link, skid[0], self.resistance);
+                    let lateral = at.lateral_n(link, skid[0], self.resistance);
                     return by_roll * skid_m_s - by_skid * roll_m_s + roll[0] * across
                         - lateral * along;
                 }
-                let [roll, skid] = (self.at.slopes)(&wheel.friction, number, roll_m_s, skid_m_s);
+                let [roll, skid] = (at.slopes)(&wheel.friction, number, roll_m_s, skid_m_s);
                 roll * along + skid * across
             }
         }
@@ -465,8 +486,8 @@ impl<T: Number> Power<'_, '_, T> {
 
     /// Returns the resistances conjugate to the velocities of the reference link and to the rates of the joints from front
     /// to rear: what the actuators and constraints have to supply.
-    pub(super) fn resistances(&self) -> ([T; 3], [T; MAX_JOINTS]) {
-        let Resisted { chain, links, .. } = self.at;
+    pub(super) fn resistances(&self, at: &Resisted<T>) -> ([T; 3], [T; MAX_JOINTS]) {
+        let Resisted { chain, links, .. } = at;
         let of = |sums: &Sums<T>, at: Vector<T>| sums.by_virtual_turn - moment(at, sums.by_virtual);
         let whole = &self.beyond[chain.reference];
         let [x, y] = whole.by_virtual;

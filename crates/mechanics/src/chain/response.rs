@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, SMatrix, SVector};
 use trilink_robot::{Friction, LANES, Lanes, Number};
 
 use super::balance::Node;
@@ -23,10 +23,14 @@ pub(super) struct Response<const N: usize> {
 }
 
 impl<const N: usize> Response<N> {
-    /// Searches for the motion in the direction in which the chain starts; `None` if no such speed is found.
-    pub(super) fn find<const C: usize, const D: usize, F: Friction>(model: &Model<N, C, D, F>) -> Option<Self> {
-        const DOUBLINGS: i32 = 6;
+    /// Searches for the motion in the direction in which the chain starts. If the force does not vanish at any speed, but
+    /// becomes small, the motion is that where it does so; otherwise it is `None`.
+    pub(super) fn find<const C: usize, const D: usize, F: Friction>(
+        model: &Model<N, C, D, F>,
+    ) -> Option<Self> {
+        const DOUBLINGS: i32 = 9;
         const STEPS: usize = 4;
+        const SMALL: f64 = 0.1;
         let row = model.forward_row()?;
         let packs: [Pack<C>; PACKS] = std::array::from_fn(|pack| {
             let phase = |lane| TAU * (pack * LANES + lane) as f64 / (PACKS * LANES) as f64;
@@ -38,7 +42,8 @@ impl<const N: usize> Response<N> {
         let (_, at_rest) = at(0.0)?;
         // Ends of an interval with a zero of the force: speed and force.
         let mut near = [0.0, at_rest];
-        let mut speed_m_s = -at_rest.signum() * model.skid_scale_m_s() / 4.0;
+        let mut speed_m_s = -at_rest.signum() * model.skid_scale_m_s();
+        let mut fast = None;
         for _ in 0..DOUBLINGS {
             let (mut found, force) = at(speed_m_s)?;
             if force * at_rest <= 0.0 {
@@ -58,10 +63,13 @@ impl<const N: usize> Response<N> {
                 }
                 return Some(found);
             }
+            if force.abs() < SMALL * at_rest.abs() {
+                fast.get_or_insert(found);
+            }
             near = [speed_m_s, force];
             speed_m_s *= 2.0;
         }
-        None
+        fast
     }
 
     pub(super) fn at(&self, phase_rad: f64) -> [f64; N] {
@@ -97,11 +105,11 @@ impl<const N: usize> Response<N> {
                 (0..D).for_each(|j| rate_jacobian[i][j] += residual.rate_jacobian[i][j]);
             }
         }
-        let forcing = DVector::from_fn(D, |i, _| {
+        let forcing = SVector::<_, D>::from_fn(|i, _| {
             let [re, im] = forcing[i].map(sum_of_lanes);
             Complex::new(2.0 * re, 2.0 * im)
         });
-        let mut matrix = DMatrix::from_fn(D, D, |i, j| {
+        let mut matrix = SMatrix::<_, D, D>::from_fn(|i, j| {
             omega * sum_of_lanes(rate_jacobian[i][j]) + sum_of_lanes(state_jacobian[i][j])
         });
         for i in 0..D {
@@ -109,7 +117,7 @@ impl<const N: usize> Response<N> {
                 matrix[(i, angle + 1 - C)] += sum_of_lanes(state_jacobian[i][angle]) / omega;
             }
         }
-        let response = matrix.lu().solve(&forcing)?;
+        let response = matrix.try_inverse()? * forcing;
         let wave: [Complex<f64>; N] = std::array::from_fn(|i| match i {
             // The speed has only even harmonics if the motion is symmetric.
             0 => Complex::default(),

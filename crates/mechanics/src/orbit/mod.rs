@@ -29,7 +29,6 @@ use super::mesh::{MAX_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
 use super::reduced::{MAX_TRACKED, Reduced};
-use super::sensitivity::Adjoints;
 use super::{MotionError, Result};
 
 /// Computational effort spent on solutions.
@@ -81,8 +80,6 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     tails: Vec<[Lanes; MAX_TRACKED]>,
     /// Workspace for solving single elements.
     pub workspace: Linearisation,
-    /// Workspace for derivatives by the adjoint method.
-    pub adjoints: Adjoints,
     /// Ratio of the last solution's discretisation error to the tolerance; infinite if there is no solution.
     error_ratio: f64,
     /// Whether the last solution lacks the half-period symmetry of its commands.
@@ -90,7 +87,7 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     /// Path of the robot in the plane for the last solution.
     pub path: Path<N, R>,
     /// Metrics of the last solution; `None` until they are computed.
-    cycle: Option<Cycle<N>>,
+    cycle: Option<Cycle>,
     /// Modulus of the last solution's largest Floquet multiplier; `None` until it is computed.
     floquet: Option<f64>,
 }
@@ -174,7 +171,6 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
             roughness: Vec::new(),
             tails: Vec::new(),
             workspace: Linearisation::default(),
-            adjoints: Adjoints::default(),
             error_ratio: f64::INFINITY,
             is_symmetry_broken: false,
             path: Path::default(),
@@ -456,7 +452,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     }
 
     /// Returns the metrics of the last solution, computed at the first call and cached.
-    pub(crate) fn measure(&mut self, model: &R) -> Cycle<N> {
+    pub(crate) fn measure(&mut self, model: &R) -> Cycle {
         let Self { mesh, path, workspace, cycle, .. } = self;
         *cycle.get_or_insert_with(|| measure(model, mesh, path, workspace))
     }

@@ -1,18 +1,21 @@
-//! Motions of chains against an independent derivation, the three-link robot, and conservation of energy.
+//! Motions of chains against an independent derivation, finite differences, and conservation of energy.
 
 use std::collections::BTreeMap;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
-use trilink_mechanics::{
-    ChainProblem, FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Solver,
-};
+use trilink_mechanics::{FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::{
-    Chain, ChainNumber, CommandNumber, Drag, FreeJoint, Gait, Joint, JointCommand, JointNumber,
-    Laws, Link, LinkNumber, Quantity, Robot, RollLaw, Rotor, SkidLaw, TorqueCommand, Wheel,
-    WheelFriction,
+    Chain, ChainNumber, Drag, FreeJoint, Gait, Joint, JointCommand, Laws, Link, Robot, RollLaw,
+    Rotor, SkidLaw, TorqueCommand, Wheel, WheelFriction,
 };
+
+/// Returns a problem in which the driven joints of a chain have their own commands.
+fn problem(chain: Chain, laws: Laws, omega_rad_s: f64) -> Problem {
+    let gait = chain.gait();
+    Problem::new(chain, gait, laws, omega_rad_s)
+}
 
 fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or(0.0)
@@ -75,9 +78,12 @@ fn reference_motions_of_chains_agree_to_1e_6() {
         let laws = if case["can_skid"] == true { Laws::SKID_ROLL } else { Laws::NO_SKID_ROLL };
         for known in case["motions"].as_array().unwrap() {
             let omega_rad_s = number(known, "omega_rad_s");
-            let problem = ChainProblem { chain: chain(case), laws, omega_rad_s };
-            let found = problem
-                .solve(REFERENCE_ACCURACY)
+            let chain = chain(case);
+            let numbers = chain.numbering();
+            let problem = problem(chain, laws, omega_rad_s);
+            let mut solver = Solver::default();
+            let metrics = solver
+                .solve(&problem, REFERENCE_ACCURACY)
                 .unwrap_or_else(|e| panic!("{name} {omega_rad_s}: {e}"));
             let near = |what: &str, found: f64, known: f64, absolute: f64| {
                 let error = (found - known).abs();
@@ -86,21 +92,22 @@ fn reference_motions_of_chains_agree_to_1e_6() {
                     "{name} at {omega_rad_s} rad/s: {what} = {found}, not {known}"
                 );
             };
-            near("d", found.metrics.d_m, number(known, "d_m"), 1e-8);
-            near("dtheta", found.metrics.dtheta_rad, number(known, "dtheta_rad"), 1e-8);
-            for (link, sigma) in known["sigma"].as_array().unwrap().iter().enumerate() {
-                match sigma.as_f64() {
-                    Some(known) => near("sigma", found.metrics.sigma[link], known, 1e-8),
-                    None => assert!(found.metrics.sigma[link].is_nan()),
+            near("d", metrics.d_m, number(known, "d_m"), 1e-8);
+            near("dtheta", metrics.dtheta_rad, number(known, "dtheta_rad"), 1e-8);
+            for (number, link) in numbers.into_iter().enumerate() {
+                match known["sigma"][link].as_f64() {
+                    Some(known) => near("sigma", metrics.sigma[number], known, 1e-8),
+                    None => assert!(metrics.sigma[number].is_nan()),
                 }
             }
             // The extremes of the derivation are those of some hundred samples, so that they fall short.
             for (joint, alpha) in known["alpha_rad"].as_array().unwrap().iter().enumerate() {
-                let excess = found.metrics.alpha_rad[joint] / alpha.as_f64().unwrap() - 1.0;
+                let excess = metrics.alpha_rad[joint] / alpha.as_f64().unwrap() - 1.0;
                 assert!((-1e-6..1e-4).contains(&excess), "{name} at {omega_rad_s} rad/s: {excess}");
             }
-            assert!(found.floquet.is_none_or(|modulus| modulus < 1.0));
-            assert!((found.work_j / found.loss_j - 1.0).abs() < 1e-9, "{found:?}");
+            assert!(solver.floquet().unwrap().is_none_or(|modulus| modulus < 1.0));
+            let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
+            assert!((work_j / loss_j - 1.0).abs() < 1e-9, "{name}: {work_j} {loss_j}");
         }
     }
 }
@@ -113,125 +120,18 @@ fn transients_of_chains_settle_into_the_steady_motion() {
     for name in ["four-one-spring", "four-no-skid-two-springs", "three-elastic"] {
         let case = &cases[name];
         let laws = if case["can_skid"] == true { Laws::SKID_ROLL } else { Laws::NO_SKID_ROLL };
-        let problem = ChainProblem { chain: chain(case), laws, omega_rad_s: 3.9 };
+        let problem = problem(chain(case), laws, 3.9);
         let steady = problem.cycle(REFERENCE_ACCURACY, 24).unwrap();
         let reached = problem.cycles_from_rest(40, 24).unwrap();
         for (steady, reached) in steady.iter().zip(&reached[39 * 24..]) {
             let pairs = [
-                (steady.body[0], reached.body[0]),
+                (steady.roll_m_s[0], reached.roll_m_s[0]),
                 (steady.phi_rad[1], reached.phi_rad[1]),
                 (steady.torque_nm[0], reached.torque_nm[0]),
                 (steady.power_w, reached.power_w),
             ];
             for (steady, reached) in pairs {
                 assert!((steady - reached).abs() < 1e-5, "{name}: {pairs:?}");
-            }
-        }
-    }
-}
-
-#[test]
-fn the_three_link_robot_is_a_chain() {
-    let gaits = [Gait::symmetric(), Gait::skewed(), Gait::passive_symmetric()];
-    for (gait, robot) in
-        gaits.into_iter().zip([Robot::kinematic(), Robot::kinematic(), Robot::semi_passive()])
-    {
-        for laws in [Laws::SKID_ROLL, Laws::COULOMB, Laws::NO_SKID_ROLL] {
-            let problem = Problem { robot: robot.clone(), gait, laws, omega_rad_s: 3.9 };
-            let known = problem.solve(REFERENCE_ACCURACY);
-            let chain = robot.chain(&gait);
-            let found = ChainProblem { chain, laws, omega_rad_s: 3.9 }.solve(REFERENCE_ACCURACY);
-            let (Ok(known), Ok(found)) = (&known, &found) else {
-                assert!(known.is_err() && found.is_err(), "{known:?}, {found:?}");
-                continue;
-            };
-            let [middle, front, rear, ..] = known.metrics.sigma;
-            let pairs = [
-                (found.metrics.d_m, known.metrics.d_m),
-                (found.metrics.dtheta_rad, known.metrics.dtheta_rad),
-                (found.metrics.sigma[0], front),
-                (found.metrics.sigma[1], middle),
-                (found.metrics.sigma[2], rear),
-                (found.metrics.alpha_rad[0], known.metrics.alpha_rad[0]),
-                (found.work_j, known.work_j),
-                (found.floquet.unwrap_or(0.0), known.floquet.unwrap_or(0.0)),
-            ];
-            for (found, known) in pairs {
-                let error = (found - known).abs();
-                assert!(error < 1e-9 * (1.0 + known.abs()), "{laws:?} {gait:?}: {pairs:?}");
-            }
-        }
-    }
-}
-
-/// The derivatives of the three-link robot are computed by the adjoint method, those of a chain from the change in its
-/// motion and differences at fixed states, which are less accurate where forces change within the transition speed.
-#[test]
-fn the_three_link_robot_and_its_chain_have_the_same_derivatives() {
-    const ACCURACY: f64 = 1e-12;
-    let cases = [
-        (Robot::kinematic(), Gait::symmetric(), Laws::SKID_ROLL, 1e-8),
-        (Robot::kinematic(), Gait::skewed(), Laws::SKID_ROLL, 1e-8),
-        (Robot::kinematic(), Gait::symmetric(), Laws::COULOMB, 1e-6),
-        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::SKID_ROLL, 1e-8),
-        (Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID_ROLL, 1e-8),
-    ];
-    for (robot, gait, laws, bound) in cases {
-        let mut solver = Solver::default();
-        let problem = Problem { robot, gait, laws, omega_rad_s: 3.9 };
-        solver.solve(&problem, ACCURACY).unwrap();
-        let metrics = solver.derivatives().unwrap();
-        let work = solver.work_derivatives().unwrap();
-        // Each number of the chain with the derivatives of the three-link robot.
-        let mut known = Vec::new();
-        for (number, quantity) in [
-            (LinkNumber::Skid, Quantity::Skid),
-            (LinkNumber::Roll, Quantity::Roll),
-            (LinkNumber::SkidDry, Quantity::SkidDry),
-        ] {
-            for (link, parameter) in [1, 0, 2].into_iter().zip(quantity.of_each()) {
-                let known_slopes = (metrics.parameters[parameter], work.parameters[parameter]);
-                known.push((ChainNumber::Link(link, number), known_slopes));
-            }
-        }
-        for joint in 0..2 {
-            if gait.joints[joint].is_some() {
-                let numbers =
-                    [CommandNumber::Offset, CommandNumber::Amplitude, CommandNumber::Phase];
-                for (i, number) in numbers.into_iter().enumerate() {
-                    let known_slopes = (metrics.gait[joint][i], work.gait[joint][i]);
-                    known.push((ChainNumber::Command(joint, number), known_slopes));
-                }
-                continue;
-            }
-            for (number, quantity) in [
-                (JointNumber::Stiffness, Quantity::Stiffness),
-                (JointNumber::Damping, Quantity::Damping),
-            ] {
-                let parameter = quantity.one();
-                let known_slopes = (metrics.parameters[parameter], work.parameters[parameter]);
-                known.push((ChainNumber::Joint(joint, number), known_slopes));
-            }
-        }
-        let mut chain = problem.robot.chain(&gait);
-        let numbers: Vec<ChainNumber> = known.iter().map(|(number, _)| *number).collect();
-        let problem = ChainProblem { chain: chain.clone(), laws, omega_rad_s: 3.9 };
-        let (_, slopes) = problem.derivatives(ACCURACY, &numbers).unwrap();
-        for ((number, (metrics, work_j)), slopes) in known.iter().zip(&slopes) {
-            let [middle, front, rear, ..] = metrics.sigma;
-            let pairs = [
-                (slopes.metrics.d_m, metrics.d_m),
-                (slopes.metrics.dtheta_rad, metrics.dtheta_rad),
-                (slopes.metrics.sigma[0], front),
-                (slopes.metrics.sigma[1], middle),
-                (slopes.metrics.sigma[2], rear),
-                (slopes.metrics.alpha_rad[0], metrics.alpha_rad[0]),
-                (slopes.work_j, *work_j),
-            ];
-            let size = chain.number_mut(*number).unwrap().abs().max(0.1);
-            for (found, known) in pairs {
-                let error = size * (found - known).abs();
-                assert!(error < bound, "{laws:?} {number:?}: {error:e} {pairs:?}");
             }
         }
     }
@@ -359,7 +259,7 @@ fn the_twistcar_reverses_as_its_centre_of_mass_is_shifted() {
     let advance_m = |com_m: f64| {
         let joint = Joint::Driven(JointCommand::new(0.0, 0.5, 0.0));
         let chain = twistcar(0.1, com_m, 5e-4, joint);
-        let problem = ChainProblem { chain, laws: Laws::NO_SKID_ROLL, omega_rad_s: 4.0 };
+        let problem = problem(chain, Laws::NO_SKID_ROLL, 4.0);
         problem.cycle(REFERENCE_ACCURACY, 8).unwrap().last().unwrap().pose.x_m
     };
     assert!(advance_m(-0.1) < -0.05);
@@ -381,8 +281,8 @@ fn a_rotor_breaks_the_symmetry_of_the_twistcar() {
         chain.links[0].com_m = -0.05;
         let angle = JointCommand::new(0.0, 2.0, 0.0);
         chain.links[1].rotor = Some(Rotor { inertia_kg_m2: 0.01, angle });
-        let laws = Laws::NO_SKID_ROLL;
-        ChainProblem { chain, laws, omega_rad_s }.settle(REFERENCE_ACCURACY).unwrap().motion
+        let problem = problem(chain, Laws::NO_SKID_ROLL, omega_rad_s);
+        problem.settle(REFERENCE_ACCURACY).unwrap().motion
     };
     let slow = reached(5.0);
     assert!(!slow.is_symmetry_broken && slow.metrics.dtheta_rad.abs() < 1e-6, "{slow:?}");
@@ -398,10 +298,12 @@ fn the_work_of_two_hundred_random_chains_is_dissipated() {
     for draw in 0..200 {
         let laws = LAWS[draw % LAWS.len()];
         let chain = random_chain(&mut rng, 2 + draw % 7, laws.skids());
-        let problem = ChainProblem { chain, laws, omega_rad_s: 2.0 + 0.02 * draw as f64 };
-        let Ok(found) = problem.solve(FORCES_ACCURACY) else { continue };
+        let problem = problem(chain, laws, 2.0 + 0.02 * draw as f64);
+        let mut solver = Solver::default();
+        let Ok(found) = solver.solve(&problem, FORCES_ACCURACY) else { continue };
         solved += 1;
-        let error = (found.work_j / found.loss_j - 1.0).abs();
+        let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
+        let error = (work_j / loss_j - 1.0).abs();
         assert!(error < 1e-9, "{draw}: {error:e}\n{problem:?}\n{found:?}");
     }
     // Newton's method does not find every motion without skid.
@@ -417,49 +319,35 @@ fn derivatives_by_every_number_agree_with_differences() {
     for links in 2..=8 {
         for laws in [LAWS[links % 5], Laws::NO_SKID_ROLL] {
             let chain = random_chain(&mut rng, links, laws.skids());
-            let problem = ChainProblem { chain, laws, omega_rad_s: 3.0 };
             let numbers: Vec<ChainNumber> =
-                problem.chain.numbers().into_iter().skip(links).step_by(2 * links).collect();
-            let Ok((motion, slopes)) = problem.derivatives(ACCURACY, &numbers) else { continue };
+                chain.numbers().into_iter().skip(links).step_by(2 * links).collect();
+            let last = chain.numbering().iter().position(|link| *link == links - 1).unwrap();
+            let problem = problem(chain, laws, 3.0);
+            let mut solver = Solver::default();
+            let Ok(motion) = solver.solve(&problem, ACCURACY) else { continue };
+            let slopes = solver.derivatives(&numbers).unwrap();
             for (number, slopes) in numbers.iter().zip(&slopes) {
-                let mut changed = problem.clone();
-                let value = *changed.chain.number_mut(*number).unwrap();
+                let value = problem.number(*number).unwrap();
                 let step = 1e-4 * if value == 0.0 { 0.1 } else { value.abs() };
                 let [low, high] = [-step, step].map(|step| {
-                    *changed.chain.number_mut(*number).unwrap() = value + step;
-                    changed.solve(ACCURACY)
+                    let mut changed = problem.clone();
+                    *changed.number_mut(*number).unwrap() = value + step;
+                    let mut solver = Solver::default();
+                    let metrics = solver.solve(&changed, ACCURACY)?;
+                    Ok::<_, MotionError>((metrics, solver.loss_j()?))
                 });
-                let (Ok(low), Ok(high)) = (low, high) else { continue };
+                let (Ok((low, low_j)), Ok((high, high_j))) = (low, high) else { continue };
                 // Without skid, some of these chains have several motions, and either may be found.
-                if (low.metrics.d_m - motion.metrics.d_m)
-                    .abs()
-                    .max((high.metrics.d_m - motion.metrics.d_m).abs())
-                    > 0.01
-                {
+                if (low.d_m - motion.d_m).abs().max((high.d_m - motion.d_m).abs()) > 0.01 {
                     continue;
                 }
-                let last = links - 1;
+                let own = &slopes.metrics;
                 let metrics = [
-                    ("d", slopes.metrics.d_m, low.metrics.d_m, high.metrics.d_m),
-                    (
-                        "dtheta",
-                        slopes.metrics.dtheta_rad,
-                        low.metrics.dtheta_rad,
-                        high.metrics.dtheta_rad,
-                    ),
-                    (
-                        "sigma",
-                        slopes.metrics.sigma[last],
-                        low.metrics.sigma[last],
-                        high.metrics.sigma[last],
-                    ),
-                    (
-                        "alpha",
-                        slopes.metrics.alpha_rad[0],
-                        low.metrics.alpha_rad[0],
-                        high.metrics.alpha_rad[0],
-                    ),
-                    ("work", slopes.work_j, low.loss_j, high.loss_j),
+                    ("d", own.d_m, low.d_m, high.d_m),
+                    ("dtheta", own.dtheta_rad, low.dtheta_rad, high.dtheta_rad),
+                    ("sigma", own.sigma[last], low.sigma[last], high.sigma[last]),
+                    ("alpha", own.alpha_rad[0], low.alpha_rad[0], high.alpha_rad[0]),
+                    ("work", slopes.work_j, low_j, high_j),
                 ];
                 for (metric, found, low, high) in metrics {
                     let known = (high - low) / (2.0 * step);
@@ -482,7 +370,7 @@ fn chains_without_a_steady_motion_are_named() {
     let driven = Joint::Driven(JointCommand::new(0.0, 0.4, 0.0));
     let car = twistcar(0.1, 0.1, 0.01, driven);
     let solve = |chain: Chain, laws: Laws| {
-        let problem = ChainProblem { chain, laws, omega_rad_s: 3.0 };
+        let problem = problem(chain, laws, 3.0);
         problem.solve(REFERENCE_ACCURACY).map(|motion| motion.metrics.d_m)
     };
     let with = |change: &dyn Fn(&mut Chain)| {

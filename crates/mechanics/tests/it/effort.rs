@@ -9,6 +9,8 @@ use std::time::Instant;
 use trilink_mechanics::{Effort, FIT_ACCURACY, Laws, Model, MotionError, Problem, Solver};
 use trilink_robot::{Gait, Robot};
 
+use crate::Derivatives;
+
 /// Actuation frequencies of the paper, rad/s.
 const OMEGAS_RAD_S: [f64; 13] = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 3.9, 4.0, 4.5, 5.0, 5.5, 6.0];
 
@@ -57,7 +59,7 @@ fn the_effort_of_every_model_is_unchanged() {
                 let laws = crate::laws(model.name());
                 for (start, is_warm) in [("cold", false), ("warm", true)] {
                     let problem =
-                        |omega_rad_s| Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+                        |omega_rad_s| Problem::new(robot.clone(), gait, laws, omega_rad_s);
                     let efforts =
                         efforts(problem, is_warm).unwrap_or_else(|error| format!(" {error}"));
                     writeln!(text, "{robot_name} {gait_name} {model}, {start}:{efforts}")
@@ -77,10 +79,10 @@ fn times_us(robot: &Robot, gait: Gait, laws: Laws) -> [f64; 2] {
         let start = Instant::now();
         for omega_rad_s in OMEGAS_RAD_S {
             solver.forget();
-            let problem = Problem { robot: robot.clone(), gait, laws, omega_rad_s };
+            let problem = Problem::new(robot.clone(), gait, laws, omega_rad_s);
             solver.solve(&problem, FIT_ACCURACY).expect("the motion exists");
             if with_derivatives {
-                black_box(solver.derivatives().expect("and has derivatives"));
+                black_box(Derivatives::of(&mut solver, &problem).expect("and has derivatives"));
             }
         }
         start.elapsed().as_secs_f64() * 1e6 / OMEGAS_RAD_S.len() as f64

@@ -1,11 +1,11 @@
 //! Tests of motions under dry friction: against an independent derivation, under scaling, and in limiting
 //! cases.
 
-use trilink_mechanics::{
-    AnyProblem, Attractor, ChainProblem, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
-};
+use trilink_mechanics::{Attractor, Laws, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::FromRest;
 use trilink_robot::{Gait, Robot, RollLaw, SkidLaw};
+
+use crate::{Derivatives, three_links};
 
 /// Returns the semi-passive robot of Table II of the paper, but with the stiffness and damping of the reference motions
 /// in `friction.csv`.
@@ -20,7 +20,7 @@ fn campaigns() -> [Problem; 3] {
         (Robot::kinematic(), Gait::skewed()),
         (semi_passive(), Gait::passive_symmetric()),
     ]
-    .map(|(robot, gait)| Problem { robot, gait, laws: Laws::COULOMB, omega_rad_s: 3.9 })
+    .map(|(robot, gait)| Problem::new(robot, gait, Laws::COULOMB, 3.9))
 }
 
 fn assert_near(found: f64, known: f64, relative: f64, absolute: f64, what: &str) {
@@ -52,7 +52,7 @@ fn reference_motions_agree_to_1e_6_and_are_reached_from_rest() {
             other => panic!("{other:?}"),
         };
         let laws = Laws { skid, ..Laws::COULOMB };
-        let problem = Problem { robot, gait, laws, omega_rad_s: number(3) };
+        let problem = Problem::new(robot, gait, laws, number(3));
         let mut solver = Solver::default();
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
         assert_near(metrics.d_m, number(16), 1e-6, 0.0, line);
@@ -80,9 +80,7 @@ fn all_frequencies_of_the_reference_agree_to_1e_6() {
             "kinematic-symmetric" => Gait::symmetric(),
             _ => Gait::skewed(),
         };
-        let robot = Robot::kinematic();
-        let laws = Laws::COULOMB;
-        let problem = Problem { robot, gait, laws, omega_rad_s: number(1) };
+        let problem = Problem::new(Robot::kinematic(), gait, Laws::COULOMB, number(1));
         let metrics = solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
         assert_near(metrics.d_m, number(2), 1e-6, 1e-9, line);
         assert_near(metrics.v_m_s, number(3), 1e-6, 1e-9, line);
@@ -97,17 +95,17 @@ fn all_frequencies_of_the_reference_agree_to_1e_6() {
 fn under_dry_friction_alone_the_path_does_not_depend_on_the_time_scale() {
     for problem in &campaigns()[..2] {
         let laws = Laws { skid: SkidLaw::Coulomb, roll: RollLaw::Coulomb };
-        let robot = Robot { roll_dry_n: [0.1, 0.05, 0.04], ..problem.robot.clone() };
-        let problem = Problem { robot, laws, ..problem.clone() };
+        let given = Robot { roll_dry_n: [0.1, 0.05, 0.04], ..three_links(problem).clone() };
+        let problem = Problem { robot: given.clone().into(), laws, ..problem.clone() };
         let known = problem.solve(1e-12).unwrap().metrics;
         for faster in [0.3, 2.5] {
-            let mut robot = problem.robot.clone();
+            let mut robot = given.clone();
             for force in robot.skid_dry_n.iter_mut().chain(&mut robot.roll_dry_n) {
                 *force *= faster * faster;
             }
             robot.transition_m_s *= faster;
             let omega_rad_s = faster * problem.omega_rad_s;
-            let scaled = Problem { robot, omega_rad_s, ..problem.clone() };
+            let scaled = Problem { robot: robot.into(), omega_rad_s, ..problem.clone() };
             let found = scaled.solve(1e-12).unwrap().metrics;
             assert_near(found.d_m, known.d_m, 1e-9, 0.0, "d");
             assert_near(found.v_m_s, faster * known.v_m_s, 1e-9, 0.0, "v");
@@ -124,11 +122,11 @@ fn dry_friction_below_the_transition_speed_is_viscous() {
     for problem in campaigns() {
         let viscous = Problem { laws: Laws::SKID_ROLL, ..problem.clone() };
         let robot = Robot {
-            skid_dry_n: problem.robot.skid_kg_s.map(|c_kg_s| c_kg_s * TRANSITION_M_S),
+            skid_dry_n: three_links(&problem).skid_kg_s.map(|c_kg_s| c_kg_s * TRANSITION_M_S),
             transition_m_s: TRANSITION_M_S,
-            ..problem.robot.clone()
+            ..three_links(&problem).clone()
         };
-        let wide = Problem { robot, ..problem };
+        let wide = Problem { robot: robot.into(), ..problem };
         let [known, found] =
             [viscous, wide].map(|problem| problem.solve(1e-11).unwrap().metrics.to_array());
         for (found, known) in found.into_iter().zip(known) {
@@ -145,8 +143,8 @@ fn wheels_under_large_dry_friction_do_not_skid() {
         let known = Problem { laws: constrained, ..problem.clone() };
         let known = known.solve(1e-11).unwrap().metrics.d_m;
         let [large, larger] = [1e3, 1e4].map(|force_n| {
-            let robot = Robot { skid_dry_n: [force_n; 3], ..problem.robot.clone() };
-            Problem { robot, ..problem.clone() }.solve(1e-13).unwrap().metrics.d_m
+            let robot = Robot { skid_dry_n: [force_n; 3], ..three_links(&problem).clone() };
+            Problem { robot: robot.into(), ..problem.clone() }.solve(1e-13).unwrap().metrics.d_m
         });
         assert_near(larger, known, 1e-5, 0.0, "d");
         // The remaining error is inversely proportional to the force.
@@ -161,9 +159,9 @@ fn derivatives_agree_with_central_differences() {
         let robot = Robot {
             roll_dry_n: [0.1, 0.04, 0.05],
             skid_static_n: [2.2, 1.2, 1.1],
-            ..problem.robot
+            ..three_links(&problem).clone()
         };
-        Problem { robot, laws: Laws { skid, roll }, ..problem }
+        Problem { robot: robot.into(), laws: Laws { skid, roll }, ..problem }
     };
     for problem in [
         dry(symmetric, SkidLaw::StribeckViscous, RollLaw::CoulombViscous),
@@ -174,17 +172,11 @@ fn derivatives_agree_with_central_differences() {
         let mut solver = Solver::default();
         let metrics = solver.solve(&problem, 1e-12).unwrap();
         let metrics = solver.steady_motion(metrics).unwrap().to_array();
-        let derivatives = solver.derivatives().unwrap();
-        let work = solver.work_derivatives().unwrap();
-        let by_parameter = derivatives
-            .parameters
-            .iter()
-            .map(|(of, found)| (Some(of), (*found, work.parameters[of])));
-        for (variable, (found, by_work)) in
-            by_parameter.chain([(None, (derivatives.omega, work.omega))])
-        {
+        let derivatives = Derivatives::of(&mut solver, &problem).unwrap();
+        let by_parameter = derivatives.parameters.iter().map(|(of, found)| (Some(of), *found));
+        for (variable, found) in by_parameter.chain([(None, derivatives.omega)]) {
             let value = match variable {
-                Some(parameter) => parameter.value_in(&problem.robot),
+                Some(parameter) => problem.robot.value(parameter),
                 None => problem.omega_rad_s,
             };
             // Richardson extrapolation of central differences.
@@ -192,7 +184,7 @@ fn derivatives_agree_with_central_differences() {
                 let [low, high] = [-step, step].map(|step| {
                     let mut problem = problem.clone();
                     match variable {
-                        Some(parameter) => parameter.set(&mut problem.robot, value + step),
+                        Some(parameter) => problem.robot.set(parameter, value + step),
                         None => problem.omega_rad_s += step,
                     }
                     problem.solve(1e-13).unwrap().to_array()
@@ -202,7 +194,8 @@ fn derivatives_agree_with_central_differences() {
             let step = 4e-4 * if value == 0.0 { 0.1 } else { value };
             let coarse = difference(step);
             let fine = difference(0.5 * step);
-            for (i, found) in found.to_array().into_iter().chain([by_work]).enumerate() {
+            let found = found.metrics.to_array().into_iter().chain([found.work_j]);
+            for (i, found) in found.enumerate() {
                 let known = (4.0 * fine[i] - coarse[i]) / 3.0;
                 // Error relative to the derivative, or to the change caused by the whole value.
                 let size = known.abs().max(1e-2 * metrics[i].abs() / value.abs().max(1e-3));
@@ -216,11 +209,10 @@ fn derivatives_agree_with_central_differences() {
 #[test]
 fn the_sharp_limit_agrees_with_a_much_sharper_transition() {
     for problem in campaigns() {
-        let any = AnyProblem::from(problem.clone());
-        let limit = any.sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap();
+        let limit = problem.sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap();
         let at = |transition_m_s: f64| {
-            let robot = Robot { transition_m_s, ..problem.robot.clone() };
-            Problem { robot, ..problem.clone() }.solve(1e-8).unwrap().metrics.d_m
+            let robot = Robot { transition_m_s, ..three_links(&problem).clone() };
+            Problem { robot: robot.into(), ..problem.clone() }.solve(1e-8).unwrap().metrics.d_m
         };
         let present = at(0.005);
         let sharper = at(0.001);
@@ -228,12 +220,7 @@ fn the_sharp_limit_agrees_with_a_much_sharper_transition() {
         let remaining = (limit_m - present).abs();
         assert!((sharper - limit_m).abs() < 0.35 * remaining, "{present} {sharper} {limit:?}");
         assert!(limit.uncertainty.d_m < 0.2 * remaining, "{present} {limit:?}");
-        let chain = problem.robot.chain(&problem.gait);
-        let chain = ChainProblem { chain, laws: problem.laws, omega_rad_s: problem.omega_rad_s };
-        let of_chain =
-            AnyProblem::from(chain).sharp_limit(REFERENCE_ACCURACY).unwrap().unwrap().metrics.d_m;
-        assert!((of_chain / limit_m - 1.0).abs() < 1e-6, "{of_chain} {limit_m}");
-        assert_eq!(AnyProblem { laws: Laws::SKID, ..any }.sharp_limit(1e-8), Ok(None));
+        assert_eq!(Problem { laws: Laws::SKID, ..problem }.sharp_limit(1e-8), Ok(None));
     }
 }
 
@@ -242,14 +229,13 @@ fn the_work_of_the_actuators_is_dissipated_by_dry_friction() {
     for problem in campaigns() {
         let robot = Robot {
             roll_dry_n: [0.1, 0.05, 0.04],
-            skid_static_n: problem.robot.skid_dry_n.map(|force_n| 1.2 * force_n),
-            ..problem.robot
+            skid_static_n: three_links(&problem).skid_dry_n.map(|force_n| 1.2 * force_n),
+            ..three_links(&problem).clone()
         };
         for roll in [RollLaw::Coulomb, RollLaw::CoulombViscous] {
             for skid in [SkidLaw::Coulomb, SkidLaw::CoulombViscous, SkidLaw::Stribeck] {
-                let robot = robot.clone();
                 let laws = Laws { skid, roll };
-                let problem = Problem { robot, gait: problem.gait, laws, ..problem };
+                let problem = Problem { robot: robot.clone().into(), laws, ..problem };
                 let mut solver = Solver::default();
                 solver.solve(&problem, 1e-11).unwrap();
                 let [work_j, loss_j] = solver.work_and_loss_j().unwrap();

@@ -9,6 +9,8 @@ use trilink_mechanics::{
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Gait, JointCommand, Robot};
 
+use crate::three_links;
+
 /// Friction laws with distinct equations of motion; models with the same laws differ only in the gait or the
 /// damping.
 const ALL_LAWS: [Laws; 4] = [Laws::SKID, Laws::SKID_ROLL, Laws::NO_SKID, Laws::NO_SKID_ROLL];
@@ -42,7 +44,7 @@ fn problems() -> impl Strategy<Value = Problem> {
         joints: [(passive != 1).then_some(joint1), (passive != 2).then_some(joint2)],
     });
     (robots(), gaits, prop::sample::select(&ALL_LAWS[..]), 0.5..6.0)
-        .prop_map(|(robot, gait, laws, omega_rad_s)| Problem { robot, gait, laws, omega_rad_s })
+        .prop_map(|(robot, gait, laws, omega_rad_s)| Problem::new(robot, gait, laws, omega_rad_s))
 }
 
 /// Returns whether perturbations of the motion shrink in each cycle by a factor below `by`; true for a motion
@@ -65,11 +67,11 @@ const SHIFTS: u32 = 32;
 fn in_the_world(sample: &Sample, (x, y, angle): (f64, f64, f64)) -> Sample {
     let (sin, cos) = angle.sin_cos();
     let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
-    let mut moved = *sample;
+    let mut moved = sample.clone();
     let at = turn(sample.pose.x_m, sample.pose.y_m);
     (moved.pose.x_m, moved.pose.y_m) = (x + at.0, y + at.1);
     moved.pose.theta_rad += angle;
-    (moved.rates[0], moved.rates[1]) = turn(sample.rates[0], sample.rates[1]);
+    (moved.pose_rates[0], moved.pose_rates[1]) = turn(sample.pose_rates[0], sample.pose_rates[1]);
     moved
 }
 
@@ -82,7 +84,8 @@ fn momentum_residual(robot: &Robot, samples: &[Sample]) -> Option<f64> {
     let mut supplied = Vec::new();
     for sample in samples {
         let theta = sample.pose.theta_rad;
-        let [dx, dy, turning, w1, w2] = sample.rates;
+        let [dx, dy, turning] = sample.pose_rates;
+        let [w1, w2] = [sample.phi_rate_rad_s[0], sample.phi_rate_rad_s[1]];
         let links = [
             (theta, turning, 0.0, 0.0),
             (theta - sample.phi_rad[0], turning - w1, robot.h_m[0], 1.0),
@@ -108,8 +111,8 @@ fn momentum_residual(robot: &Robot, samples: &[Sample]) -> Option<f64> {
             let about = mass * (x * vy - y * vx) + robot.inertia_kg_m2[i] * spin;
             let own = [mass * vx, mass * vy, about];
             let [x, y, ..] = point(l);
-            let roll = sample.forces.roll_n[i];
-            let lateral = sample.forces.lateral_n[i];
+            let roll = sample.roll_n[i];
+            let lateral = sample.lateral_n[i];
             let fx = roll * angle.cos() - lateral * angle.sin();
             let fy = roll * angle.sin() + lateral * angle.cos();
             for k in 0..3 {
@@ -180,10 +183,10 @@ proptest! {
         if solver.solve(&problem, REFERENCE_ACCURACY).is_ok() {
             let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
             // Without resistance the actuators recover the work that they have done.
-            let is_free = problem.laws == Laws::NO_SKID && problem.gait.passive_joint().is_none();
+            let is_free = problem.laws == Laws::NO_SKID && Gait::from(problem.gait).passive_joint().is_none();
             prop_assert!((loss_j > 0.0) != is_free, "{loss_j}");
-            let moved_j = problem.robot.mass_kg[0]
-                * (problem.robot.skid_length_m() * problem.omega_rad_s).powi(2);
+            let robot = three_links(&problem);
+            let moved_j = robot.mass_kg[0] * (robot.skid_length_m() * problem.omega_rad_s).powi(2);
             let scale_j = if is_free { moved_j } else { loss_j };
             prop_assert!((work_j - loss_j).abs() < 1e-8 * scale_j, "{work_j} {loss_j}");
         }
@@ -200,7 +203,7 @@ proptest! {
                 let samples = solver.cycle(count).unwrap();
                 assert_eq!(samples.len(), count + 1);
                 let moved: Vec<_> = samples.iter().map(|one| in_the_world(one, place)).collect();
-                momentum_residual(&problem.robot, &moved)
+                momentum_residual(three_links(&problem), &moved)
             });
             prop_assume!(missed.is_some());
             prop_assert!(missed.unwrap() < 1e-5, "{missed:?}");
@@ -245,11 +248,8 @@ proptest! {
         let settled = Solver::default().settle(&problem, REFERENCE_ACCURACY);
         let Ok(Attractor { motion, cycles, .. }) = settled else { return Ok(()) };
         prop_assume!(motion.floquet.is_some() && forgets(&motion, 0.3));
-        let period_s = 2.0 * PI / problem.omega_rad_s;
         let end = cycles + 20;
-        let path = problem.transient((end as f64 + 1.5) * period_s, 1.0 / period_s, 1e-9).unwrap();
-        let [from, to] = [path[end - 1], path[end]];
-        let d_m = (to[0] - from[0]).hypot(to[1] - from[1]);
+        let [d_m, _] = crate::displacements(&problem, end, 1e-9).unwrap()[end - 1];
         prop_assert!((d_m - motion.metrics.d_m).abs() < 1e-5 * motion.metrics.d_m.max(1e-3));
     }
 }

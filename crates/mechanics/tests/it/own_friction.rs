@@ -4,6 +4,8 @@ use trilink_mechanics::{Laws, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{Dry, Gait, Quantity, Robot, RollLaw};
 
+use crate::Derivatives;
+
 #[allow(dead_code)]
 #[path = "../../examples/own_friction.rs"]
 mod example;
@@ -14,7 +16,7 @@ fn problem(gait: Gait, transition_m_s: f64) -> Problem {
         if gait.passive_joint().is_some() { Robot::semi_passive() } else { Robot::kinematic() };
     let robot = Robot { skid_dry_n: [0.5, 0.3, 0.3], transition_m_s, ..robot };
     let laws = Laws { roll: RollLaw::None, ..Laws::COULOMB };
-    Problem { robot, gait, laws, omega_rad_s: 3.9 }
+    Problem::new(robot, gait, laws, 3.9)
 }
 
 fn solve(problem: &Problem) -> GaitMetrics {
@@ -49,23 +51,23 @@ fn the_work_is_dissipated_and_derivatives_agree_with_differences() {
     solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
     let [work_j, loss_j] = solver.work_and_loss_j().unwrap();
     assert!((work_j / loss_j - 1.0).abs() < 1e-8, "{work_j} {loss_j}");
-    let derivatives = solver.derivatives().unwrap();
+    let derivatives = Derivatives::of(&mut solver, &problem).unwrap();
     let slope = |changed: &dyn Fn(f64) -> Problem| {
         let [high, low] = [1e-5, -1e-5].map(|part| solve(&changed(1.0 + part)).d_m);
         (high - low) / 2e-5
     };
     for parameter in [Quantity::SkidDry.parameter(1), Quantity::Transition.one()] {
-        let value = parameter.value_in(&problem.robot);
+        let value = problem.robot.value(parameter);
         let known = slope(&|factor| {
             let mut problem = problem.clone();
-            parameter.set(&mut problem.robot, factor * value);
+            problem.robot.set(parameter, factor * value);
             problem
         });
-        let found = derivatives.parameters[parameter].d_m * value;
+        let found = derivatives.parameters[parameter].metrics.d_m * value;
         assert!((found / known - 1.0).abs() < 1e-4, "{parameter}: {found} {known}");
     }
     let omega_rad_s = problem.omega_rad_s;
     let known = slope(&|factor| Problem { omega_rad_s: factor * omega_rad_s, ..problem.clone() });
-    let found = derivatives.omega.d_m * omega_rad_s;
+    let found = derivatives.omega.metrics.d_m * omega_rad_s;
     assert!((found / known - 1.0).abs() < 1e-4, "omega: {found} {known}");
 }

@@ -1,11 +1,12 @@
 //! Tests of the attractor reached from rest.
 
-use std::f64::consts::TAU;
-
 use trilink_mechanics::{
     Attractor, Laws, MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver,
 };
 use trilink_robot::{Gait, JointCommand, Quantity, Robot};
+
+use crate::Derivatives;
+use crate::draws::Draw;
 
 fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
     Solver::default().settle(problem, REFERENCE_ACCURACY)
@@ -13,10 +14,7 @@ fn settle(problem: &Problem) -> Result<Attractor, MotionError> {
 
 /// Returns the displacement d in the last of the first `cycles` cycles from rest, m.
 fn followed_d_m(problem: &Problem, cycles: usize) -> f64 {
-    let period_s = TAU / problem.omega_rad_s;
-    let path = problem.transient((cycles as f64 + 1.5) * period_s, 1.0 / period_s, 1e-9).unwrap();
-    let [from, to] = [path[cycles - 1], path[cycles]];
-    (to[0] - from[0]).hypot(to[1] - from[1])
+    crate::displacements(problem, cycles, 1e-9).unwrap()[cycles - 1][0]
 }
 
 /// Returns a problem with a lightly damped passive front joint under a gait with a large offset and
@@ -27,20 +25,17 @@ fn on_bent_joints(
     omega_rad_s: f64,
 ) -> Problem {
     let command = JointCommand::new(offset_rad, amplitude_rad, 0.0);
-    Problem {
-        robot: Robot { stiffness_nm_rad, damping_nm_s_rad, ..Robot::semi_passive() },
-        gait: Gait { joints: [None, Some(command)] },
-        laws: Laws::NO_SKID,
-        omega_rad_s,
-    }
+    let robot = Robot { stiffness_nm_rad, damping_nm_s_rad, ..Robot::semi_passive() };
+    let gait = Gait { joints: [None, Some(command)] };
+    Problem::new(robot, gait, Laws::NO_SKID, omega_rad_s)
 }
 
 fn with_two_stable_motions() -> Problem {
-    on_bent_joints([0.509, 0.0068], [1.171, 0.498], 4.41)
+    Draw::new(2, 1073).problem()
 }
 
 fn with_an_unstable_motion() -> Problem {
-    on_bent_joints([0.629, 0.0018], [1.089, 0.823], 5.231)
+    on_bent_joints([0.629, 0.0018], [1.089, 0.823], 5.2)
 }
 
 #[test]
@@ -49,8 +44,7 @@ fn the_papers_robots_reach_the_solution_of_the_solver() {
         [(Robot::kinematic(), Gait::skewed()), (Robot::semi_passive(), Gait::passive_symmetric())];
     for (robot, gait) in robots {
         for omega_rad_s in [0.5, 3.9, 6.0] {
-            let problem =
-                Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+            let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
             let settled = settle(&problem).unwrap();
             assert!(settled.is_found_by_solve && (1..=5).contains(&settled.cycles), "{settled:?}");
             let d_m = settled.motion.metrics.d_m;
@@ -62,12 +56,8 @@ fn the_papers_robots_reach_the_solution_of_the_solver() {
 
 #[test]
 fn without_roll_resistance_the_semi_passive_robot_takes_many_cycles() {
-    let problem = Problem {
-        robot: Robot::semi_passive(),
-        gait: Gait::passive_symmetric(),
-        laws: Laws::NO_SKID,
-        omega_rad_s: 4.0,
-    };
+    let problem =
+        Problem::new(Robot::semi_passive(), Gait::passive_symmetric(), Laws::NO_SKID, 4.0);
     let settled = settle(&problem).unwrap();
     assert!(settled.is_found_by_solve && (10..100).contains(&settled.cycles), "{settled:?}");
     // After the reported number of cycles, the distance from the attractor is as stated.
@@ -109,12 +99,8 @@ fn the_robot_never_settles_in_an_unstable_motion() {
 
 #[test]
 fn a_motion_that_does_not_settle_is_reported() {
-    let problem = Problem {
-        robot: Robot { damping_nm_s_rad: 0.001, ..Robot::semi_passive() },
-        gait: Gait::passive_symmetric(),
-        laws: Laws::NO_SKID,
-        omega_rad_s: 0.2,
-    };
+    let robot = Robot { damping_nm_s_rad: 0.001, ..Robot::semi_passive() };
+    let problem = Problem::new(robot, Gait::passive_symmetric(), Laws::NO_SKID, 0.2);
     let error = settle(&problem).unwrap_err();
     assert!(matches!(error, MotionError::Unsettled { cycles: 500, .. }), "{error}");
     assert_eq!(error.status(), MotionStatus::Diverged);
@@ -123,12 +109,8 @@ fn a_motion_that_does_not_settle_is_reported() {
 /// Returns the semi-passive robot of the paper's simulations with very little damping, above the frequency at
 /// which the symmetric motion becomes unstable.
 fn with_broken_symmetry() -> Problem {
-    Problem {
-        robot: Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() },
-        gait: Gait::passive_symmetric(),
-        laws: Laws::SKID_ROLL,
-        omega_rad_s: 11.5,
-    }
+    let robot = Robot { damping_nm_s_rad: 0.0005, ..Robot::semi_passive() };
+    Problem::new(robot, Gait::passive_symmetric(), Laws::SKID_ROLL, 11.5)
 }
 
 #[test]
@@ -170,7 +152,7 @@ fn derivatives_of_a_motion_without_symmetry_agree_with_differences() {
     let mut problem = with_broken_symmetry();
     let mut solver = Solver::default();
     solver.solve(&problem, REFERENCE_ACCURACY).unwrap();
-    let derivatives = solver.derivatives().unwrap();
+    let derivatives = Derivatives::of(&mut solver, &problem).unwrap();
     let mut differences = |set: &dyn Fn(&mut Problem, f64), step: f64| {
         let mut at = |by: f64| {
             let mut problem = problem.clone();
@@ -191,17 +173,17 @@ fn derivatives_of_a_motion_without_symmetry_agree_with_differences() {
         }
     };
     let omega = differences(&|problem, by| problem.omega_rad_s += by, 1e-4);
-    same("omega", derivatives.omega.to_array(), omega);
+    same("omega", derivatives.omega.metrics.to_array(), omega);
     for parameter in [
         Quantity::Damping.one(),
         Quantity::Stiffness.one(),
         Quantity::Skid.parameter(1),
         Quantity::Roll.parameter(0),
     ] {
-        let value = parameter.value_in(&problem.robot);
-        let set = |problem: &mut Problem, by: f64| parameter.set(&mut problem.robot, value + by);
+        let value = problem.robot.value(parameter);
+        let set = |problem: &mut Problem, by: f64| problem.robot.set(parameter, value + by);
         let found = differences(&set, 1e-5 * value);
-        same(parameter.name(), derivatives.parameters[parameter].to_array(), found);
+        same(parameter.name(), derivatives.parameters[parameter].metrics.to_array(), found);
     }
     problem.omega_rad_s = 9.0;
     // Where the symmetric motion is stable again, a warm-started solver returns to it.
@@ -223,24 +205,21 @@ fn the_solver_continues_from_the_attractor() {
 #[test]
 fn a_motion_that_repeats_every_second_cycle_is_reported() {
     let offset = JointCommand::new(0.8137, 0.2838, 2.662);
-    let problem = Problem {
-        robot: Robot {
-            h_m: [0.1695; 2],
-            l_m: [0.1551; 2],
-            b_m: [0.02867; 2],
-            mass_kg: [2.93, 0.196, 0.2922],
-            inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
-            roll_kg_s: [0.0; 3],
-            skid_kg_s: [0.0; 3],
-            stiffness_nm_rad: 0.4998,
-            damping_nm_s_rad: 0.0643,
-            rest_angle_rad: -0.1661,
-            ..Robot::semi_passive()
-        },
-        gait: Gait { joints: [Some(offset), None] },
-        laws: Laws::NO_SKID,
-        omega_rad_s: 3.5473,
+    let robot = Robot {
+        h_m: [0.1695; 2],
+        l_m: [0.1551; 2],
+        b_m: [0.02867; 2],
+        mass_kg: [2.93, 0.196, 0.2922],
+        inertia_kg_m2: [351e-4, 6e-4, 22.9e-4],
+        roll_kg_s: [0.0; 3],
+        skid_kg_s: [0.0; 3],
+        stiffness_nm_rad: 0.4998,
+        damping_nm_s_rad: 0.0643,
+        rest_angle_rad: -0.1661,
+        ..Robot::semi_passive()
     };
+    let gait = Gait { joints: [Some(offset), None] };
+    let problem = Problem::new(robot, gait, Laws::NO_SKID, 3.5473);
     // The motion that repeats itself every cycle is unstable.
     assert_eq!(problem.solve(REFERENCE_ACCURACY).unwrap().status(), MotionStatus::Unstable);
     let error = settle(&problem).unwrap_err();

@@ -1,6 +1,6 @@
 //! Elements shared between figures: maps with the robot, time courses, axis labels and units.
 
-use trilink_mechanics::{AnySample, Pose};
+use trilink_mechanics::{Pose, Sample};
 use trilink_plot::{Layer, Look, Panel, Scale};
 use trilink_robot::{AnyRobot, Chain, Robot};
 
@@ -80,9 +80,9 @@ pub(super) fn lines(
 
 /// Returns the time course of a quantity for a cycle that is repeated `cycles` times.
 pub(super) fn over_time(
-    cycle: &[AnySample],
+    cycle: &[Sample],
     cycles: usize,
-    quantity: impl Fn(&AnySample) -> f64,
+    quantity: impl Fn(&Sample) -> f64,
 ) -> Vec<(f64, f64)> {
     let period_s = cycle.last().map_or(0.0, |last| last.time_s);
     let repeated =
@@ -91,7 +91,7 @@ pub(super) fn over_time(
 }
 
 /// Returns both joint angles (deg) at every sample of a cycle.
-pub(super) fn shape(cycle: &[AnySample]) -> Vec<(f64, f64)> {
+pub(super) fn shape(cycle: &[Sample]) -> Vec<(f64, f64)> {
     cycle.iter().map(|sample| (DEG * sample.phi_rad[0], DEG * sample.phi_rad[1])).collect()
 }
 

@@ -3,10 +3,10 @@
 
 use minijinja::context;
 use rayon::prelude::*;
-use trilink_mechanics::{AnyProblem, AnySample, FIT_ACCURACY, Model, MotionError, Pose, Problem};
+use trilink_mechanics::{FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, number};
-use trilink_robot::Robot;
 use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::{Gait, Robot};
 use trilink_statistics::extremes;
 use trilink_tables::config::{Config, Models};
 
@@ -75,11 +75,11 @@ pub(super) fn passive(
         } else {
             "as configured"
         };
-        let three_links = problem.three_links().ok_or("its robot is a chain")?;
-        let joint = values(&three_links, origin);
+        let robot = problem.robot.three_links().ok_or("its robot is a chain")?;
+        let joint = values(robot, &problem.gait.into(), origin);
         let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
         let from_rest = from_rest.map_err(no_motion)?;
-        let courses = time_courses(&courses, (campaign, &joint), &three_links.robot, &steady.cycle);
+        let courses = time_courses(&courses, (campaign, &joint), robot, &steady.cycle);
         let sweep = self::sweep(&sweep, (campaign, &joint), problem_at);
         Ok([courses, from_rest, sweep])
     };
@@ -87,8 +87,7 @@ pub(super) fn passive(
 }
 
 /// Describes the values of a simulation without skid; `origin` says where those of the passive joint come from.
-fn values(problem: &Problem, origin: &str) -> String {
-    let Problem { robot, gait, .. } = problem;
+fn values(robot: &Robot, gait: &Gait, origin: &str) -> String {
     let Robot { stiffness_nm_rad, damping_nm_s_rad, rest_angle_rad, .. } = robot;
     let [free, driven] =
         if gait.passive_joint() == Some(1) { ["₂", "₁"] } else { ["₁", "₂"] };
@@ -127,8 +126,8 @@ fn no_motion(error: &MotionError) -> String {
 fn course(
     (title, y_label): (&str, &str),
     names: &[impl AsRef<str>],
-    (cycle, cycles): (&[AnySample], usize),
-    of: impl Fn(&AnySample, usize) -> f64,
+    (cycle, cycles): (&[Sample], usize),
+    of: impl Fn(&Sample, usize) -> f64,
 ) -> Panel {
     let lines = lines(names, |i| over_time(cycle, cycles, |sample| of(sample, i)));
     time_course(title, y_label, lines)
@@ -141,7 +140,7 @@ fn time_courses(
     stem: &str,
     (campaign, joint): (&str, &str),
     robot: &Robot,
-    cycle: &[AnySample],
+    cycle: &[Sample],
 ) -> Figure {
     let shown = (cycle, CYCLES);
     let joints = course(JOINTS, &["φ₁", "φ₂"], shown, |s, i| DEG * s.phi_rad[i]);
@@ -222,7 +221,7 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
 fn gait_and_path(
     stem: &str,
     (campaign, joint): (&str, &str),
-    problem: &AnyProblem,
+    problem: &Problem,
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
     let cycle = steady.cycle.as_slice();
@@ -257,7 +256,7 @@ fn gait_and_path(
 fn sweep(
     stem: &str,
     (campaign, joint): (&str, &str),
-    problem_at: impl Fn(f64) -> Option<AnyProblem> + Sync,
+    problem_at: impl Fn(f64) -> Option<Problem> + Sync,
 ) -> Figure {
     let (low, high, count) = SWEEP;
     let solve = |i: i32| {
@@ -324,7 +323,7 @@ struct Advance {
 }
 
 impl Advance {
-    fn of(problem: &AnyProblem) -> Option<Self> {
+    fn of(problem: &Problem) -> Option<Self> {
         let (_, cycle) = problem.settled_cycle(FIT_ACCURACY, SAMPLES).ok()?;
         let Pose { x_m, y_m, .. } = cycle.last()?.pose;
         let headings = cycle.iter().map(|sample| sample.pose.theta_rad);

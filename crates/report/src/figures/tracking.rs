@@ -2,7 +2,7 @@
 
 use minijinja::context;
 use trilink_base::numbers::with_error;
-use trilink_mechanics::{AnyProblem, AnySample, Model, MotionError, Pose};
+use trilink_mechanics::{Model, MotionError, Pose, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, Range};
 use trilink_robot::{AnyGait, AnyRobot, Gait, Quantity, rotated};
 use trilink_statistics::wrap;
@@ -166,7 +166,7 @@ fn not_overlaid(stem: &str, name: &str, trial: &TrialRow, error: &MotionError) -
 fn commanded(gait: &Gait) -> Layer {
     let points = (0..=simulated::SAMPLES).map(|i| {
         let phase = std::f64::consts::TAU * i as f64 / simulated::SAMPLES as f64;
-        let [phi1, phi2] = gait.at(phase, 1.0).phi_rad;
+        let [phi1, phi2] = gait.joints.map(|joint| joint.map_or(0.0, |of| of.derivative(0, phase)));
         (DEG * phi1, DEG * phi2)
     });
     Layer::new("commanded", points, looks::COMMANDED)
@@ -177,11 +177,11 @@ struct Overlay {
     name: String,
     gait: AnyGait,
     look: Look,
-    cycle: Vec<AnySample>,
+    cycle: Vec<Sample>,
 }
 
 impl Overlay {
-    fn new(name: &str, look: Look, problem: &AnyProblem) -> Result<Self, MotionError> {
+    fn new(name: &str, look: Look, problem: &Problem) -> Result<Self, MotionError> {
         let cycle = simulated::stable_cycle(problem)?;
         Ok(Self { name: name.to_owned(), gait: problem.gait, look, cycle })
     }
@@ -228,9 +228,8 @@ fn without_skid(
         known.map(|(problem, _)| problem)
     };
     let Some(no_skid) = best_known(Model::NO_SKID) else { return Vec::new() };
-    let solve = |name: &str, look, problem: &AnyProblem| {
-        (name.to_owned(), Overlay::new(name, look, problem))
-    };
+    let solve =
+        |name: &str, look, problem: &Problem| (name.to_owned(), Overlay::new(name, look, problem));
     let mut found = vec![solve("no-skid", line(Model::NO_SKID), &no_skid)];
     if Gait::from(no_skid.gait).passive_joint().is_some() {
         let model = Model::NO_SKID_ROLL;

@@ -4,7 +4,7 @@ use minijinja::context;
 use minijinja::value::Serde;
 use serde::Serialize;
 use trilink_base::numbers::as_configured;
-use trilink_mechanics::{AnyProblem, AnySample, MotionError};
+use trilink_mechanics::{MotionError, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Panel};
 use trilink_robot::metrics::padded;
 use trilink_robot::{AnyRobot, Chain};
@@ -37,7 +37,7 @@ pub enum SimulationError {
 /// Returns an error if the motion does not exist or the template cannot be rendered.
 pub fn page(
     (campaign, model): (&str, &str),
-    problem: &AnyProblem,
+    problem: &Problem,
     cycles_to_settle: Option<usize>,
     answer: &impl Serialize,
 ) -> Result<String, SimulationError> {
@@ -106,19 +106,19 @@ fn numbers(chain: Chain) -> Vec<(String, f64)> {
 /// Returns the replay of a simulated motion, with every `stride`-th sample as a frame.
 fn replay(
     model: &str,
-    problem: &AnyProblem,
-    samples: &[AnySample],
+    problem: &Problem,
+    samples: &[Sample],
     stride: usize,
     notes: Vec<String>,
 ) -> Replay {
     let shown = || samples.iter().step_by(stride);
     let joints = problem.robot.joints();
     // A robot has one joint fewer than links.
-    let each = |count: usize, values: fn(&AnySample) -> &[f64]| {
+    let each = |count: usize, values: fn(&Sample) -> &[f64]| {
         (0..count).map(|i| shown().map(|sample| values(sample)[i]).collect()).collect()
     };
     let of_wheels = |values| each(joints + 1, values);
-    let [done_j, lost_j] = [|of: &AnySample| of.power_w, |of: &AnySample| of.loss_w]
+    let [done_j, lost_j] = [|of: &Sample| of.power_w, |of: &Sample| of.loss_w]
         .map(|power_w| integrated(samples, power_w).into_iter().step_by(stride).collect());
     let quantity = |name: &str, unit, units, decimals, values| Quantity {
         name: name.to_owned(),
@@ -169,7 +169,7 @@ fn replay(
 
 /// Integrates a power (W) over time by the trapezoidal rule; returns the energy (J) from the first sample up to each
 /// sample.
-fn integrated(samples: &[AnySample], power_w: fn(&AnySample) -> f64) -> Vec<f64> {
+fn integrated(samples: &[Sample], power_w: fn(&Sample) -> f64) -> Vec<f64> {
     let mut sums = vec![0.0];
     for pair in samples.windows(2) {
         let mean_w = 0.5 * (power_w(&pair[0]) + power_w(&pair[1]));
@@ -179,9 +179,9 @@ fn integrated(samples: &[AnySample], power_w: fn(&AnySample) -> f64) -> Vec<f64>
 }
 
 /// Returns the figures that show the quantities of the replay against time.
-fn figures(robot: &AnyRobot, samples: &[AnySample]) -> Vec<Figure> {
+fn figures(robot: &AnyRobot, samples: &[Sample]) -> Vec<Figure> {
     let panel =
-        |title: &str, y_label: &str, names: &[String], of: &dyn Fn(&AnySample, usize) -> f64| {
+        |title: &str, y_label: &str, names: &[String], of: &dyn Fn(&Sample, usize) -> f64| {
             Panel::new(
                 title,
                 "Time (s)",

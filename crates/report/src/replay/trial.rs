@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use trilink_base::numbers::{as_configured, fixed};
-use trilink_mechanics::{AnySample, FIT_ACCURACY, Pose};
+use trilink_mechanics::{FIT_ACCURACY, Pose, Sample};
 use trilink_robot::JointCommand;
 use trilink_robot::metrics::padded;
 use trilink_tables::config::MarkerLayout;
@@ -158,7 +158,7 @@ fn predicted(
 /// `times_s` are measured from the start and must be sorted; the result is `None` at times before the start and after
 /// [`MAX_CYCLES`] cycles.
 pub(crate) fn repeated(
-    samples: &[AnySample],
+    samples: &[Sample],
     mut start: Pose,
     times_s: impl Iterator<Item = f64>,
 ) -> Vec<Option<Coordinates>> {
@@ -246,7 +246,7 @@ fn marks(
 
 #[cfg(test)]
 mod tests {
-    use trilink_mechanics::{AnyProblem, Laws, Problem};
+    use trilink_mechanics::{Laws, Problem};
     use trilink_tables::config::Config;
     use trilink_tables::{Columns as _, CycleRow};
 
@@ -255,8 +255,8 @@ mod tests {
     #[test]
     fn times_outside_the_recording_have_no_pose() {
         let (robot, gait) = Config::default().campaign_setup("kinematic-symmetric").unwrap();
-        let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
-        let cycle = AnyProblem::from(problem).cycle(FIT_ACCURACY, 8).unwrap();
+        let problem = Problem::new(robot, gait, Laws::SKID_ROLL, 3.9);
+        let cycle = problem.cycle(FIT_ACCURACY, 8).unwrap();
         let times_s = [-1.0, 5.0, 1e300, f64::INFINITY].into_iter();
         let start = Pose { x_m: 0.0, y_m: 0.0, theta_rad: 0.0 };
         let poses = repeated(&cycle, start, times_s);

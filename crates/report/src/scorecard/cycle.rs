@@ -2,6 +2,7 @@
 
 use minijinja::Error;
 use trilink_mechanics::{FORCES_ACCURACY, Problem, Sample, Solver};
+use trilink_robot::Quantity;
 use trilink_statistics::wrap;
 
 use super::missing::{NO_MOTION, missing, unknown};
@@ -32,11 +33,13 @@ pub(super) fn find(problem: &Problem, quantity: &str) -> Result<f64, Error> {
         }),
         "lag_deg" => lag_deg(problem),
         // Growth of the largest lateral force on any wheel under refinement.
-        "force_growth" => growth(problem, |sample| sample.forces.lateral_n),
+        "force_growth" => {
+            growth(problem, |sample| std::array::from_fn(|wheel| sample.lateral_n[wheel]))
+        }
         // Growth of the largest of `x'`, `y'` and `h theta'` under refinement.
         "velocity_growth" => growth(problem, |sample| {
-            let [x, y, turning, ..] = sample.rates;
-            [x, y, problem.robot.h_m[0] * turning]
+            let [x, y, turning] = sample.pose_rates;
+            [x, y, problem.robot.value(Quantity::H.parameter(0)) * turning]
         }),
         _ => return Err(unknown(quantity)),
     };
@@ -75,7 +78,7 @@ fn crossings(problem: &Problem) -> Option<Vec<[f64; 2]>> {
                 let fraction = from / (from - to);
                 (from == 0.0 || from * to < 0.0).then(|| {
                     std::array::from_fn(|joint| {
-                        let [from, to] = [pair[0].rates[3 + joint], pair[1].rates[3 + joint]];
+                        let [from, to] = [0, 1].map(|i: usize| pair[i].phi_rate_rad_s[joint]);
                         from + fraction * (to - from)
                     })
                 })

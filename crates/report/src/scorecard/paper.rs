@@ -76,7 +76,8 @@ impl Paper {
         if let (Some(amplitude_deg), [_, Some(joint2)]) = (spec.amplitude2_deg, &mut gait.joints) {
             joint2.amplitude_rad = amplitude_deg.to_radians();
         }
-        Some(Problem { robot, gait, laws: self.config.model.get(&spec.model)?.laws(), omega_rad_s })
+        let laws = self.config.model.get(&spec.model)?.laws();
+        Some(Problem::new(robot, gait, laws, omega_rad_s))
     }
 
     fn known(&self, motion: &str, omega_rad_s: f64) -> Result<Problem, Error> {

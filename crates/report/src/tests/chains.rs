@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-use trilink_mechanics::{ChainProblem, ChainSample, FIT_ACCURACY, Laws, Pose};
-use trilink_robot::metrics::{GaitMetrics, padded};
+use trilink_mechanics::{FIT_ACCURACY, Laws, Pose, Problem, Sample};
+use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{AnyRobot, ByParameter, Chain, Parameter, Quantity};
 use trilink_statistics::Estimate;
 use trilink_tables::{
@@ -84,7 +84,7 @@ pub(super) fn write(tables: &MadeUp, derived: &Path) {
 #[derive(Default)]
 struct OfChains {
     tables: MadeUp,
-    recordings: Vec<(TrialRow, Chain, Vec<ChainSample>)>,
+    recordings: Vec<(TrialRow, Chain, Vec<Sample>)>,
 }
 
 impl OfChains {
@@ -92,15 +92,13 @@ impl OfChains {
         let chain = config.chain_setup(campaign).expect("a chain");
         for omega_rad_s in OMEGA_RAD_S {
             let laws = Laws::SKID_ROLL;
-            let problem = ChainProblem { chain: chain.clone(), laws, omega_rad_s };
-            let metrics = problem.solve(FIT_ACCURACY).expect("a motion").metrics.by_number(&chain);
-            let hundredth =
-                |values: &[f64]| -> Vec<f64> { values.iter().map(|value| 0.01 * value).collect() };
+            let problem = Problem::new(chain.clone(), chain.gait(), laws, omega_rad_s);
+            let metrics = problem.solve(FIT_ACCURACY).expect("a motion").metrics;
             let metrics_se = GaitMetrics {
                 d_m: 0.01 * metrics.d_m,
                 v_m_s: 0.01 * metrics.v_m_s,
-                sigma: padded(&hundredth(&metrics.sigma)),
-                alpha_rad: padded(&hundredth(&metrics.alpha_rad)),
+                sigma: metrics.sigma.map(|sigma| 0.01 * sigma),
+                alpha_rad: metrics.alpha_rad.map(|alpha_rad| 0.01 * alpha_rad),
                 dtheta_rad: 0.001,
             };
             let debiased =
@@ -161,7 +159,7 @@ impl OfChains {
 }
 
 /// Writes the poses, wheel velocities and cycles of a trial in which a cycle is repeated.
-fn write_recording(derived: &Path, trial: &TrialRow, chain: &Chain, samples: &[ChainSample]) {
+fn write_recording(derived: &Path, trial: &TrialRow, chain: &Chain, samples: &[Sample]) {
     let period_s = TAU / trial.omega_rad_s;
     let cycle = &samples[..SAMPLES];
     let mut start = Pose { x_m: 0.2, y_m: 0.1, theta_rad: 0.4 };
@@ -171,17 +169,17 @@ fn write_recording(derived: &Path, trial: &TrialRow, chain: &Chain, samples: &[C
         start = start * samples[SAMPLES].pose;
     }
     let frames = poses.len();
-    let repeated = |of: &dyn Fn(&ChainSample) -> f64| -> Vec<f64> {
+    let links = chain.links.len();
+    let repeated = |of: &dyn Fn(&Sample) -> f64| -> Vec<f64> {
         (0..CYCLES).flat_map(|_| cycle.iter().map(of)).collect()
     };
-    let by_link = |of: fn(&ChainSample) -> &[f64]| -> Vec<Vec<f64>> {
-        chain.numbering().into_iter().map(|link| repeated(&|sample| of(sample)[link])).collect()
+    let by_link = |of: fn(&Sample) -> &[f64]| -> Vec<Vec<f64>> {
+        (0..links).map(|link| repeated(&|sample| of(sample)[link])).collect()
     };
     let clock = Clock {
         frame: (0..frames as i64).collect(),
         time_s: (0..frames).map(|i| period_s * i as f64 / SAMPLES as f64).collect(),
     };
-    let links = chain.links.len();
     let texts = || FrameTexts::new((0..frames).map(|_| ()), |()| String::new());
     let fill = |link: usize| {
         let last = link + 1 == links;

@@ -186,10 +186,10 @@ fn missing_and_corrected_markers_are_shown_in_the_affected_frames() {
 
 #[test]
 fn a_repeated_cycle_begins_at_its_start_and_is_unknown_before() {
-    use trilink_mechanics::{AnyProblem, FIT_ACCURACY, Laws};
+    use trilink_mechanics::{FIT_ACCURACY, Laws, Problem};
     let robot = trilink_robot::Robot::kinematic().into();
     let gait = trilink_robot::Gait::skewed().into();
-    let problem = AnyProblem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
+    let problem = Problem { robot, gait, laws: Laws::SKID_ROLL, omega_rad_s: 3.9 };
     let samples = problem.cycle(FIT_ACCURACY, 240).expect("a motion");
     let period_s = samples[240].time_s;
     let start = Pose { x_m: 0.3, y_m: -0.2, theta_rad: 1.1 };

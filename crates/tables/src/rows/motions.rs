@@ -1,9 +1,9 @@
 //! Tables that `branches --table` and `simulate --trajectory` write.
 
+use trilink_robot::Model;
 use trilink_robot::metrics::{Bifurcation, BranchKind, GaitMetrics, MotionStatus};
-use trilink_robot::{ContactForces, Model};
 
-use crate::{columns, rows};
+use crate::rows;
 
 rows! {
     /// Steady-state motion on a branch of solutions: row of the table that `branches --table` writes.
@@ -59,16 +59,14 @@ rows! {
         pub roll_m_s: [f64; 3] as "roll{}_m_s",
         /// Skid velocities of wheels 0, 1, 2, m/s.
         pub skid_m_s: [f64; 3] as "skid{}_m_s",
-        pub forces: ContactForces,
-    }
-}
-
-columns! {
-    ContactForces {
-        lateral_n: [f64; 3] as "lateral{}_n",
-        roll_n: [f64; 3] as "roll{}_n",
-        torque_nm: [f64; 2] as "torque{}_nm",
-        power_w: f64,
-        loss_w: f64,
+        /// Lateral contact forces on wheels 0, 1, 2, N: constraint forces where the wheels cannot skid, otherwise friction.
+        pub lateral_n: [f64; 3] as "lateral{}_n",
+        /// Rolling friction forces on wheels 0, 1, 2, N.
+        pub roll_n: [f64; 3] as "roll{}_n",
+        /// Joint torques, N m.
+        pub torque_nm: [f64; 2] as "torque{}_nm",
+        /// Power of the actuators, and power dissipated, W.
+        pub power_w: f64,
+        pub loss_w: f64,
     }
 }

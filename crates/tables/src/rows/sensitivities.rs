@@ -40,9 +40,6 @@ rows! {
         /// Derivative of the metric with respect to the parameter, in the unit of the metric per unit of the
         /// parameter.
         pub derivative: f64,
-        /// Estimated error of the derivative if it is a finite difference; missing if the solver computed the
-        /// derivative.
-        pub derivative_error: f64,
         /// Relative change in the metric per relative change in the parameter; missing if either value is
         /// zero.
         pub elasticity: f64,

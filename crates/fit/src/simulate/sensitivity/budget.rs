@@ -8,7 +8,7 @@
 //!
 //! Reference: JCGM 100:2008, *Guide to the expression of uncertainty in measurement*, section 5.
 
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, ChainNumber, Gait, Laws, Parameter, Quantity as RobotQuantity};
 use trilink_tables::KnownFrom;
 use trilink_tables::config::{ChainRobot, RobotConfig};
@@ -73,7 +73,7 @@ impl InputUncertainty {
     /// the robot's assumed parameters. `measured` lists coefficients that are known from other kinds of trials.
     pub(in crate::simulate) fn fitted(
         bands: &PredictionBands,
-        problem: &AnyProblem,
+        problem: &Problem,
         measured: &[Parameter],
     ) -> Self {
         let (coefficients, replicates) = bands.replicates();
@@ -87,7 +87,7 @@ impl InputUncertainty {
             };
             let source = if is_measured { KnownFrom::Measured } else { KnownFrom::Configured };
             let [before, after] =
-                [own, robot].map(|robot| AnyProblem { robot: robot.clone(), ..problem.clone() });
+                [own, robot].map(|robot| Problem { robot: robot.clone(), ..problem.clone() });
             let quantities = changed.into_iter();
             let quantities = quantities.map(|of| (of, of.value(&after) - of.value(&before)));
             let quantities = quantities.collect();
@@ -113,7 +113,7 @@ const ROUNDING: f64 = 1e-9;
 /// Returns the quantities in which two robots differ and which affect the problem. Of robots of three links, where several components of a
 /// quantity differ (such as the values for each wheel or joint) as a change of their sum or a common change of both
 /// joints implies, the parameter that stands for the sum or for both joints is returned.
-fn changed_quantities(problem: &AnyProblem, robot: &AnyRobot, other: &AnyRobot) -> Vec<Quantity> {
+fn changed_quantities(problem: &Problem, robot: &AnyRobot, other: &AnyRobot) -> Vec<Quantity> {
     let (Some(robot), Some(other)) = (robot.three_links(), other.three_links()) else {
         let (Some(robot), Some(other)) = (robot.as_chain(), other.as_chain()) else {
             return Vec::new();
@@ -199,10 +199,10 @@ impl Budget {
     /// Propagates the uncertainties, given the derivatives of the metric with respect to each quantity.
     pub(super) fn new(
         uncertainty: &InputUncertainty,
-        problem: &AnyProblem,
+        problem: &Problem,
         derivative: &dyn Fn(Quantity) -> f64,
     ) -> Self {
-        let AnyProblem { robot, .. } = problem;
+        let Problem { robot, .. } = problem;
         let fitted = uncertainty.fitted.as_ref();
         let coefficients = fitted.map_or(&[][..], |fitted| &fitted.coefficients);
         // Derivatives with respect to the coefficients' logarithms.

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::AnyProblem;
+use trilink_mechanics::Problem;
 use trilink_statistics::variance_components::covariance_root;
 use trilink_statistics::{mean, quantiles};
 use trilink_tables::SensitivityRow;
@@ -38,8 +38,8 @@ pub struct Draws {
 /// Returns an error if the computation is cancelled.
 pub(in crate::simulate) fn add_monte_carlo(
     rows: &mut [SensitivityRow],
-    (problem, metrics): (&AnyProblem, &[String]),
-    solve: &(impl Fn(&AnyProblem) -> Option<Vec<f64>> + Sync),
+    (problem, metrics): (&Problem, &[String]),
+    solve: &(impl Fn(&Problem) -> Option<Vec<f64>> + Sync),
     uncertainty: &InputUncertainty,
     draws: Draws,
     cancel: &CancelToken,
@@ -82,11 +82,11 @@ pub(in crate::simulate) fn add_monte_carlo(
 
 /// Draws the inputs of a problem.
 fn drawn_problem(
-    problem: &AnyProblem,
+    problem: &Problem,
     uncertainty: &InputUncertainty,
     root: Option<&DMatrix<f64>>,
     random: &mut ChaCha8Rng,
-) -> AnyProblem {
+) -> Problem {
     let mut normal = StandardNormal.sample_iter(random);
     let mut drawn = problem.clone();
     let coefficients = uncertainty.fitted.as_ref().map_or(&[][..], |of| &of.coefficients);

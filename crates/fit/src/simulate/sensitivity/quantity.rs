@@ -1,8 +1,8 @@
 //! Quantities that influence the metrics.
 
-use trilink_mechanics::{AnyProblem, Problem};
+use trilink_mechanics::Problem;
 use trilink_robot::{
-    AnyRobot, ChainNumber, JointCommand, Parameter, Quantity as RobotQuantity, SecondHarmonic,
+    AnyRobot, ChainNumber, Gait, JointCommand, Parameter, Quantity as RobotQuantity, SecondHarmonic,
 };
 
 /// Robot parameter, gait parameter, number of a chain, or the frequency.
@@ -31,16 +31,22 @@ impl Quantity {
         }
     }
 
-    /// Returns all quantities that can influence the metrics of a robot of three links, except sums of other
-    /// quantities.
+    /// Returns all quantities that can influence the metrics, except sums of other quantities: of a chain, its numbers.
     pub(super) fn all(problem: &Problem) -> Vec<Self> {
+        let robot = match &problem.robot {
+            AnyRobot::ThreeLinks(robot) => robot,
+            AnyRobot::Chain(chain) => {
+                return chain.numbers().into_iter().map(Self::Number).collect();
+            }
+        };
+        let gait = Gait::from(problem.gait);
         let mut all: Vec<Self> = RobotQuantity::ALL
             .into_iter()
-            .flat_map(|quantity| quantity.parameters_of(&problem.robot))
-            .filter(|parameter| problem.laws.is_relevant(*parameter, &problem.gait))
+            .flat_map(|quantity| quantity.parameters_of(robot))
+            .filter(|parameter| problem.laws.is_relevant(*parameter, &gait))
             .map(Self::Robot)
             .collect();
-        for (joint, command) in problem.gait.joints.iter().enumerate() {
+        for (joint, command) in gait.joints.iter().enumerate() {
             let Some(command) = command else { continue };
             let has_second = command.second.is_some();
             let count = if has_second { JOINT_NUMBERS.len() } else { FIRST_HARMONIC_NUMBERS };
@@ -73,7 +79,7 @@ impl Quantity {
     }
 
     /// Returns the value of the quantity in a problem, in SI units.
-    pub(super) fn value(self, problem: &AnyProblem) -> f64 {
+    pub(super) fn value(self, problem: &Problem) -> f64 {
         match self {
             Self::Robot(parameter) => problem.robot.value(parameter),
             Self::Number(number) => problem.number(number).unwrap_or(f64::NAN),
@@ -85,7 +91,7 @@ impl Quantity {
     }
 
     /// Sets the value of the quantity in a problem, in SI units.
-    pub(super) fn set(self, problem: &mut AnyProblem, value: f64) {
+    pub(super) fn set(self, problem: &mut Problem, value: f64) {
         match self {
             Self::Robot(parameter) => problem.robot.set(parameter, value),
             Self::Number(number) => {
