@@ -11,9 +11,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_fit::simulate::{Answer, FitSummary, KnownFits, Setup, campaign_of};
+use trilink_fit::simulate::{Answer, FitSummary, KnownFits, Setup, campaign_of, trajectories};
 use trilink_tables::config::Campaign;
-use trilink_tables::{Columns, TrajectoryRow};
 
 use crate::error::Failure;
 use crate::interrupt::interruptible;
@@ -50,10 +49,10 @@ pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<Bound<'py, PyTu
     let (setup, fits) = setup(&request)?;
     let solve = |&omega_rad_s: &f64| {
         let answer = setup.answer(omega_rad_s, *from_rest);
-        let rows = samples.map(|samples| setup.trajectory(&answer, *from_rest, samples).ok());
-        (answer, rows.flatten())
+        let cycle = samples.map(|samples| setup.trajectory(&answer, *from_rest, samples).ok());
+        (answer, cycle.flatten())
     };
-    let solved: Vec<(Answer, Option<Vec<TrajectoryRow>>)> = match &omegas_rad_s[..] {
+    let solved: Vec<(Answer, Option<Vec<_>>)> = match &omegas_rad_s[..] {
         // Starting another thread would add significantly to the time for a single solution.
         [omega_rad_s] => vec![py.detach(|| solve(omega_rad_s))],
         all => {
@@ -75,20 +74,21 @@ pub fn simulate<'py>(py: Python<'py>, request: &str) -> PyResult<Bound<'py, PyTu
             solved.map_err(|Cancelled| PyKeyboardInterrupt::new_err(()))?
         }
     };
-    let (mut answers, rows): (Vec<Answer>, Vec<_>) = solved.into_iter().unzip();
+    let (mut answers, cycles): (Vec<Answer>, Vec<_>) = solved.into_iter().unzip();
     if let Some(fits) = fits.as_ref().filter(|_| request.bands) {
         py.detach(|| {
-            setup.add_bands(&mut answers.iter_mut().collect::<Vec<_>>(), *from_rest, fits);
+            setup.add_bands(&mut answers, *from_rest, fits);
         });
     }
     let caution = setup.fit().map(FitSummary::caution).unwrap_or_default();
-    let answers = serde_json::to_string(&answers).map_err(Failure::from)?;
-    let rows = if samples.is_some() { rows } else { Vec::new() };
-    let trajectories = rows.iter().map(|rows| {
-        let table = rows.as_ref().map(|rows| TrajectoryRow::to_table(rows).frame);
+    let tables = answers.iter().zip(cycles).map(|(answer, cycle)| {
+        let table = cycle.map(|cycle| trajectories(&setup.robot, &[(answer, cycle)]).frame);
         table.map(|frame| accessor(py, frame)).transpose()
     });
-    (answers, trajectories.collect::<PyResult<Vec<_>>>()?, caution).into_pyobject(py)
+    let tables = tables.take(if samples.is_some() { usize::MAX } else { 0 });
+    let tables = tables.collect::<PyResult<Vec<_>>>()?;
+    let answers = serde_json::to_string(&answers).map_err(Failure::from)?;
+    (answers, tables, caution).into_pyobject(py)
 }
 
 /// Returns the setup (robot, gait and model) of a requested simulation, and the fits if it has fitted coefficients.
@@ -135,7 +135,7 @@ fn setup(request: &Request) -> Result<(Setup, Option<KnownFits>), Failure> {
     if !request.fitted {
         let none = "model: found none, needed the name of a model or fitted=True";
         let model = model.as_deref().ok_or_else(|| argument(none))?;
-        return Ok((Setup::new(config, &name, model, settings)?, None));
+        return Ok((Setup::new(config, &name, model, settings, None)?, None));
     }
     if name == GIVEN {
         return Err(argument("fitted: found another robot or gait, needed the campaign's own"));
@@ -148,7 +148,7 @@ fn setup(request: &Request) -> Result<(Setup, Option<KnownFits>), Failure> {
             fits.preferred(&name)?.to_string()
         }
     };
-    Ok((Setup::fitted(config, &name, &model, settings, &fits)?, Some(fits)))
+    Ok((Setup::new(config, &name, &model, settings, Some(&fits))?, Some(fits)))
 }
 
 /// Returns the error for an invalid argument.

@@ -1,8 +1,6 @@
 //! `trilink branches`.
 
-use std::path::Path;
-
-use trilink_fit::simulate::{AnySetup, number_names, with_number};
+use trilink_fit::simulate::Setup;
 use trilink_mechanics::{Branch, Problem, branches};
 use trilink_report::branches_drawing;
 use trilink_tables::BranchRow;
@@ -64,9 +62,9 @@ impl Branches {
         let [low, high] = self.over.range;
         let fits = self.numbers.fits(&context, false)?;
         let model = self.model.as_deref();
-        let setup = self.numbers.any_setup(config.clone(), campaign, model, fits.as_ref())?;
+        let setup = self.numbers.setup(config.clone(), campaign, model, fits.as_ref())?;
         let vary = Vary::new(config, &self, &setup)?;
-        note_caution(campaign, setup.model(), setup.fit());
+        note_caution(campaign, setup.model, setup.fit());
         self.files.check()?;
         let cancel = context.cancel();
         let found = branches(&|value| vary.problem(value), [low, high], &|| cancel.is_cancelled());
@@ -75,13 +73,13 @@ impl Branches {
         let rows =
             rows(&found, key, |value| setup.extrapolation(&vary.problem(value)).extrapolated);
         let problems = rows.iter().map(|row| vary.problem(row.value));
-        note_extrapolation(campaign, setup.model(), setup.measured_range(), problems);
+        note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
         if fits.is_none() {
-            note_starting_values(config, campaign, &[(setup.model(), setup.robot())]);
+            note_starting_values(config, campaign, &[(setup.model, setup.robot.clone())]);
         }
         let input = format!("{:?} {key} {low} {high}", vary.problem(low));
         self.files.write(&context, &rows, &input, "points")?;
-        let names = [campaign.as_str(), setup.model().name(), key];
+        let names = [campaign.as_str(), setup.model.name(), key];
         self.files
             .draw(&context, self.numbers.fitted, |file| branches_drawing(names, &rows, file))?;
         if !self.format.rows(&rows) {
@@ -93,7 +91,7 @@ impl Branches {
 
 /// Steady-state problems along the range of a parameter.
 struct Vary<'s> {
-    setup: &'s AnySetup,
+    setup: &'s Setup,
     key: String,
     /// Frequency, rad/s, at which another parameter is varied; unused if the frequency itself is varied.
     omega_rad_s: f64,
@@ -101,7 +99,7 @@ struct Vary<'s> {
 
 impl<'s> Vary<'s> {
     /// Checks the parameter and its range, and combines them with the robot, gait and friction laws of `setup`.
-    fn new(config: &Config, arguments: &Branches, setup: &'s AnySetup) -> Result<Self, Failure> {
+    fn new(config: &Config, arguments: &Branches, setup: &'s Setup) -> Result<Self, Failure> {
         let Over { key, range } = arguments.over.clone();
         let omega_rad_s = match (key == OMEGA, arguments.omega) {
             (true, None) => range[0],
@@ -148,51 +146,23 @@ impl<'s> Vary<'s> {
         if self.key == OMEGA {
             return self.setup.problem(value);
         }
-        let varied = with(self.setup, &self.key, value, self.omega_rad_s);
-        varied.unwrap_or_else(|| self.setup.problem(self.omega_rad_s))
-    }
-}
-
-/// Returns the problem with a parameter, which is not the frequency, set to a value; `None` if the name is unknown.
-fn with(setup: &AnySetup, key: &str, value: f64, omega_rad_s: f64) -> Option<Problem> {
-    match setup {
-        AnySetup::ThreeLinks(setup) => {
-            let (robot, gait) = with_number(&setup.robot_config, &setup.gait_config, key, value)?;
-            let (robot, gait) = (robot.to_robot(), gait.to_gait());
-            Some(Problem::new(robot, gait, setup.laws, omega_rad_s))
-        }
-        AnySetup::Chain(setup) => Some(setup.with_number(key, value)?.problem(omega_rad_s)),
+        let varied = self.setup.with_number(&self.key, value);
+        varied.as_ref().unwrap_or(self.setup).problem(self.omega_rad_s)
     }
 }
 
 /// Checks that a parameter exists and can have a value.
 fn check(
-    setup: &AnySetup,
+    setup: &Setup,
     config: &Config,
     campaign: &str,
     key: &str,
     value: f64,
 ) -> Result<(), Failure> {
-    let known = match setup {
-        AnySetup::ThreeLinks(setup) => {
-            let (robot, gait) = (&setup.robot_config, &setup.gait_config);
-            if let Some((robot, gait)) = with_number(robot, gait, key, value) {
-                let mut config = config.clone();
-                let campaign = config.campaign[campaign].clone();
-                config.robot.insert(campaign.robot, robot);
-                config.gait.insert(campaign.gait, gait);
-                return Ok(config.check(Path::new("--over"))?);
-            }
-            number_names(robot, gait)
-        }
-        AnySetup::Chain(setup) => {
-            if let Some(setup) = setup.with_number(key, value) {
-                let checked = setup.chain.check();
-                return Ok(checked.map_err(|error| format!("--over: {key}={value}: {error}"))?);
-            }
-            setup.number_names()
-        }
-    };
+    if let Some(changed) = setup.with_number(key, value) {
+        return Ok(changed.check(config, campaign, "--over")?);
+    }
+    let known = setup.number_names();
     let hint = did_you_mean(key, known.iter().map(String::as_str));
     let known = known.join("`, `");
     Err(format!("--over: found `{key}`, needed `{OMEGA}` or one of `{known}`{hint}").into())

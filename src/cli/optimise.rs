@@ -9,7 +9,7 @@ use trilink_fit::optimise::{
     Bounds, Command, Drive, MapOverlay, OptimaTables, Optimum, Search, SearchResult, Uncertainty,
     exceeded_bounds,
 };
-use trilink_fit::simulate::AnySetup;
+use trilink_fit::simulate::Setup;
 use trilink_report::optimum_drawing;
 use trilink_robot::SecondHarmonic;
 use trilink_robot::metrics::FromRest;
@@ -121,11 +121,10 @@ impl Optimise {
         };
         let (objective, other) = self.objectives()?;
         let fits = self.numbers.fits(&context, self.replicates != Some(0))?;
-        let setup =
-            self.numbers.any_setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
-        note_caution(campaign, setup.model(), setup.fit());
+        let setup = self.numbers.setup(config, campaign, self.model.as_deref(), fits.as_ref())?;
+        note_caution(campaign, setup.model, setup.fit());
         if fits.is_none() {
-            note_starting_values(&context.config, campaign, &[(setup.model(), setup.robot())]);
+            note_starting_values(&context.config, campaign, &[(setup.model, setup.robot.clone())]);
         }
         self.stay_near_trials(&setup, &mut bounds);
         let problem = setup
@@ -165,7 +164,7 @@ impl Optimise {
             })
             .collect();
         let problems = found.optima.iter().map(|optimum| optimum.problem.clone());
-        note_extrapolation(campaign, setup.model(), setup.measured_range(), problems);
+        note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
         certainty::fill_in(&mut optima, &certainty, &search);
         let best = found.best().filter(|_| self.files.figure.is_some() || self.keep);
         let maps = best.map(|best| {
@@ -173,7 +172,7 @@ impl Optimise {
                 certainty.as_ref().map_or(&[][..], |certainty| &certainty.replicate_commands);
             let range = setup.measured_range().and_then(Result::ok);
             let shown = MapOverlay { present: present.as_ref(), replicates, range };
-            search.map((campaign, setup.model()), best, shown, cancel)
+            search.map((campaign, setup.model), best, shown, cancel)
         });
         let maps = maps.transpose()?.unwrap_or_default();
         if !maps.is_empty() {
@@ -195,7 +194,7 @@ impl Optimise {
 
     /// Restricts the frequency and the amplitudes to the range of the fitted trials, widened by a fifth, unless their
     /// bounds are given as options or exclude that range.
-    fn stay_near_trials(&self, setup: &AnySetup, bounds: &mut Bounds) {
+    fn stay_near_trials(&self, setup: &Setup, bounds: &mut Bounds) {
         let Some(Ok(range)) = setup.measured_range() else { return };
         let common = |[a, b]: [f64; 2], [c, d]: [f64; 2]| {
             Some([a.max(c), b.min(d)]).filter(|[low, high]| low < high)
@@ -274,7 +273,7 @@ impl Optimise {
     /// Prints the results in the requested format, and writes the table if a file for it is given.
     fn print(
         &self,
-        setup: &AnySetup,
+        setup: &Setup,
         search: &Search,
         found: &SearchResult,
         present: Option<&Optimum>,
@@ -319,12 +318,7 @@ impl Optimise {
 }
 
 /// Prints the optima, and the current gait at its best frequency.
-fn print_table(
-    setup: &AnySetup,
-    objective: Objective,
-    optima: &[Optimum],
-    present: Option<&Optimum>,
-) {
+fn print_table(setup: &Setup, objective: Objective, optima: &[Optimum], present: Option<&Optimum>) {
     let (name, scale) = match objective {
         Objective::Distance => ("d mm".to_owned(), 1e3),
         Objective::Speed => ("v mm/s".to_owned(), 1e3),
@@ -385,7 +379,7 @@ fn print_table(
 
 /// Describes an optimum: its active bounds, any extrapolation beyond the fitted trials, and the reason if it is
 /// unusable.
-fn remark(setup: &AnySetup, optimum: &Optimum) -> String {
+fn remark(setup: &Setup, optimum: &Optimum) -> String {
     let at_bound = if optimum.at_bound.is_empty() {
         String::new()
     } else {

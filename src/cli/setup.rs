@@ -1,7 +1,7 @@
 //! Setups (robot, gait and model) that commands solve, and warnings about the fits that the setups use.
 
 use trilink_fit::MeasuredRange;
-use trilink_fit::simulate::{AnySetup, FitSummary, KnownFits, Setup, campaign_of, starting_values};
+use trilink_fit::simulate::{FitSummary, KnownFits, Setup, campaign_of, starting_values};
 use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, Model};
 use trilink_tables::config::Config;
@@ -53,22 +53,7 @@ impl Numbers {
         fits: Option<&KnownFits>,
     ) -> Result<Setup, Failure> {
         let model = model_of(&config, campaign, model, fits)?;
-        Ok(match fits {
-            Some(fits) => Setup::fitted(config, campaign, model.name(), &self.set, fits)?,
-            None => Setup::new(config, campaign, model.name(), &self.set)?,
-        })
-    }
-
-    /// Returns the setup of a model as [`Numbers::setup`] does, for a robot of either kind.
-    pub(super) fn any_setup(
-        &self,
-        config: Config,
-        campaign: &str,
-        model: Option<&str>,
-        fits: Option<&KnownFits>,
-    ) -> Result<AnySetup, Failure> {
-        let model = model_of(&config, campaign, model, fits)?;
-        Ok(AnySetup::new(config, campaign, model.name(), &self.set, fits)?)
+        Ok(Setup::new(config, campaign, model.name(), &self.set, fits)?)
     }
 }
 

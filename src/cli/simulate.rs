@@ -1,6 +1,5 @@
 //! `trilink simulate`.
 
-mod chain;
 mod page;
 mod sensitivities;
 mod table;
@@ -9,11 +8,11 @@ mod trajectory;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use trilink_fit::simulate::{Answer, AnySetup, Setup, SimulationRow};
+use trilink_fit::simulate::{Answer, Setup, SimulationRow};
 use trilink_robot::Model;
 use trilink_tables::config::Config;
 
-use super::output::write_json;
+use super::output::{note, say, write_json};
 use super::parse::{NumberList, parse_omegas};
 use super::results::{Format, check_ending};
 use super::setup::{Numbers, note_caution, note_extrapolation, note_starting_values};
@@ -65,9 +64,6 @@ impl Simulate {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let campaign = &self.campaign;
         let config = &context.config;
-        if config.chains.campaign.contains_key(campaign) {
-            return chain::run(&self, &context);
-        }
         let mut models: Vec<Option<String>> =
             models(&self.model, config).into_iter().map(Some).collect();
         if models.is_empty() {
@@ -94,54 +90,66 @@ impl Simulate {
             .collect();
         for setup in &setups {
             note_caution(campaign, setup.model, setup.fit());
-            let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s).into());
+            let problems = omegas.iter().map(|omega_rad_s| setup.problem(*omega_rad_s));
             note_extrapolation(campaign, setup.model, setup.measured_range(), problems);
         }
         if fits.is_none() {
-            let robots = setups.iter().map(|setup| (setup.model, setup.robot.clone().into()));
+            let robots = setups.iter().map(|setup| (setup.model, setup.robot.clone()));
             note_starting_values(config, campaign, &robots.collect::<Vec<_>>());
         }
         if self.sensitivities.sensitivities {
-            let setups: Vec<AnySetup> = setups.into_iter().map(AnySetup::ThreeLinks).collect();
             return self.print_sensitivities(&context, &setups, &omegas, fits.as_ref());
         }
         let stage = context.progress.stage("simulate", solved.len());
-        let mut solved: Vec<(&Setup, Answer)> = solved
+        let mut answers: Vec<Answer> = solved
             .into_par_iter()
             .with_max_len(1)
             .map(|(setup, omega_rad_s)| {
                 stage.check("frequencies")?;
                 let answer = setup.answer(omega_rad_s, self.from_rest);
                 stage.tick();
-                Ok((setup, answer))
+                Ok(answer)
             })
             .collect::<Result<_, Interrupted>>()?;
         drop(stage);
         if let Some(fits) = fits.as_ref().filter(|_| self.bands) {
-            for of_setup in solved.chunk_by_mut(|(a, _), (b, _)| a.model == b.model) {
-                let setup = of_setup[0].0;
-                let mut answers: Vec<&mut Answer> =
-                    of_setup.iter_mut().map(|(_, answer)| answer).collect();
-                setup.add_bands(&mut answers, self.from_rest, fits);
+            for of_setup in answers.chunk_by_mut(|a, b| a.model == b.model) {
+                let setup = of_setup[0].setup;
+                setup.add_bands(of_setup, self.from_rest, fits);
             }
         }
-        if let Some(path) = &self.trajectory {
-            context.say(&trajectory::write(path, &solved, self.from_rest, self.samples as usize)?);
+        if let (Some(path), Some(setup)) = (&self.trajectory, setups.first()) {
+            let samples = self.samples as usize;
+            context.say(&trajectory::write(path, setup, &answers, self.from_rest, samples)?);
         }
-        if let (Some(path), [(setup, answer)]) = (&self.page, &solved[..]) {
-            let names = (campaign.as_str(), setup.model.name());
-            let problem = setup.problem(answer.omega_rad_s);
-            context.say(&page::write(path, names, problem, answer.cycles_to_settle, answer)?);
+        if let (Some(path), [answer]) = (&self.page, &answers[..]) {
+            let names = (campaign.as_str(), answer.model.name());
+            let problem = answer.setup.problem(answer.omega_rad_s);
+            context.say(&page::write(path, names, &problem, answer.cycles_to_settle, answer)?);
         }
-        let answers: Vec<&Answer> = solved.iter().map(|(_, answer)| answer).collect();
-        let rows: Vec<SimulationRow> = answers.iter().map(|answer| answer.row()).collect();
+        let rows: Vec<SimulationRow> = answers.iter().map(Answer::row).collect();
+        let legend = setups.first().and_then(legend);
         if self.format.json {
             write_json(&answers)?;
-        } else if !self.format.rows(&rows) {
+        } else if self.format.rows(&rows) {
+            legend.inspect(|legend| note!("{legend}"));
+        } else {
             table::print(&answers);
+            legend.inspect(|legend| say!("{legend}"));
         }
         Ok(Outcome::well_if(answers.iter().all(|answer| answer.metrics.d_m.is_finite())))
     }
+}
+
+/// Returns which link of a chain has which number in the names of the columns; `None` for three links in the short form.
+fn legend(setup: &Setup) -> Option<String> {
+    let chain = setup.robot.as_chain()?;
+    let links = chain.numbering().into_iter().enumerate().map(|(number, link)| {
+        let link = &chain.links[link];
+        let wheel = if link.wheel.is_some() { "" } else { " (no wheel)" };
+        format!("{number} = {}{wheel}", link.name)
+    });
+    Some(format!("links: {}", links.collect::<Vec<_>>().join(", ")))
 }
 
 /// Returns the models named on the command line, each once. An argument is either a model's name, which may contain

@@ -117,7 +117,7 @@ fn a_branch_is_followed_through_folds() {
 
 #[test]
 fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_followed() {
-    let found = branches(&doubling, [2.0, 4.5], &|| false).unwrap();
+    let found = branches(&doubling, [1.9, 4.5], &|| false).unwrap();
     let doublings = met(&found[0], Bifurcation::PeriodDoubling);
     assert!(!doublings.is_empty(), "{:?}", found[0].points);
     for point in doublings {
@@ -142,43 +142,6 @@ fn a_period_doubles_where_a_multiplier_is_minus_one_and_the_doubled_motion_is_fo
     assert!(ways.iter().any(|d_m| near(0.5 * d_m, point.metrics.d_m, 1e-5)), "{ways:?} {point:?}");
     assert!((0.5 * dtheta_rad - point.metrics.dtheta_rad).abs() < 1e-6, "{dtheta_rad} {point:?}");
     assert!(!near(way(596, 597).0, way(597, 598).0, 1e-3));
-}
-
-#[test]
-fn a_chain_of_three_links_has_the_branches_of_a_robot_of_three_links() {
-    type Campaign = fn(f64) -> Problem;
-    let cases: [(Campaign, [f64; 2]); 3] = [
-        (semi_passive, [11.3, 11.6]),
-        (without_roll_resistance, [0.345, 0.365]),
-        (doubling, [3.4, 3.7]),
-    ];
-    for (problem, range) in cases {
-        let known = branches(&problem, range, &|| false).unwrap();
-        let chain = |omega_rad_s: f64| {
-            let Problem { robot, gait, laws, .. } = problem(omega_rad_s);
-            let robot = robot.three_links().unwrap().chain(&gait.into());
-            Problem::new(robot, gait, laws, omega_rad_s)
-        };
-        let found = branches(&chain, range, &|| false).unwrap();
-        assert_eq!(found.len(), known.len());
-        for (found, known) in found.iter().zip(&known) {
-            assert_eq!((found.kind, found.parent), (known.kind, known.parent));
-            let met = |branch: &Branch| -> Vec<BranchPoint> {
-                let last = branch.points.len() - 1;
-                let points = branch.points.iter().enumerate();
-                let met = points.filter(|(i, of)| of.bifurcation.is_some() || *i == last);
-                met.map(|(_, of)| *of).collect()
-            };
-            let [found, known] = [met(found), met(known)];
-            assert_eq!(found.len(), known.len());
-            for (found, known) in found.iter().zip(&known) {
-                assert_eq!((found.status, found.bifurcation), (known.status, known.bifurcation));
-                assert!(near(found.value, known.value, 1e-7), "{found:?} {known:?}");
-                assert!(near(found.metrics.d_m, known.metrics.d_m, 1e-5), "{found:?} {known:?}");
-                assert!((found.floquet - known.floquet).abs() < 1e-4, "{found:?} {known:?}");
-            }
-        }
-    }
 }
 
 #[test]

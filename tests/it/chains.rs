@@ -44,7 +44,10 @@ fn every_robot_of_the_gallery_moves_steadily_and_is_short() {
             let is_right = is_stable && number("d_m") > 1e-3 && number("work_j") > 0.0;
             assert!(is_right && number("floquet") < 1.0, "{}: {answer}", path.display());
             let links = answer["links"].as_array().expect("a list").len();
-            assert_eq!(answer["sigma"].as_array().map(Vec::len), Some(links));
+            // The list ends with the last link that has a wheel.
+            let wheels = answer["sigma"].as_array().expect("a list");
+            assert!((links - 1..=links).contains(&wheels.len()), "{answer}");
+            assert!(wheels.last().is_some_and(Value::is_number), "{answer}");
             assert!(number(&format!("alpha{}_rad", links - 1)) > 0.0, "{answer}");
         }
         robots += 1;
@@ -96,16 +99,14 @@ fn columns_are_numbered_from_the_reference_link() {
     let csv = trilink(folder.path(), &[&arguments[..], &["--csv"]].concat());
     let table = text(&csv.stdout);
     let mut lines = table.lines();
-    assert_eq!(
-        lines.next(),
-        Some(
-            "model,omega_rad_s,status,d_m,v_m_s,dtheta_rad,sigma0,sigma1,sigma2,sigma3,alpha2_rad,alpha3_rad,floquet,\
-             work_j,work_j_m,cost_of_transport,from_rest,cycles_to_settle,reason"
-        )
-    );
-    // The fin has no wheel.
+    let names: Vec<&str> = lines.next().expect("a heading").split(',').collect();
     let row: Vec<&str> = lines.next().expect("a row").split(',').collect();
-    assert!(row[8].parse::<f64>().is_ok() && row[9].is_empty(), "{row:?}");
+    let value = |name: &str| names.iter().position(|one| *one == name).map(|i| row[i]);
+    for name in ["d_m", "sigma0", "sigma2", "alpha3_rad", "work_j", "floquet"] {
+        assert!(value(name).is_some_and(|text| text.parse::<f64>().is_ok()), "{name}: {table}");
+    }
+    // The fin has no wheel.
+    assert_eq!(value("sigma3"), None);
     let legend = "links: 0 = body, 1 = head, 2 = tail, 3 = fin (no wheel)";
     assert!(text(&csv.stderr).contains(legend), "{}", text(&csv.stderr));
     let printed = succeed(folder.path(), &arguments);
@@ -717,7 +718,7 @@ fn the_intervals_of_a_fitted_chain_are_those_of_the_predictions() {
     }
     assert_eq!(compared, 45);
     let csv = succeed(home, &[&line[..], &["--bands", "--csv"]].concat());
-    assert!(csv.starts_with("model,omega_rad_s,status,d_m,d_m_lo,d_m_hi,v_m_s,"), "{csv}");
+    assert!(csv.starts_with("model,omega_rad_s,d_m,d_m_lo,d_m_hi,v_m_s,"), "{csv}");
     let printed = succeed(home, &[&line[..], &["--bands"]].concat());
     assert!(printed.contains("95 % from"), "{printed}");
     // A coefficient that is set has no uncertainty.

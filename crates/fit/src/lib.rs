@@ -27,10 +27,10 @@
 //! use trilink_mechanics::REFERENCE_ACCURACY;
 //! use trilink_tables::config::Config;
 //!
-//! let setup = Setup::new(Config::default(), "kinematic-symmetric", "skid-roll", &[])?;
-//! let mut problem = setup.problem(3.9);
-//! problem.robot.skid_kg_s = [104.0, 34.0, 45.0];
-//! let motion = problem.solve(REFERENCE_ACCURACY)?;
+//! let settings = ["skid_kg_s=104,34,45".to_owned()];
+//! let setup =
+//!     Setup::new(Config::default(), "kinematic-symmetric", "skid-roll", &settings, None)?;
+//! let motion = setup.problem(3.9).solve(REFERENCE_ACCURACY)?;
 //! assert!((motion.metrics.d_m - 0.478359748170948).abs() < 1e-10);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -244,7 +244,8 @@ impl Solver {
     /// Returns an error as [`Solver::floquet`] does.
     pub fn steady_motion(&mut self, metrics: GaitMetrics) -> Result<SteadyMotion> {
         let floquet = self.floquet()?;
-        let [work_j, _] = self.work_and_loss_j()?;
+        // In a periodic motion, the actuators supply what is dissipated, which is known more accurately.
+        let work_j = self.loss_j()?;
         let is_symmetry_broken = self.is_symmetry_broken()?;
         Ok(SteadyMotion { metrics, floquet, work_j, is_symmetry_broken })
     }

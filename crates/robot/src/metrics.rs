@@ -86,10 +86,8 @@ impl Serialize for GaitMetrics {
             }
             if metric == Metric::Sigma0 {
                 let known = self.sigma.iter().rposition(|sigma| !sigma.is_nan());
-                map.serialize_entry(
-                    "sigma",
-                    &self.sigma[..known.map_or(3, |last| last.max(2) + 1)],
-                )?;
+                let count = known.map_or(3, |last| last + 1);
+                map.serialize_entry("sigma", &self.sigma[..count])?;
             } else {
                 map.serialize_entry(metric.column(), &self[metric])?;
             }

@@ -64,7 +64,7 @@ pub use rows::extrapolation::Extrapolation;
 pub use rows::fits::{
     BootstrapRow, ComparisonRow, FitRow, PrecisionRow, ProfileRow, SharedFitRow, StartRow,
 };
-pub use rows::motions::{BranchRow, TrajectoryRow};
+pub use rows::motions::BranchRow;
 pub use rows::optima::{GaitNumbers, MapPoint, Objective, OptimumMapRow, OptimumRow};
 pub use rows::predictions::{PredictionRow, ResidualRow};
 pub use rows::recording::{

@@ -3,7 +3,7 @@
 use serde_json::json;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_fit::optimise::{Search, SearchResult, Uncertainty};
-use trilink_fit::simulate::{AnySetup, KnownFits};
+use trilink_fit::simulate::{KnownFits, Setup};
 use trilink_tables::{NoInterval, NoIntervalReason, OptimumRow};
 
 use crate::cli::Failure;
@@ -19,7 +19,7 @@ const MAX_REPLICATES: usize = 200;
 /// # Errors
 /// Returns an error if the command was cancelled.
 pub(super) fn estimate(
-    setup: &AnySetup,
+    setup: &Setup,
     fits: Option<&KnownFits>,
     max_replicates: Option<usize>,
     (search, found): (&Search, &SearchResult),

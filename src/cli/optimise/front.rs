@@ -1,7 +1,7 @@
 //! Output of `optimise --pareto`.
 
 use trilink_fit::optimise::Search;
-use trilink_fit::simulate::AnySetup;
+use trilink_fit::simulate::Setup;
 use trilink_report::{front_drawing, with_unit};
 use trilink_tables::{NoIntervalReason, Objective, OptimumRow};
 
@@ -42,7 +42,7 @@ impl Optimise {
     pub(super) fn print_front(
         &self,
         context: &Context,
-        setup: &AnySetup,
+        setup: &Setup,
         search: &Search,
         other: Objective,
     ) -> Result<Outcome, Failure> {
@@ -61,11 +61,11 @@ impl Optimise {
         });
         let rows: Vec<OptimumRow> = rows.collect();
         let problems = front.iter().map(|optimum| optimum.problem.clone());
-        note_extrapolation(&self.campaign, setup.model(), setup.measured_range(), problems);
+        note_extrapolation(&self.campaign, setup.model, setup.measured_range(), problems);
         if let Some(path) = &self.files.table {
             write_rows(path, &rows, &format!("{search:?} {other:?}"))?;
         }
-        let model = setup.model();
+        let model = setup.model;
         let names = [&*self.campaign, model.name()];
         let points = rows.iter().map(|row| {
             let is_extrapolated = row.extrapolation.extrapolated == Some(true);

@@ -25,11 +25,11 @@ pub(super) fn check(models: usize, frequencies: usize) -> Result<(), Failure> {
 pub(super) fn write(
     path: &Path,
     names: (&str, &str),
-    problem: impl Into<Problem>,
+    problem: &Problem,
     cycles_to_settle: Option<usize>,
     answer: &impl Serialize,
 ) -> Result<String, Failure> {
-    match simulation_page(names, &problem.into(), cycles_to_settle, answer) {
+    match simulation_page(names, problem, cycles_to_settle, answer) {
         Ok(page) => {
             write_if_changed(path, page.as_bytes())?;
             Ok(path.display().to_string())

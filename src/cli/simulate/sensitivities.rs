@@ -1,6 +1,6 @@
 //! Output of `simulate --sensitivities`.
 
-use trilink_fit::simulate::{AnySetup, Draws, KnownFits};
+use trilink_fit::simulate::{Draws, KnownFits, Setup};
 use trilink_report::sensitivities_drawing;
 use trilink_tables::SensitivityRow;
 
@@ -34,7 +34,7 @@ impl Simulate {
     pub(super) fn print_sensitivities(
         &self,
         context: &Context,
-        setups: &[AnySetup],
+        setups: &[Setup],
         omegas_rad_s: &[f64],
         fits: Option<&KnownFits>,
     ) -> Result<Outcome, Failure> {
@@ -52,7 +52,7 @@ impl Simulate {
         let mut outcome = Outcome::Well;
         let mut input = format!("{draws:?}");
         for setup in setups {
-            let model = setup.model();
+            let model = setup.model;
             let found =
                 setup.sensitivities(omegas_rad_s, self.from_rest, fits, draws, context.cancel())?;
             if let Some(why) = found.unknown {

@@ -1,7 +1,7 @@
 //! Table that `simulate` prints.
 
 use trilink_base::text::known;
-use trilink_fit::simulate::{Answer, Interval};
+use trilink_fit::simulate::{Answer, Interval, Setup};
 use trilink_mechanics::{FromRest, MotionStatus, SharpLimit};
 use trilink_robot::metrics::{Dimension, GaitMetrics, Metric, MetricDefinition};
 
@@ -10,7 +10,7 @@ use crate::cli::terminal::Text;
 use crate::template::fixed;
 
 /// Decimals of lengths and speeds, of skid ratios, and of angles.
-pub(super) const DECIMALS: [usize; 3] = [4, 6, 5];
+const DECIMALS: [usize; 3] = [4, 6, 5];
 
 /// Line of the table.
 #[derive(Default)]
@@ -24,12 +24,12 @@ struct Line {
 
 /// Prints a line for each solution, followed by lines with its confidence intervals and with the change in d as the
 /// transition speed of dry friction goes to zero, if these are known.
-pub(super) fn print(answers: &[&Answer]) {
-    let lines: Vec<Line> = answers.iter().flat_map(|answer| lines_of(answer)).collect();
+pub(super) fn print(answers: &[Answer]) {
+    let lines: Vec<Line> = answers.iter().flat_map(lines_of).collect();
     let mut table = Table::new(&lines)
         .left("model", |line| line.model)
         .right("omega rad/s", |line| &line.omega);
-    for metric in Metric::OF_THREE_LINKS {
+    for metric in answers.first().map(shown).unwrap_or_default() {
         let MetricDefinition { dimension, .. } = *metric.definition();
         let [length, ratio, angle] = DECIMALS;
         let (name, decimals) = match (dimension, dimension.units()[1]) {
@@ -42,6 +42,16 @@ pub(super) fn print(answers: &[&Answer]) {
         });
     }
     table.right("work J/m", |line| &line.work).prose("status", |line| line.status.clone()).print();
+}
+
+/// Returns the metrics that have a column: of a chain, not the ranges of its driven joints.
+fn shown(answer: &Answer) -> Vec<Metric> {
+    let Setup { robot, gait, .. } = answer.setup;
+    let is_shown = |metric: &Metric| match Metric::ALPHA.iter().position(|one| one == metric) {
+        Some(joint) if robot.as_chain().is_some() => robot.is_free(joint, gait),
+        _ => robot.has_metric(*metric),
+    };
+    Metric::ALL.into_iter().filter(is_shown).collect()
 }
 
 /// Returns the line of a solution and the lines below it.
@@ -83,7 +93,7 @@ fn lines_of(answer: &Answer) -> Vec<Line> {
 }
 
 /// Describes how a displacement changes as dry friction becomes discontinuous.
-pub(super) fn sharp_in_words(SharpLimit { metrics, uncertainty }: &SharpLimit, d_m: f64) -> String {
+fn sharp_in_words(SharpLimit { metrics, uncertainty }: &SharpLimit, d_m: f64) -> String {
     format!(
         "d changes by {:+.2} % (\u{b1}{:.2}) as transition_m_s goes to zero",
         100.0 * (metrics.d_m - d_m) / d_m,
@@ -92,7 +102,7 @@ pub(super) fn sharp_in_words(SharpLimit { metrics, uncertainty }: &SharpLimit, d
 }
 
 /// Describes the symmetry of a steady-state motion and whether the robot reaches it from rest.
-pub(super) fn reach_in_words(
+fn reach_in_words(
     status: MotionStatus,
     from_rest: Option<FromRest>,
     cycles_to_settle: Option<usize>,

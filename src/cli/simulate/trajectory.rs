@@ -2,36 +2,37 @@
 
 use std::path::Path;
 
-use trilink_fit::simulate::{Answer, Setup};
+use trilink_fit::simulate::{Answer, Setup, trajectories};
 
 use crate::cli::Failure;
-use crate::cli::results::write_rows;
+use crate::cli::results::write_table;
 
-/// Writes one steady-state cycle of every solution or, with `from_rest`, the transient from rest and one further cycle.
-/// Each cycle has `samples` rows. Returns a message about the content of the file.
+/// Writes one steady-state cycle of every answer, all for the robot of a setup, or, with `from_rest`, the transient from
+/// rest and one further cycle. Each cycle has `samples` rows. Returns a message about the content of the file.
 pub(super) fn write(
     path: &Path,
-    solved: &[(&Setup, Answer)],
+    setup: &Setup,
+    answers: &[Answer],
     from_rest: bool,
     samples: usize,
 ) -> Result<String, Failure> {
-    let mut rows = Vec::new();
-    let mut absent = 0;
-    let mut unbounded = 0;
+    let mut cycles = Vec::new();
     let mut input = String::new();
-    for (setup, answer) in solved {
-        let problem = setup.problem(answer.omega_rad_s);
+    for answer in answers {
+        let problem = answer.setup.problem(answer.omega_rad_s);
         input += &format!("{problem:?} {from_rest} {samples}");
-        match setup.trajectory(answer, from_rest, samples) {
-            Ok(found) => {
-                unbounded += found.iter().filter(|s| s.lateral_n[0].is_nan()).count();
-                rows.extend(found);
-            }
-            Err(_) => absent += 1,
+        if let Ok(cycle) = answer.setup.trajectory(answer, from_rest, samples) {
+            cycles.push((answer, cycle));
         }
     }
-    write_rows(path, &rows, &input)?;
-    let mut message = format!("{}: {} samples", path.display(), rows.len());
+    let unbounded = cycles.iter().flat_map(|(_, cycle)| cycle).filter(|sample| {
+        let wheels = sample.lateral_n.iter().zip(&sample.roll_m_s);
+        wheels.into_iter().any(|(force, velocity)| force.is_nan() && !velocity.is_nan())
+    });
+    let (unbounded, absent) = (unbounded.count(), answers.len() - cycles.len());
+    let table = trajectories(&setup.robot, &cycles);
+    let mut message = format!("{}: {} samples", path.display(), table.len());
+    write_table(path, table, &input)?;
     if absent > 0 {
         message += &format!(
             "; no motion was found at {absent} frequencies, so the file has no rows for them"

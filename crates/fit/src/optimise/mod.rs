@@ -25,7 +25,7 @@ use trilink_mechanics::{
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{ByParameter, JointCommand, SecondHarmonic};
 
-use crate::simulate::AnySetup;
+use crate::simulate::Setup;
 use commands::degrees;
 pub use commands::{Bounds, Command, CommandUnit};
 pub use drive::Drive;
@@ -109,7 +109,7 @@ impl Optimum {
         &self,
         rank: usize,
         campaign: &str,
-        setup: &AnySetup,
+        setup: &Setup,
         search: &Search,
         present: Option<&Self>,
     ) -> OptimumRow {
@@ -119,7 +119,7 @@ impl Optimum {
         OptimumRow {
             campaign: campaign.to_owned(),
             rank: rank as i64,
-            model: setup.model(),
+            model: setup.model,
             parameters: ByParameter::from_fn(|parameter| {
                 if robot.depends_on(parameter, *laws, gait) {
                     robot.value(parameter)

@@ -1,5 +1,7 @@
 //! Result of a simulation at one frequency.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 use serde_json::{Map, Value};
 use trilink_mechanics::{
@@ -7,7 +9,7 @@ use trilink_mechanics::{
     Solver, SteadyMotion,
 };
 use trilink_robot::metrics::GaitMetrics;
-use trilink_robot::{GRAVITY_M_S2, Model};
+use trilink_robot::{Chain, GRAVITY_M_S2, Model};
 use trilink_tables::{Columns as _, Extrapolation, NoInterval, rows};
 
 use super::{FitSummary, Setup};
@@ -16,6 +18,8 @@ use super::{FitSummary, Setup};
 /// in JSON) and a reason is given.
 #[derive(Debug, Serialize)]
 pub struct Answer<'a> {
+    #[serde(skip)]
+    pub setup: &'a Setup,
     pub model: Model,
     pub omega_rad_s: f64,
     #[serde(flatten)]
@@ -47,7 +51,13 @@ pub struct Answer<'a> {
     /// Whether the simulation lies outside the range of the fitted trials; `None` for configured coefficients.
     #[serde(flatten)]
     pub extrapolation: Option<Extrapolation>,
+    /// Names of the links of a chain in the order in which metrics number them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    links: Option<Vec<String>>,
     parameters: &'a Map<String, Value>,
+    /// Fitted coefficients of a chain, whose `parameters` are those of the configuration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    coefficients: Option<BTreeMap<&'static str, f64>>,
     /// Keys and values of the gait in the configuration.
     gait: &'a Map<String, Value>,
 }
@@ -141,7 +151,10 @@ impl<'a> Answer<'a> {
         let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
         let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
         let work_j_m = if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN };
+        let chain = setup.robot.as_chain();
+        let fitted = setup.fitted.as_ref().filter(|_| chain.is_some());
         Self {
+            setup,
             model: setup.model,
             omega_rad_s: problem.omega_rad_s,
             metrics,
@@ -157,7 +170,11 @@ impl<'a> Answer<'a> {
             interval: None,
             fit: setup.fit(),
             extrapolation: setup.fit().map(|_| setup.extrapolation(problem)),
+            links: chain.map(Chain::names_by_number),
             parameters: &setup.parameters,
+            coefficients: fitted.map(|fitted| {
+                fitted.coefficients().map(|(of, value)| (of.name(), value)).collect()
+            }),
             gait: &setup.commands,
         }
     }

@@ -1,7 +1,6 @@
 //! Simulation of configured campaigns without trials, for `trilink simulate` and the Python module.
 
 mod answer;
-mod any;
 mod chain;
 mod fitted;
 mod sensitivity;
@@ -13,26 +12,26 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::{Map, Value};
 use trilink_base::cancel::{CancelToken, Cancelled};
-use trilink_mechanics::{MotionError, Problem};
-use trilink_robot::{Gait, Laws, Model, Robot};
+use trilink_mechanics::{MotionError, Problem, Sample};
+use trilink_robot::{AnyGait, AnyRobot, Joint, Laws, Model};
 use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
 use trilink_tables::{
-    Columns as _, Extrapolation, NoInterval, SENSITIVE_METRICS, SensitivityRow, TrajectoryRow,
+    Columns as _, Extrapolation, NoInterval, NoIntervalReason, SENSITIVE_METRICS, SensitivityRow,
 };
 
 use crate::bands::without_resample;
-use crate::{MeasuredRange, PredictionBands};
+use crate::{Alternatives, MeasuredRange, PredictionBands};
 
 pub use answer::{Answer, Interval, SimulationRow};
-pub use any::AnySetup;
-pub use chain::{Angles, ChainAnswer, ChainSetup};
 use fitted::FittedSetup;
 pub use fitted::starting_values;
 pub use fitted::{FitSummary, KnownFits};
 pub use sensitivity::Draws;
 use sensitivity::{InputUncertainty, Motion};
+pub use settings::campaign_of;
 use settings::with_settings;
-pub use settings::{campaign_of, number_names, with_number};
+use settings::{number_names, with_number};
+pub use trajectory::trajectories;
 
 /// Reason why a campaign cannot be simulated.
 #[derive(Debug, thiserror::Error)]
@@ -79,7 +78,7 @@ fn uncertainty(
     }
 }
 
-/// Computes the sensitivities of the motions that `motion` returns at each frequency, as [`AnySetup::sensitivities`] does,
+/// Computes the sensitivities of the motions that `motion` returns at each frequency, as [`Setup::sensitivities`] does,
 /// given the configured uncertainty and the fit.
 fn sensitivities(
     motion: &(impl Fn(f64) -> Motion + Sync),
@@ -110,12 +109,12 @@ fn sensitivities(
 /// Robot and gait of a campaign with the friction laws of a model.
 #[derive(Debug, Clone)]
 pub struct Setup {
-    pub robot: Robot,
-    pub gait: Gait,
+    pub robot: AnyRobot,
+    pub gait: AnyGait,
     pub laws: Laws,
     pub model: Model,
-    pub robot_config: RobotConfig,
-    pub gait_config: GaitConfig,
+    /// Configuration of the robot and the gait, if the robot has the short form for three links.
+    short_form: Option<(RobotConfig, GaitConfig)>,
     /// Keys and values of the robot in the configuration, as shown in answers.
     parameters: Map<String, Value>,
     /// Keys and values of the gait in the configuration, as shown in answers.
@@ -127,60 +126,96 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Sets up a campaign of `config` with changes to its robot and gait: `settings` are `key=value` strings as for
-    /// `trilink simulate --set`.
+    /// Sets up a campaign of `config`, with fitted coefficients if there are `fits`, and then with changes to its robot
+    /// and gait: `settings` are `key=value` strings as for `trilink simulate --set`.
     ///
     /// # Errors
-    /// Returns an error if the campaign, model or parameter does not exist, or if the robot lacks a parameter that the
-    /// model needs.
+    /// Returns an error if the campaign, model or parameter does not exist, if the robot lacks a parameter that the model
+    /// needs, or if the model has not been fitted to the campaign.
     pub fn new(
         config: Config,
         campaign: &str,
         model: &str,
         settings: &[String],
+        fits: Option<&KnownFits>,
     ) -> Result<Self, SetupError> {
-        Self::from_config(with_settings(config, campaign, settings)?, campaign, model)
-    }
-
-    /// Sets up a campaign as [`Setup::new`] does, but with fitted coefficients; settings override these.
-    ///
-    /// # Errors
-    /// Returns the same errors as [`Setup::new`], and an error if the model has not been fitted to the campaign.
-    pub fn fitted(
-        config: Config,
-        campaign: &str,
-        model: &str,
-        settings: &[String],
-        fits: &KnownFits,
-    ) -> Result<Self, SetupError> {
+        if let Some(chain) = config.chain_setup(campaign) {
+            return Self::of_chain(&config, (campaign, chain), model, settings, fits);
+        }
+        let Some(fits) = fits else {
+            let config = with_settings(config, campaign, settings)?;
+            return Self::of_three_links(&config, campaign, model);
+        };
         // Build the configured setup first, because its errors about unknown names are more helpful.
         let configured = with_settings(config.clone(), campaign, &[])?;
-        let configured = Self::from_config(configured, campaign, model)?;
+        let configured = Self::of_three_links(&configured, campaign, model)?;
         let fitted = FittedSetup::new(&config, campaign, configured.model, fits)?;
         let config = with_settings(fitted.apply_to(config, campaign)?, campaign, settings)?;
-        Ok(Self { fitted: Some(fitted), ..Self::from_config(config, campaign, model)? })
+        Ok(Self { fitted: Some(fitted), ..Self::of_three_links(&config, campaign, model)? })
     }
 
-    fn from_config(config: Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
+    fn of_three_links(config: &Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
         let setup = config.campaign_setup(campaign);
         let (robot, gait) = setup.ok_or_else(|| "no such campaign".to_owned())?;
-        let laws = laws_of(&config, campaign, model)?;
+        let laws = laws_of(config, campaign, model)?;
         let names = &config.campaign[campaign];
         let robot_config = config.robot[&names.robot].clone();
         let gait_config = config.gait[&names.gait].clone();
-        let uncertainty = InputUncertainty::configured(&robot_config, laws, &gait);
         Ok(Self {
-            robot,
-            gait,
+            robot: robot.into(),
+            gait: gait.into(),
             laws,
             model: Model::new(model),
             parameters: keys_of(&robot_config)?,
             commands: keys_of(&gait_config)?,
-            robot_config,
-            gait_config,
-            uncertainty,
+            uncertainty: InputUncertainty::configured(&robot_config, laws, &gait),
+            short_form: Some((robot_config, gait_config)),
             fitted: None,
         })
+    }
+
+    /// Returns the names of all numbers of the robot and its gait that [`Setup::with_number`] can change: of three links,
+    /// the quantities of `simulate --sensitivities` except the frequency.
+    pub fn number_names(&self) -> Vec<String> {
+        match (&self.short_form, &self.robot) {
+            (Some((robot, gait)), _) => number_names(robot, gait),
+            (None, robot) => robot.as_chain().map(chain::number_names).unwrap_or_default(),
+        }
+    }
+
+    /// Returns the setup with a number set to a value in the unit of its name; `None` if the name is unknown.
+    pub fn with_number(&self, name: &str, value: f64) -> Option<Self> {
+        let mut setup = self.clone();
+        let Some((robot, gait)) = &self.short_form else {
+            let AnyRobot::Chain(chain) = &mut setup.robot else { return None };
+            chain::set_number(chain, name, value)?;
+            setup.gait = chain.gait();
+            return Some(setup);
+        };
+        let (robot, gait) = with_number(robot, gait, name, value)?;
+        setup.robot = robot.to_robot().into();
+        setup.gait = gait.to_gait().into();
+        setup.short_form = Some((robot, gait));
+        Some(setup)
+    }
+
+    /// Checks the robot and the gait of a campaign after a change by [`Setup::with_number`]; errors begin with the option
+    /// that made the change.
+    ///
+    /// # Errors
+    /// Returns an error if a value is not one that the robot or the gait can have.
+    pub fn check(&self, config: &Config, campaign: &str, option: &str) -> Result<(), SetupError> {
+        if let Some(chain) = self.robot.as_chain() {
+            return Ok(chain.check().map_err(|error| format!("{option}: {error}"))?);
+        }
+        let (Some((robot, gait)), Some(names)) = (&self.short_form, config.campaign.get(campaign))
+        else {
+            return Ok(());
+        };
+        let mut config = config.clone();
+        config.robot.insert(names.robot.clone(), robot.clone());
+        config.gait.insert(names.gait.clone(), gait.clone());
+        Ok(config.check(Path::new(option))?)
     }
 
     /// Returns the problem to solve at a frequency.
@@ -213,9 +248,9 @@ impl Setup {
     /// Adds confidence limits of the metrics, or the reason why there are none, to answers that this setup computed
     /// with the same `from_rest`; does nothing for configured coefficients. `fits` must come from [`KnownFits::read`]
     /// with `bands`.
-    pub fn add_bands(&self, answers: &mut [&mut Answer], from_rest: bool, fits: &KnownFits) {
+    pub fn add_bands(&self, answers: &mut [Answer], from_rest: bool, fits: &KnownFits) {
         let Some(fitted) = &self.fitted else { return };
-        let result = fitted.with_bands(&self.robot.clone().into(), &fits.data, |bands| {
+        let result = fitted.with_bands(&self.robot, &fits.data, |bands| {
             answers.par_iter_mut().for_each(|answer| {
                 let interval = self.interval(answer.omega_rad_s, from_rest, bands);
                 answer.interval = Some(interval);
@@ -245,8 +280,7 @@ impl Setup {
         let motion = |omega_rad_s: f64| {
             let problem = self.problem(omega_rad_s);
             let extrapolation = self.extrapolation(&problem);
-            let metrics = SENSITIVE_METRICS.map(str::to_owned).to_vec();
-            Motion { problem, model: self.model, metrics, extrapolation }
+            Motion { problem, model: self.model, metrics: self.sensitive(), extrapolation }
         };
         let known = (&self.uncertainty, fits.zip(self.fitted.as_ref()));
         sensitivities(&motion, omegas_rad_s, from_rest, known, draws, cancel)
@@ -262,6 +296,40 @@ impl Setup {
         }
     }
 
+    /// Returns the names of the columns of the metrics that sensitivities are given of, and of the work.
+    fn sensitive(&self) -> Vec<String> {
+        let Some(chain) = self.robot.as_chain() else {
+            return SENSITIVE_METRICS.map(str::to_owned).to_vec();
+        };
+        let mut names: Vec<String> = ["d_m", "v_m_s", "dtheta_rad"].map(str::to_owned).to_vec();
+        for (number, link) in chain.numbering().into_iter().enumerate() {
+            if self.laws.skids() && chain.links[link].wheel.is_some() {
+                names.push(format!("sigma{number}"));
+            }
+        }
+        for (i, joint) in chain.joints.iter().enumerate() {
+            if matches!(joint, Joint::Free(_)) {
+                names.push(format!("alpha{}_rad", i + 1));
+            }
+        }
+        names.push("work_j".to_owned());
+        names
+    }
+
+    /// Returns copies of the robot with the coefficients of refits, including those of at most `max_replicates`
+    /// bootstrap replicates. `fits` must come from [`KnownFits::read`] with `bands`.
+    ///
+    /// # Errors
+    /// Returns the reason if the uncertainty of the coefficients is unknown.
+    pub fn alternatives(
+        &self,
+        fits: &KnownFits,
+        max_replicates: usize,
+    ) -> Result<Alternatives, NoInterval> {
+        let fitted = self.fitted.as_ref().ok_or(NoIntervalReason::NotFitted)?;
+        fitted.alternatives(&self.robot, &fits.data, max_replicates)
+    }
+
     /// Samples one steady-state cycle of an answer at `samples + 1` times, or, if `from_rest`, all cycles from rest up
     /// to the steady state and one more.
     ///
@@ -272,7 +340,7 @@ impl Setup {
         answer: &Answer,
         from_rest: bool,
         samples: usize,
-    ) -> Result<Vec<TrajectoryRow>, MotionError> {
+    ) -> Result<Vec<Sample>, MotionError> {
         let problem = self.problem(answer.omega_rad_s);
         trajectory::sample_motion(&problem, answer, from_rest, samples)
     }

@@ -117,13 +117,13 @@ fn with_robot_setting(
 
 /// Returns the names of all scalar quantities of a robot and a gait, which include the index of the link, wheel or
 /// joint. These are the quantities of `simulate --sensitivities` except the frequency.
-pub fn number_names(robot: &RobotConfig, gait: &GaitConfig) -> Vec<String> {
+pub(super) fn number_names(robot: &RobotConfig, gait: &GaitConfig) -> Vec<String> {
     robot.names().into_iter().chain(gait_keys(gait)).collect()
 }
 
 /// Returns the robot and the gait with one of the quantities listed by [`number_names`] set to `value`; `None` if the
 /// name is unknown.
-pub fn with_number(
+pub(super) fn with_number(
     robot: &RobotConfig,
     gait: &GaitConfig,
     name: &str,

@@ -71,7 +71,11 @@ pub fn branches(
     // All problems are converted to one frequency with the same motion per radian of phase, so that no time
     // scale depends on the parameter.
     let at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s).effective();
-    first.chain().checked()?.steady()?.branches(&at, &sweep)
+    let mut found = first.chain().checked()?.steady()?.branches(&at, &sweep)?;
+    for point in found.iter_mut().flat_map(|branch| &mut branch.points) {
+        point.metrics = first.own_metrics(point.metrics);
+    }
+    Ok(found)
 }
 
 /// Parameter range of the sweep, and the gait's frequency as a function of the parameter; shared by all

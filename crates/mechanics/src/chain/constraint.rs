@@ -135,16 +135,11 @@ impl<const D: usize> Constraints<D> {
         by_size.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
         let wanted = D - count - speeds.len();
         if let Some(directions) = &decomposed.v_t {
-            speeds.extend(
-                by_size
-                    .into_iter()
-                    .take(wanted)
-                    .map(|k| -> [f64; D] {
-                        // Ahead, as if the chain were straight.
-                        let sign = if directions[(k, 0)] < 0.0 { -1.0 } else { 1.0 };
-                        std::array::from_fn(|i| sign * directions[(k, i)])
-                    }),
-            );
+            speeds.extend(by_size.into_iter().take(wanted).map(|k| -> [f64; D] {
+                // Ahead, as if the chain were straight.
+                let sign = if directions[(k, 0)] < 0.0 { -1.0 } else { 1.0 };
+                std::array::from_fn(|i| sign * directions[(k, i)])
+            }));
         }
         let all = DMatrix::from_fn(D, D, |i, j| match speeds.get(i) {
             Some(speed) => speed[j],
@@ -306,7 +301,12 @@ impl<const D: usize> Constraints<D> {
 /// Returns the derivative of a wheel's skid velocity with respect to the angle of the free joint of cluster `b`, on
 /// which it hangs, given the wheel's rolling direction and the velocity of that joint.
 #[inline(always)]
-fn turned<T: Number>(system: &System, b: usize, direction: [T; 2], velocity: [T; 2]) -> T {
+pub(super) fn turned<T: Number>(
+    system: &System,
+    b: usize,
+    direction: [T; 2],
+    velocity: [T; 2],
+) -> T {
     -(T::splat(system.clusters.all[b].sign) * inner(direction, velocity))
 }
 

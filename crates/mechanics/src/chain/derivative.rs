@@ -13,12 +13,12 @@ use trilink_robot::{
     Pose,
 };
 
-use super::balance::Node;
-use super::constraint::Equation;
+use super::balance::{Node, Posture};
+use super::constraint::{Equation, turned};
 use super::determined::{is_unbounded, velocities_and_factors};
 use super::links::Motion;
 use super::model::{Model, Wheels};
-use super::power::{Power, Resistance, Resisted, Virtual};
+use super::power::{Power, Resistance, Resisted, Virtual, needs_sums};
 use super::wave::Wave;
 use super::{ChainProblem, number_of};
 use crate::Result;
@@ -40,7 +40,7 @@ pub(crate) enum Slopes {
 }
 
 /// Number of quantities whose derivatives are computed together.
-const TOGETHER: usize = 4;
+const TOGETHER: usize = 5;
 
 /// Quantity whose derivatives are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -188,6 +188,8 @@ fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
 struct Differentiation<'a, const N: usize, const C: usize, const D: usize, F: Friction> {
     model: &'a Model<N, C, D, F>,
     wanted: &'a [Wanted],
+    /// Whether one of the wanted numbers [`needs_sums`].
+    needs_sums: bool,
     /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh, and those for a
     /// change that has opposite effects in the two halves of the period.
     dd_dend: [[f64; 3]; 2],
@@ -225,6 +227,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         Self {
             model,
             wanted,
+            needs_sums: wanted.iter().any(|one| needs_sums(&model.problem.chain, one.number)),
             dd_dend: [even, halves(-1.0)].map(|slopes| slopes.map(|slope| slope * per_m)),
             end: cycle.end,
             dsigma_dskid: cycle.sigma.map(|sigma| match sigma {
@@ -260,7 +263,6 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             let element = mesh.pack(pack, &starts);
             let phases_rad = mesh.phases_rad(pack);
             let weights = mesh.weights(pack);
-            let motions = self.motions(&element, &phases_rad);
             for (q, quantity) in quantities.iter().enumerate() {
                 let own = &mut adjoint.weights[pack * TOGETHER + q];
                 match quantity {
@@ -272,7 +274,16 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                         }
                     }
                     Quantity::Range(_) => {}
-                    Quantity::Sigma { .. } | Quantity::Loss => {
+                    Quantity::Sigma { wheel, .. } => {
+                        for j in 0..STAGES {
+                            let factor = RADAU.integrate[STAGES - 1][j] * self.dsigma_dskid[*wheel];
+                            let factor = Lanes::splat(factor) * weights[0];
+                            own[j] =
+                                self.by_skid(*wheel, &element.nodes[j], &leg.states[j], factor);
+                        }
+                    }
+                    Quantity::Loss => {
+                        let motions = self.motions(&element, &phases_rad);
                         for j in 0..STAGES {
                             let at = self.resisted(&motions[j], [Lanes::default(); MAX_LINKS]);
                             let direct = self.direct(*quantity, &at, j, weights, spans);
@@ -380,6 +391,27 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         }
     }
 
+    /// Returns the derivatives, with respect to the states, of half the square of a wheel's skid velocity, times a factor.
+    fn by_skid(
+        &self,
+        wheel: usize,
+        node: &Node<Lanes, C>,
+        posture: &Posture<Lanes, C>,
+        factor: Lanes,
+    ) -> [Lanes; N] {
+        let system = &self.model.system;
+        let (cluster, ..) = system.wheels[wheel];
+        let state = system.wheel(posture, &node.wheels[wheel], cluster);
+        let row: [Lanes; D] = system.skid_row(posture, &state, cluster);
+        let factor = factor * state.skid_m_s;
+        let mut by = [Lanes::default(); N];
+        (0..D).for_each(|i| by[i] = factor * row[i]);
+        for b in (1..C).filter(|b| system.is_beyond(*b, cluster)) {
+            by[D + b - 1] = factor * turned(system, b, state.direction, posture.velocity[b]);
+        }
+        by
+    }
+
     /// Returns the derivatives of a virtual power with respect to the states.
     fn by_state<T: Number>(
         &self,
@@ -406,7 +438,11 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         direct: &WeightedPower<T>,
         sums: &mut [T],
     ) {
-        power.evaluate(at, &direct.along, direct.resistance);
+        if self.needs_sums {
+            power.evaluate(at, &direct.along, direct.resistance);
+        } else {
+            power.set_velocities(at, &direct.along, direct.resistance);
+        }
         for (sum, Wanted { number, wave }) in sums.iter_mut().zip(self.wanted) {
             *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
         }

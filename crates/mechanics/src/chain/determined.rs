@@ -92,7 +92,7 @@ impl Crossing {
 
 /// Returns whether a quantity with the given sizes at [`Crossing::approach_rad`] grows without bounds.
 pub(super) fn is_unbounded([far, near]: [f64; 2]) -> bool {
-    !(near <= MAX_GROWTH * far)
+    near.is_nan() || near > MAX_GROWTH * far
 }
 
 impl Determined {
@@ -112,7 +112,7 @@ impl Determined {
         }
         dets_m[PHASES] = dets_m[0];
         let largest_m = dets_m.iter().fold(0.0_f64, |largest, det_m| largest.max(det_m.abs()));
-        if !(largest_m > DEPENDENT * chain.skid_length_m) {
+        if largest_m.is_nan() || largest_m <= DEPENDENT * chain.skid_length_m {
             return Err(MotionError::Dependent);
         }
         let mut determined = Self { near_m: NEAR_SINGULAR * largest_m, crossings_rad: Vec::new() };

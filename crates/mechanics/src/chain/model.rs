@@ -253,8 +253,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
             Wheels::Roll(constraints) => {
                 let node = self.node(phase_rad);
                 let zero = [0.0; C];
-                let at_rest =
-                    self.system.posture(&node.clusters, [0.0; 3], Self::angles(&y), zero);
+                let at_rest = self.system.posture(&node.clusters, [0.0; 3], Self::angles(&y), zero);
                 let own = std::array::from_fn(|i| y[i]);
                 let velocities = constraints.consistent(&self.system, &node, &at_rest, &own);
                 y[..D].copy_from_slice(&velocities);

@@ -191,6 +191,19 @@ impl<'a, T: Number> Resisted<'a, T> {
     }
 }
 
+/// Returns whether the derivative with respect to a number depends on sums over links: that of a place or a commanded
+/// angle.
+pub(super) fn needs_sums(chain: &Chain, number: ChainNumber) -> bool {
+    use LinkNumber::{Com, FrontJoint, RearJoint, WheelPlace};
+    match number {
+        ChainNumber::Link(_, number) => {
+            matches!(number, Com | FrontJoint | RearJoint | WheelPlace)
+        }
+        ChainNumber::Command(joint, _) => matches!(chain.joints[joint], Joint::Driven(_)),
+        ChainNumber::Rotor(..) | ChainNumber::Joint(..) => false,
+    }
+}
+
 /// Virtual power and its derivatives. A power that is evaluated many times keeps its memory.
 #[derive(Debug, Clone)]
 pub(super) struct Power<T> {
@@ -221,15 +234,15 @@ impl<T: Number> Power<T> {
         }
     }
 
-    /// Evaluates the virtual power along a virtual motion, which for [`Resistance::Dissipation`] must be the actual one.
-    pub(super) fn evaluate(
+    /// Evaluates the virtual velocities of a virtual motion. They suffice for [`Power::by_number`] unless
+    /// [`needs_sums`].
+    pub(super) fn set_velocities(
         &mut self,
         at: &Resisted<T>,
         along: &Virtual<T>,
         resistance: Resistance,
     ) {
         let Resisted { chain, links, .. } = at;
-        let none = Sums::none().point();
         self.along = *along;
         self.resistance = resistance;
         self.rate[chain.reference] = along.body[2];
@@ -242,6 +255,18 @@ impl<T: Number> Power<T> {
             let at_hinge = self.at_hinge(links, &hinge);
             self.velocity[i] = sum(at_hinge, scaled(across, normal(links.unit[i].at)));
         }
+    }
+
+    /// Evaluates the virtual power along a virtual motion, which for [`Resistance::Dissipation`] must be the actual one.
+    pub(super) fn evaluate(
+        &mut self,
+        at: &Resisted<T>,
+        along: &Virtual<T>,
+        resistance: Resistance,
+    ) {
+        self.set_velocities(at, along, resistance);
+        let Resisted { chain, links, .. } = at;
+        let none = Sums::none().point();
         let has_inertia = resistance == Resistance::All;
         for (i, link) in chain.links.iter().enumerate() {
             let com = links.point(i, link.com_m);

@@ -75,7 +75,7 @@ impl Motion {
     pub(super) fn values_near(&self, solver: &Solver, problem: &Problem) -> Option<Vec<f64>> {
         let mut solver = solver.clone();
         let metrics = solver.solve(problem, FIT_ACCURACY).ok()?;
-        let [work_j, _] = solver.work_and_loss_j().ok()?;
+        let work_j = solver.loss_j().ok()?;
         Some(self.values(&metrics, work_j))
     }
 

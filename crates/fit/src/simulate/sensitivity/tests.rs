@@ -26,7 +26,7 @@ fn dimensions(name: &str) -> [f64; 3] {
 
 fn setup(campaign: &str, model: &str, settings: &[&str]) -> Setup {
     let settings: Vec<String> = settings.iter().map(|of| (*of).to_owned()).collect();
-    Setup::new(Config::default(), campaign, model, &settings).expect("the paper's")
+    Setup::new(Config::default(), campaign, model, &settings, None).expect("the paper's")
 }
 
 /// Returns the motion of a setup from which its sensitivities are computed.
@@ -40,11 +40,11 @@ fn motion(setup: &Setup, omega_rad_s: f64) -> Motion {
 }
 
 const CASES: [(&str, &str, &[&str]); 5] = [
-    ("kinematic-skewed", "skid-roll", &[]),
+    ("kinematic-skewed", "skid-roll", &[], None),
     ("kinematic-symmetric", "coulomb-viscous", &[]),
     ("kinematic-skewed", "no-skid", &[]),
     ("semi-passive-symmetric", "no-skid-roll", &["rest_angle_deg=2"]),
-    ("semi-passive-symmetric", "skid-roll", &[]),
+    ("semi-passive-symmetric", "skid-roll", &[], None),
 ];
 
 #[test]
@@ -120,7 +120,7 @@ fn errors_of_values_measured_with_one_instrument_are_added_and_others_are_combin
         }
         let robot = config.robot["kinematic"].clone();
         let setup =
-            Setup::new(config, "kinematic-symmetric", "skid-roll", &[]).expect("the paper's");
+            Setup::new(config, "kinematic-symmetric", "skid-roll", &[], None).expect("the paper's");
         let uncertainty = InputUncertainty::configured(&robot, setup.laws, &setup.gait);
         motion(&setup, 4.0).sensitivities(false, &uncertainty).expect("a motion")
     };
@@ -182,7 +182,7 @@ fn a_setting_changes_the_quantity_of_the_same_name() {
         config.campaign.keys().flat_map(|of| models.iter().map(move |model| (of, model)))
     {
         let with = |settings: &[String]| {
-            Setup::new(config.clone(), campaign, model, settings).expect(campaign)
+            Setup::new(config.clone(), campaign, model, settings, None).expect(campaign)
         };
         let problem = with(&[]).problem(3.0);
         let sums = Parameter::ALL.into_iter().filter(|of| of.is_sum()).map(Quantity::Robot);
