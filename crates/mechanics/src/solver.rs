@@ -311,12 +311,10 @@ impl Solver {
         wanted: Slopes,
     ) -> Result<Vec<NumberDerivatives>> {
         let Problem { robot, gait, .. } = self.last.as_ref().ok_or(MotionError::Unsolved)?;
-        let numbers: Vec<(usize, ChainNumber, f64)> = parameters
-            .iter()
-            .enumerate()
-            .flat_map(|(i, parameter)| {
-                let shares = robot.shares_of(*parameter, gait).into_iter();
-                shares.map(move |(number, share)| (i, number, share))
+        let shares = robot.shares_of(parameters, gait).into_iter().enumerate();
+        let numbers: Vec<(usize, ChainNumber, f64)> = shares
+            .flat_map(|(i, shares)| {
+                shares.into_iter().map(move |(number, share)| (i, number, share))
             })
             .collect();
         // The skid ratios of three links refer to the mean length of the side links.

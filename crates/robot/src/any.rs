@@ -168,45 +168,25 @@ impl AnyRobot {
         }
     }
 
-    /// Returns the numbers of the robot as a chain ([`Robot::chain`]) with which a parameter changes if it has the given
-    /// gait, each with its change per unit of the parameter: for a sum over wheels its fraction of the sum. Empty if the
-    /// robot does not have the parameter.
-    pub fn shares_of(&self, parameter: Parameter, gait: &AnyGait) -> Vec<(ChainNumber, f64)> {
-        const FRONT: usize = 0;
-        const MIDDLE: usize = 1;
-        const REAR: usize = 2;
-        let gait = Gait::from(*gait);
-        let robot = match self {
-            Self::ThreeLinks(robot) => robot,
-            Self::Chain(chain) => return chain.shares_of(parameter),
+    /// Returns, for each parameter, the numbers of the robot as a chain ([`Robot::chain`]) with which it changes if the
+    /// robot has the given gait, each with its change per unit of the parameter: for a sum over wheels its fraction of the
+    /// sum. Empty if the robot does not have the parameter.
+    pub fn shares_of(
+        &self,
+        parameters: &[Parameter],
+        gait: &AnyGait,
+    ) -> Vec<Vec<(ChainNumber, f64)>> {
+        let of_each = |share: &dyn Fn(Parameter) -> Vec<(ChainNumber, f64)>| {
+            parameters.iter().map(|parameter| share(*parameter)).collect()
         };
-        let of_joint = |joint: usize| match (parameter.quantity(), joint) {
-            (Quantity::H, 1) => vec![(ChainNumber::Link(MIDDLE, LinkNumber::FrontJoint), 1.0)],
-            (Quantity::H, _) => vec![(ChainNumber::Link(MIDDLE, LinkNumber::RearJoint), 1.0)],
-            // A side link's origin is its wheel.
-            (Quantity::L, 1) => vec![
-                (ChainNumber::Link(FRONT, LinkNumber::RearJoint), 1.0),
-                (ChainNumber::Link(FRONT, LinkNumber::Com), -1.0),
-            ],
-            (Quantity::L, _) => vec![
-                (ChainNumber::Link(REAR, LinkNumber::FrontJoint), 1.0),
-                (ChainNumber::Link(REAR, LinkNumber::Com), 1.0),
-            ],
-            (Quantity::B, 1) => vec![(ChainNumber::Link(FRONT, LinkNumber::Com), 1.0)],
-            _ => vec![(ChainNumber::Link(REAR, LinkNumber::Com), -1.0)],
-        };
-        match (parameter.quantity().definition().per, parameter.number()) {
-            (Per::Joint, Some(joint)) => of_joint(joint),
-            (Per::Joint, None) => [of_joint(1), of_joint(2)].concat(),
-            (Per::FreeJoint, None) => {
-                let number = |joint| match parameter.quantity() {
-                    Quantity::Stiffness => ChainNumber::Joint(joint, JointNumber::Stiffness),
-                    Quantity::Damping => ChainNumber::Joint(joint, JointNumber::Damping),
-                    _ => ChainNumber::Command(joint, CommandNumber::Offset),
-                };
-                gait.passive_joint().map(|joint| (number(joint), 1.0)).into_iter().collect()
+        match self {
+            Self::ThreeLinks(robot) => {
+                let gait = Gait::from(*gait);
+                let chain = robot.chain(&gait);
+                let passive = gait.passive_joint();
+                of_each(&|parameter| Robot::shares_of(parameter, passive, &chain))
             }
-            _ => robot.chain(&gait).shares_of(parameter),
+            Self::Chain(chain) => of_each(&|parameter| chain.shares_of(parameter)),
         }
     }
 
@@ -249,6 +229,47 @@ impl AnyRobot {
             Self::Chain(chain) => {
                 laws.is_used(parameter.quantity()) && !chain.numbers_of(parameter).is_empty()
             }
+        }
+    }
+}
+
+impl Robot {
+    /// Returns what [`AnyRobot::shares_of`] does, given the index of the passive joint and the robot as a chain.
+    fn shares_of(
+        parameter: Parameter,
+        passive: Option<usize>,
+        chain: &Chain,
+    ) -> Vec<(ChainNumber, f64)> {
+        const FRONT: usize = 0;
+        const MIDDLE: usize = 1;
+        const REAR: usize = 2;
+        let of_joint = |joint: usize| match (parameter.quantity(), joint) {
+            (Quantity::H, 1) => vec![(ChainNumber::Link(MIDDLE, LinkNumber::FrontJoint), 1.0)],
+            (Quantity::H, _) => vec![(ChainNumber::Link(MIDDLE, LinkNumber::RearJoint), 1.0)],
+            // A side link's origin is its wheel.
+            (Quantity::L, 1) => vec![
+                (ChainNumber::Link(FRONT, LinkNumber::RearJoint), 1.0),
+                (ChainNumber::Link(FRONT, LinkNumber::Com), -1.0),
+            ],
+            (Quantity::L, _) => vec![
+                (ChainNumber::Link(REAR, LinkNumber::FrontJoint), 1.0),
+                (ChainNumber::Link(REAR, LinkNumber::Com), 1.0),
+            ],
+            (Quantity::B, 1) => vec![(ChainNumber::Link(FRONT, LinkNumber::Com), 1.0)],
+            _ => vec![(ChainNumber::Link(REAR, LinkNumber::Com), -1.0)],
+        };
+        match (parameter.quantity().definition().per, parameter.number()) {
+            (Per::Joint, Some(joint)) => of_joint(joint),
+            (Per::Joint, None) => [of_joint(1), of_joint(2)].concat(),
+            (Per::FreeJoint, None) => {
+                let number = |joint| match parameter.quantity() {
+                    Quantity::Stiffness => ChainNumber::Joint(joint, JointNumber::Stiffness),
+                    Quantity::Damping => ChainNumber::Joint(joint, JointNumber::Damping),
+                    _ => ChainNumber::Command(joint, CommandNumber::Offset),
+                };
+                passive.map(|joint| (number(joint), 1.0)).into_iter().collect()
+            }
+            _ => chain.shares_of(parameter),
         }
     }
 }

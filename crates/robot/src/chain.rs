@@ -455,7 +455,9 @@ impl Chain {
     pub fn number(&self, number: ChainNumber) -> Option<f64> {
         match number {
             ChainNumber::Link(link, number) => {
-                number.of(&mut self.links.get(link)?.clone()).copied()
+                // A copy without the name, which would have to be allocated.
+                let mut link = Link { name: String::new(), ..*self.links.get(link)? };
+                number.of(&mut link).copied()
             }
             ChainNumber::Rotor(link, number) => {
                 number.of(&mut self.links.get(link)?.rotor?.angle).copied()

@@ -122,8 +122,14 @@ impl<T: Number> Contact<T> {
     #[inline(always)]
     pub(super) fn of<F: Friction>(chain: &Chain, links: &Links<T>, link: usize) -> Option<Self> {
         let wheel = chain.links[link].wheel.as_ref()?;
-        let (sin, cos) = wheel.steer_rad.sin_cos();
-        let direction = rotated(links.heading[link].turn, [T::splat(cos), T::splat(sin)]);
+        let ahead = links.heading[link].turn;
+        let direction = match wheel.steer_rad {
+            0.0 => ahead,
+            steer_rad => {
+                let (sin, cos) = steer_rad.sin_cos();
+                rotated(ahead, [T::splat(cos), T::splat(sin)])
+            }
+        };
         let point = links.point(link, wheel.place_m);
         let roll_m_s = inner(direction, point.rate);
         let skid_m_s = inner(normal(direction), point.rate);

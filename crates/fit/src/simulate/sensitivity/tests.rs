@@ -40,11 +40,11 @@ fn motion(setup: &Setup, omega_rad_s: f64) -> Motion {
 }
 
 const CASES: [(&str, &str, &[&str]); 5] = [
-    ("kinematic-skewed", "skid-roll", &[], None),
+    ("kinematic-skewed", "skid-roll", &[]),
     ("kinematic-symmetric", "coulomb-viscous", &[]),
     ("kinematic-skewed", "no-skid", &[]),
     ("semi-passive-symmetric", "no-skid-roll", &["rest_angle_deg=2"]),
-    ("semi-passive-symmetric", "skid-roll", &[], None),
+    ("semi-passive-symmetric", "skid-roll", &[]),
 ];
 
 #[test]
@@ -121,7 +121,7 @@ fn errors_of_values_measured_with_one_instrument_are_added_and_others_are_combin
         let robot = config.robot["kinematic"].clone();
         let setup =
             Setup::new(config, "kinematic-symmetric", "skid-roll", &[], None).expect("the paper's");
-        let uncertainty = InputUncertainty::configured(&robot, setup.laws, &setup.gait);
+        let uncertainty = InputUncertainty::configured(&robot, setup.laws, &setup.gait.into());
         motion(&setup, 4.0).sensitivities(false, &uncertainty).expect("a motion")
     };
     let [independent, shared] = [rows(false), rows(true)];
