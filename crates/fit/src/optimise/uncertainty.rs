@@ -13,7 +13,7 @@ use trilink_tables::{NoIntervalReason, OptimumRow};
 
 use super::commands::Command;
 use super::drive::Drive;
-use super::landscape::{Position, ROUGH_ACCURACY};
+use super::landscape::{ACCURACY, Position, ROUGH_ACCURACY};
 use super::quadratic::Hessian;
 use super::search::LocalOptimum;
 use super::{Optimum, Search, are_same, find_local_optimum, normalise_phases, whole_turns};
@@ -310,9 +310,16 @@ impl Search {
     /// Selects the best reachable optimum among `ends` and the best gait for the originally fitted coefficients (the
     /// first of `candidates`), and evaluates the latter with the coefficients of this search.
     fn select_best(&self, candidates: &[&Optimum], ends: &[TrackedOptimum]) -> ReplicateOptimum {
-        let best = ends
-            .iter()
-            .find_map(|of| Some((self.reachable_optimum(of.problem.clone())?, of.origin)));
+        // At the accuracy of tracking, a small change of the commands has no measurable effect on the cost.
+        let mut accurate = self.landscape(ACCURACY);
+        let best = ends.iter().find_map(|TrackedOptimum { origin, end, problem }| {
+            let (start, hessian) = (end.position.clone(), Some(end.hessian.clone()));
+            let problem = match find_local_optimum(&mut accurate, start, hessian) {
+                Some(end) => normalise_phases(accurate.problem_at(&end.position)),
+                None => problem.clone(),
+            };
+            Some((self.reachable_optimum(problem)?, *origin))
+        });
         let fitted_problem = &candidates[0].problem;
         let fitted = self.reachable_optimum(self.with_commands_of(fitted_problem));
         let mut landscape = self.landscape(ROUGH_ACCURACY);
