@@ -18,7 +18,7 @@ pub(super) struct Cycle {
     pub dtheta_rad: f64,
     /// Skid ratios of the wheels, followed by zeros.
     pub sigma: [f64; MAX_LINKS],
-    /// Half the range of the angle of each measured joint ([`Reduced::measured_joints`]), rad.
+    /// Half the range of the angle of each free joint, rad.
     pub alpha_rad: [f64; MAX_JOINTS],
     /// Pose at the end of the time span of the mesh (one or more periods, or half of one).
     pub end: Pose,
@@ -51,7 +51,7 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
     let periods = mesh.periods as f64;
     let mut alpha_rad = [0.0; MAX_JOINTS];
-    for joint in 0..model.measured_joints() {
+    for joint in 0..R::ANGLES {
         alpha_rad[joint] = Extremes::find(joint, model, mesh, path, workspace).half_range();
     }
     Cycle {

@@ -12,9 +12,10 @@ use super::{Attractor, Result, Sample, Solver, SteadyMotion};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
     pub robot: AnyRobot,
-    /// Commands of the driven joints.
+    /// Commands of the driven joints. A joint of a chain without one keeps the command of the chain.
     pub gait: AnyGait,
     pub laws: Laws,
+    /// Frequency of the commands, rad/s; positive.
     pub omega_rad_s: f64,
 }
 
@@ -28,8 +29,8 @@ impl Problem {
         Self { robot: robot.into(), gait: gait.into(), laws, omega_rad_s }
     }
 
-    /// Returns the robot with the commands of its gait.
-    pub(crate) fn chain(&self) -> ChainProblem {
+    /// Returns the same problem with the robot as a chain.
+    pub(crate) fn as_chain(&self) -> ChainProblem {
         let Self { robot, gait, laws, omega_rad_s } = self;
         let chain = match robot {
             AnyRobot::ThreeLinks(robot) => robot.chain(&Gait::from(*gait)),
@@ -41,12 +42,12 @@ impl Problem {
     /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half a period,
     /// is also a motion.
     pub fn is_mirrored(&self) -> bool {
-        self.chain().chain.is_mirrored()
+        self.as_chain().chain.is_mirrored()
     }
 
     /// Returns whether the no-skid constraints and the commands alone determine the motion (eq. 3 of the paper).
     pub(super) fn is_determined(&self) -> bool {
-        self.chain().is_determined()
+        self.as_chain().is_determined()
     }
 
     /// Solves for the steady-state periodic motion to a relative `accuracy` of its metrics, and for its stability. To
@@ -92,17 +93,18 @@ impl Problem {
     /// Returns samples of the first `cycles` cycles from rest at phase 0: `samples` per cycle and one at the end.
     ///
     /// # Errors
-    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
+    /// Returns an error if the description of the robot is wrong, if the required time step is shorter than the minimum,
+    /// or if no motion exists.
     pub fn cycles_from_rest(&self, cycles: usize, samples: usize) -> Result<Vec<Sample>> {
-        self.chain().checked()?.steady()?.cycles_from_rest(cycles, samples)
+        self.as_chain().checked()?.steady()?.cycles_from_rest(cycles, samples)
     }
 
-    /// Returns the postures at `rate_hz` over `duration_s` from rest at phase 0, with a relative error per time step near
-    /// `tolerance`. All friction of the wheels in cycle i is scaled by `friction[i]`; cycles beyond the slice are
-    /// unscaled.
+    /// Returns the postures at the times `i / rate_hz` within `duration_s` (without its end) from rest at phase 0, with a
+    /// relative error per time step near `tolerance`. All friction of the wheels in cycle i is scaled by `friction[i]`;
+    /// cycles beyond the slice are unscaled.
     ///
     /// # Errors
-    /// Returns an error if the required time step is shorter than the minimum, or if no motion exists.
+    /// Returns an error as [`Problem::cycles_from_rest`] does.
     pub fn varied_transient(
         &self,
         friction: &[f64],
@@ -111,11 +113,11 @@ impl Problem {
         tolerance: f64,
     ) -> Result<Vec<Posture>> {
         let frames = Frames { friction, duration_s, rate_hz };
-        self.chain().checked()?.steady()?.transient(&frames, tolerance)
+        self.as_chain().checked()?.steady()?.transient(&frames, tolerance)
     }
 
-    /// Returns the metrics that the robot has, of those of the chain as which it is solved: of a robot of three links,
-    /// only joint 1 has a metric.
+    /// Replaces by NaN the metrics that the robot does not report: for three links, all joint ranges except that of joint
+    /// 1.
     pub(super) fn own_metrics(&self, mut metrics: GaitMetrics) -> GaitMetrics {
         if let AnyRobot::ThreeLinks(_) = self.robot {
             metrics.alpha_rad[1..].fill(f64::NAN);

@@ -27,21 +27,16 @@ impl<const N: usize, T: Number> Residual<N, T> {
 
 /// Maximum number of states: those of a chain of eight links whose joints are all free.
 pub(super) const MAX_STATES: usize = 17;
-/// Maximum number of quantities whose polynomials show the discretisation error; see [`Reduced::tracked`].
-pub(super) const MAX_TRACKED: usize = MAX_STATES;
 
-/// Equations of motion `0 = residual(t, y, y')` with `N` states. The last [`Reduced::ANGLES`] states are the angles of
-/// the free joints: the time integrals of as many states before them, to which the residual does not relate them. All
-/// others are velocities.
+/// Equations of motion `0 = residual(t, y, y')` with `N` states. The last [`Reduced::ANGLES`] states are the angles of the
+/// free joints, and as many states before them are their rates; all others are velocities. The residual does not contain
+/// that the rates are the time derivatives of the angles: the collocation integrates them.
 pub(super) trait Reduced<const N: usize>: Clone {
     /// Number of states that are angles.
     const ANGLES: usize;
 
     /// Number of unknowns per stage of a collocation element.
     const UNKNOWNS: usize = N - Self::ANGLES;
-
-    /// Number of quantities that [`Reduced::tracked`] returns; the others are zero.
-    const TRACKED: usize;
 
     /// Joint commands at one time, with the quantities that depend on them alone; computed once per solution.
     type Node<T: Number>: Copy + std::fmt::Debug;
@@ -65,9 +60,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
 
     /// Returns the equations with the transition speed of dry friction multiplied by `factor`; `None` if
     /// there is no dry friction.
-    fn with_transition_scaled(&self, factor: f64) -> Option<Self>
-    where
-        Self: Sized;
+    fn with_transition_scaled(&self, factor: f64) -> Option<Self>;
 
     /// Returns the equations with all friction of the wheels multiplied by `factor`.
     fn with_friction_scaled(&self, factor: f64) -> Self;
@@ -95,7 +88,7 @@ pub(super) trait Reduced<const N: usize>: Clone {
 
     /// Returns the quantities whose polynomials show the discretisation error, given the velocities of the reference
     /// link along the world axes.
-    fn tracked<T: Number>(&self, state: &Self::State<T>, rates: [T; 2]) -> [T; MAX_TRACKED];
+    fn tracked<T: Number>(&self, state: &Self::State<T>, rates: [T; 2]) -> [T; N];
 
     /// Returns the number of wheels.
     fn wheels(&self) -> usize;
@@ -103,30 +96,20 @@ pub(super) trait Reduced<const N: usize>: Clone {
     /// Returns the skid velocities of the wheels, m/s, followed by zeros.
     fn skid_m_s<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> [T; MAX_LINKS];
 
-    /// Returns the number of free joints whose range of motion is a metric; they come first among the free joints.
-    fn measured_joints(&self) -> usize;
-
     /// Returns the angle (rad) and the rate (rad/s) of a free joint, given its index among the free joints.
     fn free_joint<T: Number>(state: &Self::State<T>, index: usize) -> [T; 2];
 
     /// Returns the angles of all joints from front to rear, rad, followed by zeros.
     fn joints_rad(&self, phase_rad: f64, state: &Self::State<f64>) -> [f64; MAX_JOINTS];
 
-    /// Returns the power dissipated by friction and damping, W.
+    /// Returns the power dissipated by friction, drag and damping, W.
     fn loss_w<T: Number>(&self, node: &Self::Node<T>, state: &Self::State<T>) -> T;
 
     /// Returns the power of the actuators and the power dissipated, W, given the time derivatives `dy` of the states.
     fn power_and_loss_w(&self, phase_rad: Lanes, y: &[Lanes; N], dy: &[Lanes; N]) -> [Lanes; 2];
 
     /// Returns the sample of a motion at one time, given the time derivatives `dy` of the states.
-    fn sample(
-        &self,
-        time_s: f64,
-        pose: Pose,
-        node: &Self::Node<f64>,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> Sample;
+    fn sample(&self, time_s: f64, pose: Pose, y: &[f64; N], dy: &[f64; N]) -> Sample;
 
     /// Returns the time derivatives of the states at a phase, for which the equations of motion are a linear system;
     /// NaN if the system is singular.

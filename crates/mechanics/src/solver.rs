@@ -22,8 +22,8 @@ pub struct Solver {
     /// Creates the equations of motion of a problem under the solver's friction law.
     steady: fn(ChainProblem) -> Result<Box<dyn Steady>>,
     kept: Option<Box<dyn Steady>>,
-    /// Kind of the motion from which the next solution starts; `None` if it starts from the initial guess. After a failed
-    /// [`Solver::solve_near`], the last solution that was found can still be the start.
+    /// Kind of the motion from which the next solution starts; `None` if it starts from the initial guess. It is kept after
+    /// a failed [`Solver::solve_near`], but not after a failed [`Solver::solve`].
     start: Option<StartKind>,
     /// Last problem that was solved.
     last: Option<Problem>,
@@ -70,7 +70,8 @@ impl Attractor {
     }
 }
 
-/// Derivatives of the metrics, and of the work of the actuators over a cycle (J), per unit of a number.
+/// Derivatives of the metrics, and of the work of the actuators over a cycle (J), per SI unit of a number. Those with
+/// respect to a length are at constant [`skid_length_m`](trilink_robot::Chain::skid_length_m).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NumberDerivatives {
     pub metrics: GaitMetrics,
@@ -78,7 +79,8 @@ pub struct NumberDerivatives {
 }
 
 /// Derivatives of metrics with respect to the frequency, per rad/s, and to the offset, amplitude and phase of each
-/// joint's command, per radian; zero for a joint that is not driven, NaN if no motion exists for neighbouring gaits.
+/// joint's command (`gait[joint][number]`), per radian; zero for a joint that is not driven, NaN if no motion exists for
+/// neighbouring gaits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputDerivatives {
     pub omega: GaitMetrics,
@@ -96,9 +98,12 @@ impl Default for Solver {
 }
 
 impl Solver {
-    /// Creates a solver that uses friction law `F` in place of the friction laws in the problems. The laws in
-    /// a problem then determine only whether the wheels can skid, and with respect to which numbers
+    /// Creates a solver that uses friction law `F` in place of the friction laws in the problems. The laws in a problem then
+    /// determine only whether the wheels can skid, which coefficients are zero, and with respect to which numbers
     /// derivatives are computed. The example `own_friction` defines such a law.
+    ///
+    /// Derivatives with respect to the frequency require that a law scales as [`Dry`] does: if all velocities are multiplied
+    /// by c, and all coefficients by c to [`ChainNumber::power_of_omega`], the forces are multiplied by the square of c.
     pub fn with_friction<F: Friction>() -> Self {
         Self {
             steady: ChainProblem::steady_with::<F>,
@@ -117,7 +122,7 @@ impl Solver {
     /// Returns an error if the description of the robot is wrong, if the problem has no steady-state motion, or if the
     /// motion could not be found or resolved.
     pub fn solve(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
-        let chain = problem.chain();
+        let chain = problem.as_chain();
         let kind = StartKind::of(&chain);
         let is_warm = self.start.take() == Some(kind);
         let metrics = self.set_problem(chain)?.solve(is_warm, accuracy)?;
@@ -132,7 +137,7 @@ impl Solver {
     /// # Errors
     /// Returns an error as [`Solver::solve`] does, or if the motion is too far from the existing solution.
     pub fn solve_near(&mut self, problem: &Problem, accuracy: f64) -> Result<GaitMetrics> {
-        let chain = problem.chain();
+        let chain = problem.as_chain();
         let kind = StartKind::of(&chain);
         if self.start != Some(kind) {
             return self.solve(problem, accuracy);
@@ -146,7 +151,8 @@ impl Solver {
     /// solution starts from that motion.
     ///
     /// # Errors
-    /// Returns an error if the transient cannot be integrated or does not settle.
+    /// Returns an error if the description of the robot is wrong, if the transient cannot be integrated or does not settle,
+    /// or, where constraints and commands determine the motion, as [`Solver::solve`] does.
     pub fn settle(&mut self, problem: &Problem, accuracy: f64) -> Result<Attractor> {
         let first = self.solve(problem, accuracy);
         self.attractor(problem, first, accuracy)
@@ -163,7 +169,7 @@ impl Solver {
         first: Result<GaitMetrics>,
         accuracy: f64,
     ) -> Result<Attractor> {
-        let chain = problem.chain();
+        let chain = problem.as_chain();
         let kind = StartKind::of(&chain);
         if chain.is_determined() {
             let motion = self.steady_motion(first?)?;
@@ -190,7 +196,7 @@ impl Solver {
         Self { kept, last: None, effort: Effort::default(), ..*self }
     }
 
-    /// Makes the next solution start from the model's initial guess; the workspace is retained.
+    /// Makes the next solution start from the model's initial guess, and drops the last solution; the workspace is retained.
     pub fn forget(&mut self) {
         (self.start, self.last) = (None, None);
     }
@@ -267,7 +273,7 @@ impl Solver {
         self.solved()?.1.cycle(samples)
     }
 
-    /// Returns the computational effort of the last [`Solver::solve`].
+    /// Returns the computational effort of the last search for a motion.
     pub fn effort(&self) -> Effort {
         self.effort
     }
@@ -382,7 +388,7 @@ impl Solver {
         numbers: &[ChainNumber],
         wanted: Slopes,
     ) -> Result<(NumberDerivatives, Vec<NumberDerivatives>)> {
-        let problem = self.last.as_ref().ok_or(MotionError::Unsolved)?.chain().effective();
+        let problem = self.last.as_ref().ok_or(MotionError::Unsolved)?.as_chain().effective();
         let omega_rad_s = problem.omega_rad_s;
         // The motion as a function of phase is the same at another frequency if each number is scaled by a power of it.
         let scaled: Vec<(ChainNumber, f64)> = problem
@@ -430,14 +436,15 @@ impl Solver {
     }
 
     /// Returns the largest absolute torque of the actuators of joints at `samples + 1` times of a cycle of the last
-    /// solution, N m: the torque at driven and elastic joints, and the commanded torque. Torques that are not finite, at
-    /// a singular shape, are left out; zero if there are no others.
+    /// solution, N m: the whole torque at driven joints and at free joints whose spring is commanded, the prescribed torque
+    /// at the other free joints. Torques that are not finite, at a singular shape, are left out; zero if there are no
+    /// others.
     ///
     /// # Errors
     /// Returns an error as [`Solver::cycle`] does.
     pub fn largest_torque_nm(&mut self, samples: usize) -> Result<f64> {
         let ChainProblem { chain, omega_rad_s, .. } =
-            self.last.as_ref().ok_or(MotionError::Unsolved)?.chain();
+            self.last.as_ref().ok_or(MotionError::Unsolved)?.as_chain();
         let cycle = self.cycle(samples)?;
         let torques_nm = cycle.iter().flat_map(|sample| {
             let joints = chain.joints.iter().zip(&sample.torque_nm);
@@ -466,7 +473,7 @@ impl Solver {
         self.last = None;
         let problem = problem.checked()?;
         let free_joints = problem.chain.free_joints();
-        // If the equations of a problem cannot be set up, the last solution remains the start of the next.
+        // If the equations of a problem cannot be set up, the last solution can still be the start of the next.
         match self.kept.take_if(|kept| kept.free_joints() == free_joints) {
             Some(mut kept) => {
                 let result = kept.set_problem(problem);

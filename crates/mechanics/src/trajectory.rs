@@ -140,6 +140,6 @@ impl<'a, const N: usize, R: Reduced<N>> Sampler<'a, N, R> {
     fn push(&mut self, time_s: f64, state: &[f64; N], pose: Pose) {
         let node = self.model.node(self.omega_rad_s * time_s);
         let rates = self.model.rates(self.omega_rad_s * time_s, &node, state);
-        self.samples.push(self.model.sample(time_s, pose, &node, state, &rates));
+        self.samples.push(self.model.sample(time_s, pose, state, &rates));
     }
 }

@@ -14,8 +14,8 @@ use trilink_tables::{Columns as _, Extrapolation, NoInterval, rows};
 
 use super::{FitSummary, Setup};
 
-/// Steady-state motion of a [`Setup`] at one frequency. If the model has no periodic solution, all values are NaN (null
-/// in JSON) and a reason is given.
+/// Steady-state motion of a [`Setup`] at one frequency. If the model has no periodic solution, all values are NaN or `None`
+/// (null in JSON) and a reason is given.
 #[derive(Debug, Serialize)]
 pub struct Answer<'a> {
     #[serde(skip)]
@@ -28,18 +28,22 @@ pub struct Answer<'a> {
     pub work_j: f64,
     /// Work done by the actuators per metre of displacement, J/m.
     pub work_j_m: f64,
-    /// Work done by the actuators over a cycle, divided by weight and displacement.
+    /// Work done by the actuators over a cycle, divided by weight and displacement; dimensionless.
     pub cost_of_transport: f64,
+    /// Stability of the motion, or why there is none.
     pub status: MotionStatus,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
+    /// Modulus of the largest Floquet multiplier; `None` if the motion has no dynamic states.
     pub floquet: Option<f64>,
+    /// Whether this motion is reached from rest; `None` if there is none.
     pub from_rest: Option<FromRest>,
     /// Number of cycles after which the robot, started from rest, stays within 1 % of its steady-state motion; `None`
     /// if unknown.
     pub cycles_to_settle: Option<usize>,
     /// Metrics extrapolated to zero transition speed (the speed below which dry friction is smoothed); `None` if the
-    /// motion does not depend on dry friction, or if the extrapolation fails.
+    /// motion does not depend on dry friction, if the extrapolation fails, or if this motion is reached from rest but not
+    /// the one that Newton's method finds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sharp_limit: Option<SharpLimit>,
     /// Confidence limits of the metrics, if requested.
@@ -62,7 +66,8 @@ pub struct Answer<'a> {
     gait: &'a Map<String, Value>,
 }
 
-/// 95 % confidence limits of the metrics due to the uncertainty of the coefficients. If there are none, they are NaN
+/// 95 % confidence limits of the metrics due to the uncertainty of the coefficients, from the refits of the bootstrap. If
+/// there are none, they are NaN
 /// and `no_interval` gives the reason.
 #[derive(Debug, Clone, Serialize)]
 pub struct Interval {
@@ -78,18 +83,16 @@ impl Interval {
     }
 }
 
-/// Solves for the steady-state motion, or for the attractor reached from rest if `from_rest`. The returned solver holds
-/// this solution as its latest one.
+/// Solves for the steady-state motion or, if `from_rest` or if none is found, for the attractor reached from rest. The
+/// returned solver holds this solution as its latest one.
 pub(super) fn solve_motion(
     problem: &Problem,
     from_rest: bool,
 ) -> Result<(Solver, SteadyMotion), MotionError> {
     let mut solver = Solver::default();
-    let metrics = solver.solve(problem, REFERENCE_ACCURACY);
-    let motion = if from_rest {
-        solver.attractor(problem, metrics, REFERENCE_ACCURACY)?.motion
-    } else {
-        solver.steady_motion(metrics?)?
+    let motion = match solver.solve(problem, REFERENCE_ACCURACY) {
+        Ok(metrics) if !from_rest => solver.steady_motion(metrics)?,
+        first => solver.attractor(problem, first, REFERENCE_ACCURACY)?.motion,
     };
     Ok((solver, motion))
 }
@@ -119,7 +122,7 @@ rows! {
         pub from_rest: Option<FromRest>,
         pub cycles_to_settle: Option<i64>,
         /// Metrics extrapolated to zero transition speed (the speed below which dry friction is smoothed); NaN if the
-        /// motion does not depend on dry friction, or if the extrapolation fails.
+        /// motion does not depend on dry friction, or if there is no such limit of this motion.
         pub sharp_limit: GaitMetrics as "sharp_limit_{}",
         /// Uncertainty of the extrapolation to zero transition speed.
         pub uncertainty: GaitMetrics as "sharp_limit_{}_uncertainty" after "sharp_limit_{}",
@@ -133,6 +136,10 @@ impl<'a> Answer<'a> {
         let first = metrics.clone().and_then(|metrics| solver.steady_motion(metrics));
         let attractor = solver.attractor(problem, metrics, REFERENCE_ACCURACY);
         let cycles_to_settle = attractor.as_ref().ok().map(|attractor| attractor.cycles);
+        let is_found_by_solve = match &attractor {
+            Ok(attractor) if from_rest => attractor.is_found_by_solve,
+            _ => first.is_ok(),
+        };
         let (motion, reach) = match (first, attractor) {
             (Ok(first), attractor) if !from_rest => {
                 (Ok(first), Some(Attractor::from_rest(&attractor)))
@@ -146,8 +153,9 @@ impl<'a> Answer<'a> {
             Err(error) => (error.status(), Some(error.to_string())),
         };
         let motion = motion.ok();
-        let sharp_limit =
-            motion.and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
+        let sharp_limit = motion
+            .filter(|_| is_found_by_solve)
+            .and_then(|_| problem.sharp_limit(REFERENCE_ACCURACY).ok().flatten());
         let metrics = motion.map_or(GaitMetrics::MISSING, |motion| motion.metrics);
         let work_j = motion.map_or(f64::NAN, |motion| motion.work_j);
         let work_j_m = if metrics.d_m > 0.0 { work_j / metrics.d_m } else { f64::NAN };

@@ -322,7 +322,7 @@ impl FittedSetup {
         }
     }
 
-    /// Returns copies of a robot with the coefficients of refits; see [`AnySetup::alternatives`].
+    /// Returns copies of a robot with the coefficients of refits; see [`Setup::alternatives`](super::Setup::alternatives).
     pub(super) fn alternatives(
         &self,
         robot: &AnyRobot,

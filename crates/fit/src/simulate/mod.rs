@@ -43,12 +43,12 @@ pub enum SetupError {
     Table(String),
     /// Any other reason, such as an unknown name of a campaign, model or parameter, as a message.
     #[error("{0}")]
-    Name(String),
+    Other(String),
 }
 
 impl From<String> for SetupError {
     fn from(message: String) -> Self {
-        Self::Name(message)
+        Self::Other(message)
     }
 }
 
@@ -61,8 +61,8 @@ pub struct Sensitivities {
     pub unknown: Option<NoInterval>,
 }
 
-/// Returns the uncertainty of the quantities that influence the motions of a problem: if the coefficients are fitted,
-/// that which includes the coefficients or, with the reason why it is unknown, the configured one.
+/// Returns the uncertainty of the quantities that influence the motions of a problem. With fitted coefficients it includes
+/// theirs; if that is unknown, returns the configured uncertainty and the reason.
 fn uncertainty(
     configured: &InputUncertainty,
     fitted: Option<(&KnownFits, &FittedSetup)>,
@@ -183,7 +183,8 @@ impl Setup {
         }
     }
 
-    /// Returns the setup with a number set to a value in the unit of its name; `None` if the name is unknown.
+    /// Returns the setup with a number set to a value in the unit of its name; `None` if the name is unknown. Its answers
+    /// still show the keys and values of the configuration.
     pub fn with_number(&self, name: &str, value: f64) -> Option<Self> {
         let mut setup = self.clone();
         let Some((robot, gait)) = &self.short_form else {
@@ -223,9 +224,15 @@ impl Setup {
         Problem::new(self.robot.clone(), self.gait, self.laws, omega_rad_s)
     }
 
-    /// Solves for the steady-state motion at a frequency, or for the attractor reached from rest if `from_rest`.
+    /// Solves for the steady-state motion at a frequency or, if `from_rest` or if Newton's method finds none, for the
+    /// attractor reached from rest.
     pub fn answer(&self, omega_rad_s: f64, from_rest: bool) -> Answer<'_> {
         Answer::new(self, &self.problem(omega_rad_s), from_rest)
+    }
+
+    /// Returns the keys and values of the gait in the configuration.
+    pub fn configured_gait(&self) -> &Map<String, Value> {
+        &self.commands
     }
 
     /// Returns the summary of the fit that provides the coefficients; `None` for configured coefficients.
@@ -331,10 +338,10 @@ impl Setup {
     }
 
     /// Samples one steady-state cycle of an answer at `samples + 1` times, or, if `from_rest`, all cycles from rest up
-    /// to the steady state and one more.
+    /// to the steady state and one more; 50 cycles if that state is not reached.
     ///
     /// # Errors
-    /// Returns an error if the model has no periodic solution.
+    /// Returns an error if the model has no periodic solution or, if `from_rest`, no motion.
     pub fn trajectory(
         &self,
         answer: &Answer,

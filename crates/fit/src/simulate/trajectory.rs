@@ -1,12 +1,11 @@
 //! Time series of simulated motions.
 
-use trilink_mechanics::{
-    FORCES_ACCURACY, MotionError, Problem, REFERENCE_ACCURACY, Sample, Solver,
-};
+use trilink_mechanics::{FORCES_ACCURACY, MotionError, Problem, Sample, Solver};
 use trilink_robot::AnyRobot;
 use trilink_tables::{Column, Columns, Table};
 
 use super::Answer;
+use super::answer::solve_motion;
 
 /// Number of cycles to simulate from rest if the motion does not reach a steady state.
 const UNSETTLED_CYCLES: usize = 50;
@@ -29,14 +28,15 @@ pub(super) fn sample_motion(
 
 fn steady_cycle(problem: &Problem, samples: usize) -> Result<Vec<Sample>, MotionError> {
     let mut solver = Solver::default();
-    // The least smooth solutions cannot reach the higher accuracy.
-    let fine = solver.solve(problem, FORCES_ACCURACY);
-    fine.or_else(|_| solver.solve(problem, REFERENCE_ACCURACY))?;
+    if solver.solve(problem, FORCES_ACCURACY).is_err() {
+        // The least smooth solutions cannot reach the higher accuracy.
+        (solver, _) = solve_motion(problem, false)?;
+    }
     solver.cycle(samples)
 }
 
-/// Returns the table of samples of answers for a robot: a column for each link, by number, and for each joint,
-/// from 1.
+/// Returns the table of samples of answers for a robot, one row per sample: among its columns are those for each link, by
+/// number, and for each joint, from 1.
 pub fn trajectories(robot: &AnyRobot, cycles: &[(&Answer, Vec<Sample>)]) -> Table {
     type Number = fn(&Sample) -> f64;
     type Each = fn(&Sample) -> &Vec<f64>;

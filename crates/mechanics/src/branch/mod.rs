@@ -71,7 +71,7 @@ pub fn branches(
     // All problems are converted to one frequency with the same motion per radian of phase, so that no time
     // scale depends on the parameter.
     let at = |value: f64| problem_at(value).per_radian_as(first.omega_rad_s).effective();
-    let mut found = first.chain().checked()?.steady()?.branches(&at, &sweep)?;
+    let mut found = first.as_chain().checked()?.steady()?.branches(&at, &sweep)?;
     for point in found.iter_mut().flat_map(|branch| &mut branch.points) {
         point.metrics = first.own_metrics(point.metrics);
     }
@@ -125,7 +125,7 @@ impl Problem {
     /// command's phase.
     fn per_radian_as(&self, omega_rad_s: f64) -> ChainProblem {
         let ratio = omega_rad_s / self.omega_rad_s;
-        let mut problem = ChainProblem { omega_rad_s, ..self.chain() };
+        let mut problem = ChainProblem { omega_rad_s, ..self.as_chain() };
         for number in problem.chain.numbers() {
             if let Some(value) = problem.chain.number_mut(number) {
                 *value *= ratio.powi(number.power_of_omega());

@@ -18,9 +18,9 @@ use super::constraint::{Equation, turned};
 use super::determined::{is_unbounded, velocities_and_factors};
 use super::links::Motion;
 use super::model::{Model, Wheels};
-use super::power::{Power, Resistance, Resisted, Virtual, needs_sums};
+use super::power::{EvaluatedMotion, Power, Resistance, Virtual, needs_evaluate};
 use super::wave::Wave;
-use super::{ChainProblem, number_of};
+use super::{ChainProblem, in_link_order};
 use crate::Result;
 use crate::cycle::Cycle;
 use crate::element::{Element, Stages};
@@ -39,19 +39,21 @@ pub(crate) enum Slopes {
     All,
 }
 
-/// Number of quantities whose derivatives are computed together.
+/// Maximum number of quantities whose derivatives are computed together.
 const TOGETHER: usize = 5;
 
-/// Quantity whose derivatives are computed.
+/// Output of a solution whose derivatives are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Quantity {
+enum Output {
     /// Skid ratio of a wheel, given its index from front to rear and that of its link.
     Sigma {
         wheel: usize,
         link: usize,
     },
     Distance,
-    /// Displacement under a change that has opposite effects in the two halves of the period.
+    /// Displacement under a change that breaks the half-period symmetry: the second half of the motion changes like the
+    /// mirror image of the first with the opposite sign, and the displacement because the heading at half the period
+    /// does.
     OddDistance,
     /// Rotation per cycle.
     Turn,
@@ -61,7 +63,7 @@ enum Quantity {
     Loss,
 }
 
-impl Quantity {
+impl Output {
     /// Returns whether the quantity changes its sign under the half-period symmetry.
     fn is_odd(self) -> bool {
         matches!(self, Self::OddDistance | Self::Turn)
@@ -119,18 +121,18 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction
     let has_odd = is_half && numbers.iter().any(|number| number.is_odd());
     let wheels = model.system.wheels.iter().enumerate();
     let skids = wheels.filter(|_| model.skids());
-    let mut quantities: Vec<Quantity> =
-        skids.map(|(wheel, (_, link, _))| Quantity::Sigma { wheel, link: *link }).collect();
-    quantities.push(Quantity::Distance);
-    quantities.extend((0..C - 1).map(Quantity::Range));
+    let mut quantities: Vec<Output> =
+        skids.map(|(wheel, (_, link, _))| Output::Sigma { wheel, link: *link }).collect();
+    quantities.push(Output::Distance);
+    quantities.extend((0..C - 1).map(Output::Range));
     if wanted_slopes == Slopes::All {
-        quantities.push(Quantity::Loss);
+        quantities.push(Output::Loss);
     }
     if has_odd {
-        quantities.push(Quantity::OddDistance);
+        quantities.push(Output::OddDistance);
     }
     if has_odd || !is_half {
-        quantities.push(Quantity::Turn);
+        quantities.push(Output::Turn);
     }
     let differentiation = Differentiation::new(model, orbit, &cycle, &wanted);
     let mut adjoint = Adjoint::default();
@@ -141,7 +143,7 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction
     let persists = differentiation.persists();
     let slope = |i: usize, wanted: &Wanted| {
         let is_odd = is_half && wanted.number.is_odd();
-        let of = |quantity: Quantity| {
+        let of = |quantity: Output| {
             let at = quantities.iter().position(|one| *one == quantity);
             let is_zero = !wanted.is_used(problem) || is_half && quantity.is_odd() != is_odd;
             match at.filter(|_| !is_zero) {
@@ -160,18 +162,19 @@ fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
     model: &Model<N, C, D, F>,
     number: ChainNumber,
     is_odd: bool,
-    of: impl Fn(Quantity) -> f64,
+    of: impl Fn(Output) -> f64,
 ) -> (GaitMetrics, f64) {
     let ChainProblem { chain, omega_rad_s, .. } = &model.problem;
-    let d_m = of(if is_odd { Quantity::OddDistance } else { Quantity::Distance });
+    let d_m = of(if is_odd { Output::OddDistance } else { Output::Distance });
     let mut sigma = [f64::NAN; MAX_LINKS];
     for (wheel, (_, link, _)) in model.system.wheels.iter().enumerate() {
-        sigma[number_of(chain, *link)] = of(Quantity::Sigma { wheel, link: *link });
+        sigma[wheel] = of(Output::Sigma { wheel, link: *link });
     }
+    let sigma = in_link_order(model, &sigma);
     let mut alpha_rad = [f64::NAN; MAX_JOINTS];
     alpha_rad[..chain.joints.len()].fill(0.0);
     for c in 1..C {
-        alpha_rad[model.system.clusters.all[c].joint] = of(Quantity::Range(c - 1));
+        alpha_rad[model.system.clusters.all[c].joint] = of(Output::Range(c - 1));
     }
     if let ChainNumber::Command(joint, number) = number
         && let Joint::Driven(command) = &chain.joints[joint]
@@ -180,16 +183,16 @@ fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
         alpha_rad[joint] = command.half_range_slopes()[index];
     }
     let v_m_s = d_m * omega_rad_s / TAU;
-    let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha_rad, dtheta_rad: of(Quantity::Turn) };
-    (metrics, of(Quantity::Loss))
+    let metrics = GaitMetrics { d_m, v_m_s, sigma, alpha_rad, dtheta_rad: of(Output::Turn) };
+    (metrics, of(Output::Loss))
 }
 
 /// Solution whose derivatives are computed.
 struct Differentiation<'a, const N: usize, const C: usize, const D: usize, F: Friction> {
     model: &'a Model<N, C, D, F>,
     wanted: &'a [Wanted],
-    /// Whether one of the wanted numbers [`needs_sums`].
-    needs_sums: bool,
+    /// Whether one of the wanted numbers needs [`Power::evaluate`].
+    needs_evaluate: bool,
     /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh, and those for a
     /// change that has opposite effects in the two halves of the period.
     dd_dend: [[f64; 3]; 2],
@@ -208,7 +211,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         wanted: &'a [Wanted],
     ) -> Self {
         let Pose { x_m: x, y_m: y, theta_rad } = cycle.end;
-        // Pose after the half period and its mirror image.
+        // Pose at the end of the period, after a half and its mirror image.
         let whole = cycle.end * cycle.end.mirrored();
         let (sin, cos) = theta_rad.sin_cos();
         let turned = whole.x_m * (cos * y - sin * x) + whole.y_m * (cos * x + sin * y);
@@ -223,16 +226,18 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         let even = if orbit.mesh.is_half { halves(1.0) } else { [x, y, 0.0] };
         // The gradient of a zero distance is undefined and taken as zero.
         let per_m = if cycle.d_m > 0.0 { 1.0 / cycle.d_m } else { 0.0 };
-        let scale = model.skid_scale_m_s().powi(2);
+        let scale_squared = model.skid_scale_m_s().powi(2);
         Self {
             model,
             wanted,
-            needs_sums: wanted.iter().any(|one| needs_sums(&model.problem.chain, one.number)),
+            needs_evaluate: wanted
+                .iter()
+                .any(|one| needs_evaluate(&model.problem.chain, one.number)),
             dd_dend: [even, halves(-1.0)].map(|slopes| slopes.map(|slope| slope * per_m)),
             end: cycle.end,
             dsigma_dskid: cycle.sigma.map(|sigma| match sigma {
                 0.0 => 0.0,
-                sigma => 1.0 / (scale * sigma),
+                sigma => 1.0 / (scale_squared * sigma),
             }),
         }
     }
@@ -241,7 +246,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     /// quantity.
     fn of(
         &self,
-        quantities: &[Quantity],
+        quantities: &[Output],
         orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
         adjoint: &mut Adjoint<N, TOGETHER>,
     ) -> Result<Vec<f64>> {
@@ -250,7 +255,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         let mut at_turns = vec![0.0; quantities.len() * count];
         for (q, quantity) in quantities.iter().enumerate() {
             adjoint.is_odd[q] = orbit.mesh.is_half && quantity.is_odd();
-            if let Quantity::Range(joint) = quantity {
+            if let Output::Range(joint) = quantity {
                 let own = &mut at_turns[q * count..][..count];
                 adjoint.starts[q] = self.range(*joint, orbit, own)?;
             }
@@ -266,15 +271,15 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             for (q, quantity) in quantities.iter().enumerate() {
                 let own = &mut adjoint.weights[pack * TOGETHER + q];
                 match quantity {
-                    Quantity::Distance => self.path(self.dd_dend[0], leg, weights[1], own),
-                    Quantity::OddDistance => self.path(self.dd_dend[1], leg, weights[1], own),
-                    Quantity::Turn => {
+                    Output::Distance => self.path(self.dd_dend[0], leg, weights[1], own),
+                    Output::OddDistance => self.path(self.dd_dend[1], leg, weights[1], own),
+                    Output::Turn => {
                         for (own, weight) in own.iter_mut().zip(RADAU.integrate[STAGES - 1]) {
                             own[2] = Lanes::splat(spans * weight) * weights[1];
                         }
                     }
-                    Quantity::Range(_) => {}
-                    Quantity::Sigma { wheel, .. } => {
+                    Output::Range(_) => {}
+                    Output::Sigma { wheel, .. } => {
                         for j in 0..STAGES {
                             let factor = RADAU.integrate[STAGES - 1][j] * self.dsigma_dskid[*wheel];
                             let factor = Lanes::splat(factor) * weights[0];
@@ -282,10 +287,10 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                                 self.by_skid(*wheel, &element.nodes[j], &leg.states[j], factor);
                         }
                     }
-                    Quantity::Loss => {
+                    Output::Loss => {
                         let motions = self.motions(&element, &phases_rad);
                         for j in 0..STAGES {
-                            let at = self.resisted(&motions[j], [Lanes::default(); MAX_LINKS]);
+                            let at = self.evaluated(&motions[j], [Lanes::default(); MAX_LINKS]);
                             let direct = self.direct(*quantity, &at, j, weights, spans);
                             own[j] = self.by_state(&mut power, &at, &direct);
                         }
@@ -305,13 +310,13 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             let motions = self.motions(&element, &phases_rad);
             for j in 0..STAGES {
                 let weighted = Weighted::new(self.model, &element, j);
-                let at = self.resisted(&motions[j], weighted.constraint_n);
+                let at = self.evaluated(&motions[j], weighted.constraint_n);
                 let factors = adjoint.factors::<Model<N, C, D, F>>(pack, j);
                 for (q, quantity) in quantities.iter().enumerate() {
                     let own = &mut sums[q * count..][..count];
                     let rows = std::array::from_fn(|i| -factors[i][q]);
                     let mut along = weighted.along(self.model, &rows);
-                    if let Quantity::Sigma { .. } | Quantity::Loss = quantity {
+                    if let Output::Sigma { .. } | Output::Loss = quantity {
                         let direct = self.direct(*quantity, &at, j, weights, spans);
                         match direct.resistance {
                             Resistance::All => {
@@ -320,7 +325,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                             Resistance::Dissipation => self.add(&mut power, &at, &direct, own),
                         }
                     }
-                    if let Wheels::Follow(determined) = &self.model.wheels {
+                    if let Wheels::Determined(determined) = &self.model.wheels {
                         let (count, points) = determined.points(&self.model.system, phases_rad[j]);
                         for (weight, phase_rad) in &points[..count] {
                             self.add_determined(
@@ -353,31 +358,31 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         })
     }
 
-    fn resisted<'m, T: Number>(
+    fn evaluated<'m, T: Number>(
         &self,
         motion: &'m Motion<T>,
         constraint_n: [T; MAX_LINKS],
-    ) -> Resisted<'m, T>
+    ) -> EvaluatedMotion<'m, T>
     where
         'a: 'm,
     {
         let ChainProblem { chain, omega_rad_s, .. } = &self.model.problem;
-        Resisted::new::<F>(chain, motion, *omega_rad_s, constraint_n)
+        EvaluatedMotion::new::<F>(chain, motion, *omega_rad_s, constraint_n)
     }
 
     /// Returns the power whose derivatives are those of a quantity's direct dependence on the motion at stage `j`, given
     /// [`Mesh::weights`](crate::mesh::Mesh::weights).
     fn direct(
         &self,
-        quantity: Quantity,
-        at: &Resisted<Lanes>,
+        quantity: Output,
+        at: &EvaluatedMotion<Lanes>,
         j: usize,
         [part, duration_s]: [Lanes; 2],
         spans: f64,
     ) -> WeightedPower<Lanes> {
         let weight = RADAU.integrate[STAGES - 1][j];
         match quantity {
-            Quantity::Sigma { wheel, link } => {
+            Output::Sigma { wheel, link } => {
                 let mut along = Virtual::none();
                 along.skid[link] =
                     Lanes::splat(weight * self.dsigma_dskid[wheel]) * part * at.skid_m_s(link);
@@ -416,7 +421,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     fn by_state<T: Number>(
         &self,
         power: &mut Power<T>,
-        at: &Resisted<T>,
+        at: &EvaluatedMotion<T>,
         direct: &WeightedPower<T>,
     ) -> [T; N] {
         power.evaluate(at, &direct.along, direct.resistance);
@@ -434,11 +439,11 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     fn add<T: Number>(
         &self,
         power: &mut Power<T>,
-        at: &Resisted<T>,
+        at: &EvaluatedMotion<T>,
         direct: &WeightedPower<T>,
         sums: &mut [T],
     ) {
-        if self.needs_sums {
+        if self.needs_evaluate {
             power.evaluate(at, &direct.along, direct.resistance);
         } else {
             power.set_velocities(at, &direct.along, direct.resistance);
@@ -448,32 +453,32 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         }
     }
 
-    /// Adds the derivatives of the velocities that constraints and commands determine at a phase, times the factors
-    /// `along`, with respect to all wanted numbers.
+    /// Subtracts, with a weight, the derivatives with respect to all wanted numbers of `factors` times the velocities that
+    /// constraints and commands determine at a phase.
     fn add_determined<T: Number>(
         &self,
         power: &mut Power<T>,
         phase_rad: T,
-        (along, weight): (&[T; 3], f64),
+        (factors, weight): (&[T; 3], f64),
         sums: &mut [T],
     ) {
         let zero = T::splat(0.0);
         let Self { model, .. } = self;
-        let (body, factors) = velocities_and_factors(&model.system, phase_rad, along);
-        let mut along = Virtual::none();
+        let (body, factors) = velocities_and_factors(&model.system, phase_rad, factors);
+        let mut virtual_motion = Virtual::none();
         for ((_, link, _), factor) in model.system.wheels.iter().zip(factors) {
-            along.skid[*link] = T::splat(weight) * factor;
+            virtual_motion.skid[*link] = T::splat(weight) * factor;
         }
         let state = std::array::from_fn(|i| if i < 3 { body[i] } else { zero });
         let motion = model.motion(phase_rad, &state, &[zero; N]);
-        let at = self.resisted(&motion, [zero; MAX_LINKS]);
-        self.add(power, &at, &WeightedPower::all(along), sums);
+        let at = self.evaluated(&motion, [zero; MAX_LINKS]);
+        self.add(power, &at, &WeightedPower::all(virtual_motion), sums);
     }
 
     /// Returns, for each wanted number, whether the velocities that constraints and commands determine are bounded also
     /// for neighbouring values of it.
     fn persists(&self) -> Vec<bool> {
-        let Wheels::Follow(determined) = &self.model.wheels else {
+        let Wheels::Determined(determined) = &self.model.wheels else {
             return vec![true; self.wanted.len()];
         };
         let length_m = self.model.problem.chain.skid_length_m;
@@ -511,19 +516,19 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     ) {
         let [dd_dx, dd_dy, dd_dtheta] = dd_dend.map(Lanes::splat);
         // Effect of a rotation on the remaining path.
-        let [whole_x, whole_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
+        let [end_of_span_x, end_of_span_y] = [self.end.x_m, self.end.y_m].map(Lanes::splat);
         let [end_x, end_y] = leg.ends;
-        let later = dd_dtheta + dd_dy * (whole_x - end_x) - dd_dx * (whole_y - end_y);
+        let later = dd_dtheta + dd_dy * (end_of_span_x - end_x) - dd_dx * (end_of_span_y - end_y);
         for j in 0..STAGES {
             let weight = Lanes::splat(RADAU.integrate[STAGES - 1][j]) * duration_s;
             let (sin, cos) = leg.directions[j];
             let [u, v, _] = Model::<N, C, D, F>::body(&leg.states[j]);
-            let along = dd_dx * cos + dd_dy * sin;
-            let across = dd_dy * cos - dd_dx * sin;
-            weights[j][0] = weight * along;
-            weights[j][1] = weight * across;
+            let dd_dforward = dd_dx * cos + dd_dy * sin;
+            let dd_dsideways = dd_dy * cos - dd_dx * sin;
+            weights[j][0] = weight * dd_dforward;
+            weights[j][1] = weight * dd_dsideways;
             weights[j][2] += weight * later;
-            let turned = weight * (u * across - v * along);
+            let turned = weight * (u * dd_dsideways - v * dd_dforward);
             for l in 0..STAGES {
                 weights[l][2] += turned * Lanes::splat(RADAU.integrate[j][l]) * duration_s;
             }
@@ -583,7 +588,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         let mut power = Power::new();
         for (j, motion) in self.motions(&element, &phases_rad).iter().enumerate() {
             let weighted = Weighted::new(self.model, &element, j);
-            let at = self.resisted(motion, weighted.constraint_n);
+            let at = self.evaluated(motion, weighted.constraint_n);
             let rows = std::array::from_fn(|i| -rows[j * D + i][0]);
             self.add(&mut power, &at, &WeightedPower::all(weighted.along(self.model, &rows)), sums);
         }

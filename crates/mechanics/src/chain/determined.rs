@@ -22,12 +22,12 @@ const OFFSET_RAD: f64 = 2e-3;
 /// Weights of the neighbours, for interpolation to fourth order, and their distances in units of [`OFFSET_RAD`].
 const NEIGHBOURS: [(f64, f64); 4] =
     [(-1.0 / 6.0, -2.0), (4.0 / 6.0, -1.0), (4.0 / 6.0, 1.0), (-1.0 / 6.0, 2.0)];
-/// Distances in phase from a singular shape at which velocities are compared, rad, and the ratio at which they grow
-/// without bounds.
+/// Distances in phase from a singular shape at which velocities are compared, rad.
 const DISTANCES_RAD: [f64; 2] = [1e-2, 1e-6];
+/// Ratio of the two from which velocities grow without bounds.
 const MAX_GROWTH: f64 = 10.0;
 
-/// Singular shapes through which a gait passes.
+/// Singular shapes through which a gait passes, of those at which `det W` changes its sign between [`PHASES`].
 #[derive(Debug, Clone)]
 pub(super) struct Determined {
     /// Size of `det W` below which velocities are interpolated, m.
@@ -37,14 +37,15 @@ pub(super) struct Determined {
 
 /// Solution of the constraints at one phase.
 #[derive(Debug, Clone, Copy)]
-struct Solution<T> {
+struct CramerSolution<T> {
     velocities: [T; 3],
     det_m: T,
-    /// Derivatives of the velocities with respect to the skid velocity of each wheel, by wheel, with opposite sign.
+    /// Columns of the inverse of `W`: minus the derivatives of the velocities with respect to the skid velocity that each
+    /// wheel has while the reference link is at rest.
     by_skid: [[T; 3]; 3],
 }
 
-impl<T: Number> Solution<T> {
+impl<T: Number> CramerSolution<T> {
     #[inline(always)]
     fn at(system: &System, phase_rad: T) -> Self {
         let zero = T::splat(0.0);
@@ -90,13 +91,15 @@ impl Crossing {
     }
 }
 
-/// Returns whether a quantity with the given sizes at [`Crossing::approach_rad`] grows without bounds.
+/// Returns whether a quantity with the given sizes at [`Crossing::approach_rad`], in SI units, grows without bounds.
 pub(super) fn is_unbounded([far, near]: [f64; 2]) -> bool {
-    near.is_nan() || near > MAX_GROWTH * far
+    /// Size that rounding can have near a singular shape.
+    const ROUNDING: f64 = 1e-9;
+    near.is_nan() || near > MAX_GROWTH * far.max(ROUNDING)
 }
 
 impl Determined {
-    /// Examines all singular shapes through which the gait passes.
+    /// Examines the singular shapes through which the gait passes.
     ///
     /// # Errors
     /// Returns an error if all shapes of the gait are singular, or if the velocities are unbounded at one.
@@ -107,7 +110,7 @@ impl Determined {
         let mut dets_m = [0.0; PHASES + 1];
         for pack in 0..PHASES / LANES {
             let phases = Lanes::new(std::array::from_fn(|lane| phase_rad(pack * LANES + lane)));
-            let Solution { det_m, .. } = Solution::at(system, phases);
+            let CramerSolution { det_m, .. } = CramerSolution::at(system, phases);
             (0..LANES).for_each(|lane| dets_m[pack * LANES + lane] = det_m.lane(lane));
         }
         dets_m[PHASES] = dets_m[0];
@@ -117,7 +120,7 @@ impl Determined {
         }
         let mut determined = Self { near_m: NEAR_SINGULAR * largest_m, crossings_rad: Vec::new() };
         for i in (0..PHASES).filter(|i| dets_m[*i] * dets_m[i + 1] <= 0.0) {
-            let det_m = |phase_rad: f64| Solution::at(system, phase_rad).det_m;
+            let det_m = |phase_rad: f64| CramerSolution::at(system, phase_rad).det_m;
             determined.crossings_rad.push(bisect(
                 det_m,
                 phase_rad(i),
@@ -126,7 +129,8 @@ impl Determined {
             ));
         }
         let size_at = |phase_rad: f64| {
-            let Solution { velocities: [u, v, r], .. } = Solution::at(system, phase_rad);
+            let CramerSolution { velocities: [u, v, r], .. } =
+                CramerSolution::at(system, phase_rad);
             u.abs().max(v.abs()).max(r.abs() * chain.skid_length_m)
         };
         if let Some(unbounded) =
@@ -150,7 +154,7 @@ impl Determined {
         system: &System,
         phase_rad: T,
     ) -> (usize, [(f64, T); 4]) {
-        let Solution { det_m, .. } = Solution::at(system, phase_rad);
+        let CramerSolution { det_m, .. } = CramerSolution::at(system, phase_rad);
         let is_near = (0..T::COUNT).any(|lane| det_m.lane(lane).abs() <= self.near_m);
         if is_near {
             let points = NEIGHBOURS
@@ -166,7 +170,7 @@ impl Determined {
         let (count, points) = self.points(system, phase_rad);
         let mut velocities = [T::splat(0.0); 3];
         for (weight, phase_rad) in &points[..count] {
-            let of_point = Solution::at(system, *phase_rad).velocities;
+            let of_point = CramerSolution::at(system, *phase_rad).velocities;
             (0..3).for_each(|k| velocities[k] += T::splat(*weight) * of_point[k]);
         }
         velocities
@@ -185,14 +189,14 @@ impl Determined {
     }
 }
 
-/// Returns the velocities at a phase, and the factors of the wheels' skid velocities whose sum changes as much as
-/// `factors` times the velocities, with the opposite sign, if the constraints change.
+/// Returns the velocities `w` at a phase, and the factors `f`, one per wheel, for which a change `ds` in the wheels' skid
+/// velocities at fixed `w` changes `factors` times `w` by `-f` times `ds`.
 pub(super) fn velocities_and_factors<T: Number>(
     system: &System,
     phase_rad: T,
     factors: &[T; 3],
 ) -> ([T; 3], [T; 3]) {
-    let Solution { velocities, by_skid, .. } = Solution::at(system, phase_rad);
+    let CramerSolution { velocities, by_skid, .. } = CramerSolution::at(system, phase_rad);
     let of_wheels =
         by_skid.map(|by_skid| (0..3).fold(T::splat(0.0), |sum, k| sum + factors[k] * by_skid[k]));
     (velocities, of_wheels)

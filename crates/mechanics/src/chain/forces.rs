@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use trilink_robot::{FreeJoint, Friction, Joint, MAX_JOINTS, MAX_LINKS, Number, Pose, rotated};
 
 use super::links::Motion;
-use super::power::{Power, Resistance, Resisted, Virtual};
+use super::power::{EvaluatedMotion, Power, Resistance, Virtual};
 use super::wave::{Wave, prescribed};
 use super::{ChainProblem, number_of};
 use crate::Sample;
@@ -30,7 +30,7 @@ struct Loads<T> {
 }
 
 impl<T: Number> Loads<T> {
-    fn new(problem: &ChainProblem, at: &Resisted<T>) -> Self {
+    fn new(problem: &ChainProblem, at: &EvaluatedMotion<T>) -> Self {
         let ChainProblem { chain, omega_rad_s, .. } = problem;
         let Motion { phase_rad, body, joints, .. } = at.motion();
         let zero = T::splat(0.0);
@@ -163,14 +163,14 @@ pub(super) fn sample<F: Friction>(
 fn resisted<'a, T: Number, F: Friction>(
     problem: &'a ChainProblem,
     motion: &'a Motion<T>,
-) -> Resisted<'a, T> {
+) -> EvaluatedMotion<'a, T> {
     let ChainProblem { chain, omega_rad_s, .. } = problem;
-    Resisted::new::<F>(chain, motion, *omega_rad_s, [T::splat(0.0); MAX_LINKS])
+    EvaluatedMotion::new::<F>(chain, motion, *omega_rad_s, [T::splat(0.0); MAX_LINKS])
 }
 
 /// Returns the row whose product with the velocities of the reference link and the rates of the joints is the skid
 /// velocity of a link's wheel.
-fn skid_row(at: &Resisted<f64>, link: usize, joints: usize) -> [f64; MAX_ROWS] {
+fn skid_row(at: &EvaluatedMotion<f64>, link: usize, joints: usize) -> [f64; MAX_ROWS] {
     let mut along = Virtual::none();
     along.skid[link] = 1.0;
     let mut power = Power::new();

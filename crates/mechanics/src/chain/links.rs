@@ -8,10 +8,11 @@ use super::plane::{Heading, Moving, Vector, inner, normal, rotated};
 #[derive(Debug, Clone)]
 pub(super) struct Motion<T> {
     pub phase_rad: T,
-    /// Velocities of the reference link along and across itself and its turning rate, and their time derivatives.
+    /// Velocities of the reference link along and across itself (m/s) and its turning rate (rad/s), and their time
+    /// derivatives.
     pub body: [T; 3],
     pub dbody: [T; 3],
-    /// Angle, rate and acceleration of each joint from front to rear, followed by zeros.
+    /// Angle, rate and acceleration of each joint from front to rear (rad, rad/s, rad/s^2), followed by zeros.
     pub joints: [[T; 3]; MAX_JOINTS],
 }
 
@@ -45,7 +46,8 @@ impl Hinge {
     }
 }
 
-/// Returns the indices of the links outwards from the reference link, which is not among them: first those ahead.
+/// Returns the indices of all links except the reference link, each after its neighbour nearer to that link; those ahead
+/// come first.
 pub(super) fn outwards(chain: &Chain) -> impl DoubleEndedIterator<Item = usize> + use<> {
     (0..chain.reference).rev().chain(chain.reference + 1..chain.links.len())
 }
@@ -112,8 +114,9 @@ pub(super) struct Contact<T> {
     pub point: Moving<T>,
     pub roll_m_s: T,
     pub skid_m_s: T,
-    /// N, and kg/s.
+    /// Resistance to rolling, N, with the sign of the velocity, and its derivative with respect to the velocity, kg/s.
     pub roll: [T; 2],
+    /// The same for skidding.
     pub skid: [T; 2],
 }
 

@@ -60,7 +60,7 @@ fn metrics_of<const N: usize, const C: usize, const D: usize, F: Friction>(
     GaitMetrics {
         d_m: cycle.d_m,
         v_m_s: cycle.d_m * omega_rad_s / TAU,
-        sigma: by_number(model, &cycle.sigma),
+        sigma: in_link_order(model, &cycle.sigma),
         alpha_rad,
         dtheta_rad: cycle.dtheta_rad,
     }
@@ -68,7 +68,7 @@ fn metrics_of<const N: usize, const C: usize, const D: usize, F: Friction>(
 
 /// Returns values of the wheels, which are given from front to rear, by the numbers of their links
 /// ([`Chain::numbering`]); NaN for a link without a wheel.
-fn by_number<const N: usize, const C: usize, const D: usize, F: Friction>(
+fn in_link_order<const N: usize, const C: usize, const D: usize, F: Friction>(
     model: &Model<N, C, D, F>,
     of_wheels: &[f64],
 ) -> [f64; MAX_LINKS] {

@@ -17,7 +17,7 @@ use super::response::Response;
 use super::wave::Wave;
 use super::{ChainProblem, metrics_of};
 use crate::cycle::Cycle;
-use crate::reduced::{MAX_TRACKED, Reduced, Residual};
+use crate::reduced::{Reduced, Residual};
 use crate::{Result, Sample};
 
 /// Equations of motion. The states are the velocities along and across the reference link and its turning rate, then
@@ -41,7 +41,7 @@ pub(super) enum Wheels<const D: usize> {
     /// They cannot skid; constraints replace some of the equations of motion.
     Roll(Constraints<D>),
     /// They cannot skid, and constraints and commands determine the motion.
-    Follow(Determined),
+    Determined(Determined),
 }
 
 impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D, F> {
@@ -54,7 +54,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
         let mut model = Self::with_wheels(problem, Wheels::Skid);
         let problem = &model.problem;
         if problem.is_determined() {
-            model.wheels = Wheels::Follow(Determined::new(&model.system, &problem.chain)?);
+            model.wheels = Wheels::Determined(Determined::new(&model.system, &problem.chain)?);
         } else if !problem.laws.skids() {
             model.wheels = Wheels::Roll(Constraints::new::<C>(problem)?);
         }
@@ -68,7 +68,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
     /// Returns an error as [`Model::new`] does.
     pub(super) fn renewed(&self, problem: ChainProblem) -> Result<Self> {
         match &self.wheels {
-            Wheels::Follow(_)
+            Wheels::Determined(_)
                 if problem.is_determined()
                     && has_same_constraints(&self.problem.chain, &problem.chain) =>
             {
@@ -92,7 +92,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
     pub(super) fn constraints(&self) -> Option<&Constraints<D>> {
         match &self.wheels {
             Wheels::Roll(constraints) => Some(constraints),
-            Wheels::Skid | Wheels::Follow(_) => None,
+            Wheels::Skid | Wheels::Determined(_) => None,
         }
     }
 
@@ -102,11 +102,12 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
         match &self.wheels {
             Wheels::Skid => Some(0),
             Wheels::Roll(constraints) => constraints.row_of_motion(),
-            Wheels::Follow(_) => None,
+            Wheels::Determined(_) => None,
         }
     }
 
-    /// Returns the same equations for another problem, whose chain has the same joints and wheels.
+    /// Returns the same equations for another problem, whose chain has the same joints and wheels. The directions of motion
+    /// that complete the constraints of wheels remain those of this problem's mean shape.
     pub(super) fn with_problem(&self, problem: ChainProblem) -> Self {
         Self::with_wheels(problem, self.wheels.clone())
     }
@@ -120,7 +121,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
         dy: &[T; N],
         residual: &mut Residual<N, T>,
     ) {
-        if let Wheels::Follow(_) = &self.wheels {
+        if let Wheels::Determined(_) = &self.wheels {
             for i in 0..3 {
                 residual.value[i] = y[i] - node.determined[i];
                 residual.state_jacobian[i][i] = T::splat(1.0);
@@ -144,7 +145,8 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Model<N, C, D,
         }
     }
 
-    /// Returns the response to the commands as if the wheels could not skid, if such a motion exists; otherwise with skid.
+    /// Returns the response to the commands: if the wheels can skid, first as if they could not, where such a motion
+    /// exists; otherwise that of these equations.
     fn response(&self) -> Option<Response<N>> {
         let constraints = match &self.wheels {
             Wheels::Skid if self.system.wheels.len() <= D => {
@@ -192,7 +194,6 @@ fn has_same_constraints(one: &Chain, other: &Chain) -> bool {
 
 impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for Model<N, C, D, F> {
     const ANGLES: usize = C - 1;
-    const TRACKED: usize = N;
 
     type Node<T: Number> = Node<T, C>;
     type State<T: Number> = Posture<T, C>;
@@ -238,7 +239,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
     #[inline(always)]
     fn node<T: Number>(&self, phase_rad: T) -> Node<T, C> {
         let mut node = self.system.node(phase_rad);
-        if let Wheels::Follow(determined) = &self.wheels {
+        if let Wheels::Determined(determined) = &self.wheels {
             node.determined = determined.velocities(&self.system, phase_rad);
         }
         node
@@ -247,7 +248,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
     fn consistent(&self, phase_rad: f64, mut y: [f64; N]) -> [f64; N] {
         match &self.wheels {
             Wheels::Skid => {}
-            Wheels::Follow(determined) => {
+            Wheels::Determined(determined) => {
                 y[..3].copy_from_slice(&determined.velocities(&self.system, phase_rad));
             }
             Wheels::Roll(constraints) => {
@@ -290,12 +291,8 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
     }
 
     #[inline(always)]
-    fn tracked<T: Number>(
-        &self,
-        state: &Posture<T, C>,
-        [x_rate, y_rate]: [T; 2],
-    ) -> [T; MAX_TRACKED] {
-        let mut tracked = [T::splat(0.0); MAX_TRACKED];
+    fn tracked<T: Number>(&self, state: &Posture<T, C>, [x_rate, y_rate]: [T; 2]) -> [T; N] {
+        let mut tracked = [T::splat(0.0); N];
         tracked[..3].copy_from_slice(&[x_rate, y_rate, state.rate[0]]);
         for c in 1..C {
             tracked[2 + c] = state.joint_rate[c];
@@ -317,10 +314,6 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
         skid_m_s
     }
 
-    fn measured_joints(&self) -> usize {
-        C - 1
-    }
-
     #[inline(always)]
     fn free_joint<T: Number>(state: &Posture<T, C>, index: usize) -> [T; 2] {
         [state.phi_rad[1 + index], state.joint_rate[1 + index]]
@@ -335,14 +328,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
         power_and_loss_w::<Lanes, F>(&self.problem, &self.motion(phase_rad, y, dy))
     }
 
-    fn sample(
-        &self,
-        time_s: f64,
-        pose: Pose,
-        _: &Node<f64, C>,
-        y: &[f64; N],
-        dy: &[f64; N],
-    ) -> Sample {
+    fn sample(&self, time_s: f64, pose: Pose, y: &[f64; N], dy: &[f64; N]) -> Sample {
         let motion = self.motion(self.problem.omega_rad_s * time_s, y, dy);
         sample::<F>(&self.problem, &motion, time_s, pose)
     }
@@ -350,7 +336,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
     /// Where the wheels cannot skid, the constraints are differentiated with respect to time by central differences.
     fn rates(&self, phase_rad: f64, node: &Node<f64, C>, y: &[f64; N]) -> [f64; N] {
         const STEP_RAD: f64 = 1e-5;
-        if let Wheels::Follow(determined) = &self.wheels {
+        if let Wheels::Determined(determined) = &self.wheels {
             return determined.rates(&self.system, phase_rad);
         }
         let residual = self.residual(node, y, &[0.0; N]);

@@ -1,11 +1,11 @@
 //! Virtual power of the forces on a chain, and its derivatives with respect to the motion and to the numbers that
 //! describe the chain.
 //!
-//! The virtual power of a chain is the sum, over its points, of the products of the resistances (of inertia, friction,
-//! drag, dampers and springs) and virtual velocities. At a given motion it depends on the velocity v, the acceleration a
-//! and the virtual velocity v* of each point; a number that shifts points or turns links changes these alone. Sums over
-//! the links beyond each joint therefore give all derivatives of one virtual power at a cost that is proportional to
-//! the number of links.
+//! The virtual power of a chain (Jourdain's principle) is the sum, over its points, of the products of the resistances
+//! (of inertia, friction, drag, dampers and springs) and virtual velocities. At a given motion it depends on the
+//! velocity v, the acceleration a and the virtual velocity v* of each point; a number that shifts points or turns links
+//! changes these alone. Sums over the links beyond each joint therefore give all derivatives of one virtual power at a
+//! cost that is proportional to the number of links.
 
 use trilink_robot::{
     Chain, ChainNumber, FreeJoint, Friction, Joint, JointNumber, LinkNumber, MAX_JOINTS, MAX_LINKS,
@@ -23,7 +23,8 @@ pub(super) struct Virtual<T> {
     pub body: [T; 3],
     /// Virtual rates of the joints.
     pub joints: [T; MAX_JOINTS],
-    /// Factors of the skid velocities of the links' wheels, which are added to the virtual power.
+    /// The virtual power also contains the sum of `skid[i]` times the actual skid velocity of the wheel of link `i`; its
+    /// derivatives are those of skid velocities.
     pub skid: [T; MAX_LINKS],
 }
 
@@ -41,11 +42,13 @@ struct Sums<T> {
     by_virtual: Vector<T>,
     by_velocity: Vector<T>,
     by_acceleration: Vector<T>,
-    /// With respect to a turn about the origin of the reference link, virtual or real, and to its acceleration.
+    /// With respect to the virtual and the actual turning rate, and to the angular acceleration, of all points about the
+    /// origin of the reference link.
     by_virtual_turn: T,
     by_turn: T,
     by_turn_acceleration: T,
-    /// Sum of the moments of `by_acceleration` of each point with its velocity as lever arm.
+    /// Half the derivative with respect to the turning rate through centripetal and Coriolis accelerations: the sum of
+    /// the moments of `by_acceleration` of each point with its velocity as lever arm.
     by_carried: T,
 }
 
@@ -102,18 +105,20 @@ struct Point<T> {
     by_acceleration: Vector<T>,
 }
 
-/// What of a chain is resisted.
+/// Forces that a virtual power contains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Resistance {
-    /// Everything: inertia, friction, drag, dampers and springs. The wheels, in addition, with constraint forces.
+    /// Inertia, friction, drag and the constraint forces on the wheels. The torques of springs and dampers and the
+    /// prescribed torques enter only [`Power::by_number`].
     All,
-    /// What dissipates: friction, drag and dampers.
+    /// Forces that dissipate: friction, drag and dampers. The virtual motion must be the actual one, so that the power is
+    /// the dissipated power and its derivatives include the change in the virtual motion.
     Dissipation,
 }
 
 /// Motion of a chain at one time, with the contacts of its wheels.
 #[derive(Debug, Clone)]
-pub(super) struct Resisted<'a, T> {
+pub(super) struct EvaluatedMotion<'a, T> {
     chain: &'a Chain,
     motion: &'a Motion<T>,
     links: Links<T>,
@@ -127,7 +132,7 @@ pub(super) struct Resisted<'a, T> {
     slopes: fn(&WheelFriction, LinkNumber, T, T) -> [T; 2],
 }
 
-impl<'a, T: Number> Resisted<'a, T> {
+impl<'a, T: Number> EvaluatedMotion<'a, T> {
     /// Evaluates a motion; `constraint_n` are the lateral forces on the wheels, by link, that keep them from skidding.
     pub(super) fn new<F: Friction>(
         chain: &'a Chain,
@@ -191,9 +196,9 @@ impl<'a, T: Number> Resisted<'a, T> {
     }
 }
 
-/// Returns whether the derivative with respect to a number depends on sums over links: that of a place or a commanded
-/// angle.
-pub(super) fn needs_sums(chain: &Chain, number: ChainNumber) -> bool {
+/// Returns whether the derivative with respect to a number needs [`Power::evaluate`]; for others
+/// [`Power::set_velocities`] suffices.
+pub(super) fn needs_evaluate(chain: &Chain, number: ChainNumber) -> bool {
     use LinkNumber::{Com, FrontJoint, RearJoint, WheelPlace};
     match number {
         ChainNumber::Link(_, number) => {
@@ -204,10 +209,10 @@ pub(super) fn needs_sums(chain: &Chain, number: ChainNumber) -> bool {
     }
 }
 
-/// Virtual power and its derivatives. A power that is evaluated many times keeps its memory.
+/// Virtual power and its derivatives. One value serves many evaluations, because it is large.
 #[derive(Debug, Clone)]
 pub(super) struct Power<T> {
-    along: Virtual<T>,
+    virtual_motion: Virtual<T>,
     resistance: Resistance,
     /// Virtual turning rates of the links, and virtual velocities of their origins.
     rate: [T; MAX_LINKS],
@@ -224,7 +229,7 @@ impl<T: Number> Power<T> {
         let zero = T::splat(0.0);
         let none = Sums::none().point();
         Self {
-            along: Virtual::none(),
+            virtual_motion: Virtual::none(),
             resistance: Resistance::All,
             rate: [zero; MAX_LINKS],
             velocity: [[zero; 2]; MAX_LINKS],
@@ -234,38 +239,38 @@ impl<T: Number> Power<T> {
         }
     }
 
-    /// Evaluates the virtual velocities of a virtual motion. They suffice for [`Power::by_number`] unless
-    /// [`needs_sums`].
+    /// Evaluates the virtual velocities of a virtual motion; all sums remain those of an earlier one. This suffices for
+    /// [`Power::by_number`] unless the number [`needs_evaluate`].
     pub(super) fn set_velocities(
         &mut self,
-        at: &Resisted<T>,
-        along: &Virtual<T>,
+        at: &EvaluatedMotion<T>,
+        virtual_motion: &Virtual<T>,
         resistance: Resistance,
     ) {
-        let Resisted { chain, links, .. } = at;
-        self.along = *along;
+        let EvaluatedMotion { chain, links, .. } = at;
+        self.virtual_motion = *virtual_motion;
         self.resistance = resistance;
-        self.rate[chain.reference] = along.body[2];
-        self.velocity[chain.reference] = [along.body[0], along.body[1]];
+        self.rate[chain.reference] = virtual_motion.body[2];
+        self.velocity[chain.reference] = [virtual_motion.body[0], virtual_motion.body[1]];
         for i in outwards(chain) {
             let hinge = Hinge::of(chain, i);
             self.rate[i] =
-                self.rate[hinge.inner] + T::splat(hinge.sign) * along.joints[hinge.joint];
+                self.rate[hinge.inner] + T::splat(hinge.sign) * virtual_motion.joints[hinge.joint];
             let across = self.rate[i] * T::splat(-hinge.own_m);
             let at_hinge = self.at_hinge(links, &hinge);
             self.velocity[i] = sum(at_hinge, scaled(across, normal(links.unit[i].at)));
         }
     }
 
-    /// Evaluates the virtual power along a virtual motion, which for [`Resistance::Dissipation`] must be the actual one.
+    /// Evaluates the virtual power in a virtual motion. [`Power::resistances`] do not depend on that motion.
     pub(super) fn evaluate(
         &mut self,
-        at: &Resisted<T>,
-        along: &Virtual<T>,
+        at: &EvaluatedMotion<T>,
+        virtual_motion: &Virtual<T>,
         resistance: Resistance,
     ) {
-        self.set_velocities(at, along, resistance);
-        let Resisted { chain, links, .. } = at;
+        self.set_velocities(at, virtual_motion, resistance);
+        let EvaluatedMotion { chain, links, .. } = at;
         let none = Sums::none().point();
         let has_inertia = resistance == Resistance::All;
         for (i, link) in chain.links.iter().enumerate() {
@@ -311,7 +316,7 @@ impl<T: Number> Power<T> {
                 let axle = normal(direction);
                 let [by_roll, by_skid] = [
                     roll[1] * inner(direction, velocity),
-                    skid[1] * inner(axle, velocity) + along.skid[i],
+                    skid[1] * inner(axle, velocity) + virtual_motion.skid[i],
                 ];
                 let own = Point {
                     by_virtual: sum(scaled(roll[0], direction), scaled(lateral, axle)),
@@ -342,9 +347,9 @@ impl<T: Number> Power<T> {
         self.velocity_of(links, hinge.inner, hinge.from_m)
     }
 
-    /// Returns the derivatives with respect to the velocities of the reference link. Those of
-    /// [`Resistance::Dissipation`] include the change in the virtual motion.
-    pub(super) fn by_body(&self, at: &Resisted<T>) -> [T; 3] {
+    /// Returns the derivatives with respect to the velocities of the reference link, without the effect of these
+    /// velocities on accelerations: exact for [`Resistance::Dissipation`].
+    pub(super) fn by_body(&self, at: &EvaluatedMotion<T>) -> [T; 3] {
         let sums = &self.beyond[at.chain.reference];
         let [mut x, mut y] = sums.by_velocity;
         let mut turn = sums.by_turn;
@@ -355,12 +360,11 @@ impl<T: Number> Power<T> {
         [x, y, turn]
     }
 
-    /// Returns the derivatives with respect to the angle, the rate and the acceleration of a joint; those of the spring
-    /// and the damper of a free joint only for [`Resistance::Dissipation`], whose derivative includes the change in the
-    /// virtual motion.
+    /// Returns the derivatives with respect to the angle, the rate and the acceleration of a joint. They include the damper
+    /// of a free joint only for [`Resistance::Dissipation`], and never its spring or its prescribed torque.
     #[inline(always)]
-    pub(super) fn by_joint(&self, resisted: &Resisted<T>, joint: usize) -> [T; 3] {
-        let Resisted { chain, links, .. } = resisted;
+    pub(super) fn by_joint(&self, motion: &EvaluatedMotion<T>, joint: usize) -> [T; 3] {
+        let EvaluatedMotion { chain, links, .. } = motion;
         let outer = if joint < chain.reference { joint } else { joint + 1 };
         let hinge = Hinge::of(chain, outer);
         let sums = &self.beyond[outer];
@@ -380,7 +384,7 @@ impl<T: Number> Power<T> {
         if let (Resistance::Dissipation, Joint::Free(free)) =
             (self.resistance, &chain.joints[joint])
         {
-            by_rate += two * T::splat(free.damping_nm_s_rad) * self.along.joints[joint];
+            by_rate += two * T::splat(free.damping_nm_s_rad) * self.virtual_motion.joints[joint];
         }
         [-(sign * by_angle), by_rate, sign * by_acceleration]
     }
@@ -399,12 +403,12 @@ impl<T: Number> Power<T> {
     #[inline(always)]
     pub(super) fn by_number(
         &self,
-        at: &Resisted<T>,
+        at: &EvaluatedMotion<T>,
         number: ChainNumber,
         wave: Option<&Wave>,
     ) -> T {
         let zero = T::splat(0.0);
-        let Resisted { chain, links, motion, rotors, omega_rad_s, .. } = at;
+        let EvaluatedMotion { chain, links, motion, rotors, omega_rad_s, .. } = at;
         let has_inertia = self.resistance == Resistance::All;
         let slope = |wave: &Wave| {
             let (sin, cos) = motion.phase_rad.sin_cos();
@@ -434,21 +438,21 @@ impl<T: Number> Power<T> {
             },
             ChainNumber::Joint(joint, number) => {
                 let Joint::Free(free) = &chain.joints[joint] else { return zero };
-                let along = self.along.joints[joint];
+                let virtual_rate = self.virtual_motion.joints[joint];
                 let [angle, rate, _] = motion.joints[joint];
                 let torque = &free.torque;
                 let turned = motion.phase_rad + T::splat(torque.phase_rad);
                 match number {
-                    JointNumber::Damping => rate * along,
+                    JointNumber::Damping => rate * virtual_rate,
                     _ if !has_inertia => zero,
                     JointNumber::Stiffness => {
                         let [target, ..] = slope(&Wave::new(&free.target));
-                        (angle - target) * along
+                        (angle - target) * virtual_rate
                     }
-                    JointNumber::TorqueMean => -along,
-                    JointNumber::TorqueAmplitude => -(along * turned.sin_cos().1),
+                    JointNumber::TorqueMean => -virtual_rate,
+                    JointNumber::TorqueAmplitude => -(virtual_rate * turned.sin_cos().1),
                     JointNumber::TorquePhase => {
-                        T::splat(torque.amplitude_nm) * along * turned.sin_cos().0
+                        T::splat(torque.amplitude_nm) * virtual_rate * turned.sin_cos().0
                     }
                 }
             }
@@ -460,18 +464,20 @@ impl<T: Number> Power<T> {
                     by[0] * angle + by[1] * rate + by[2] * acceleration
                 }
                 (Joint::Free(FreeJoint { stiffness_nm_rad, .. }), Some(wave)) if has_inertia => {
-                    -(T::splat(*stiffness_nm_rad) * self.along.joints[joint] * slope(wave)[0])
+                    -(T::splat(*stiffness_nm_rad)
+                        * self.virtual_motion.joints[joint]
+                        * slope(wave)[0])
                 }
                 (Joint::Free(_), _) => zero,
             },
         }
     }
 
-    /// Returns the derivative with respect to a number of a link on which also the dissipated power depends.
+    /// Returns the derivative with respect to a number of a link that can also affect the dissipated power.
     #[inline(always)]
-    fn by_link(&self, at: &Resisted<T>, link: usize, number: LinkNumber) -> T {
+    fn by_link(&self, at: &EvaluatedMotion<T>, link: usize, number: LinkNumber) -> T {
         let zero = T::splat(0.0);
-        let Resisted { chain, links, contacts, .. } = at;
+        let EvaluatedMotion { chain, links, contacts, .. } = at;
         let own = &chain.links[link];
         let com = |direction: Vector<T>| {
             let velocity = self.velocity_of(links, link, own.com_m);
@@ -484,6 +490,8 @@ impl<T: Number> Power<T> {
             LinkNumber::FrontJoint if link > 0 => beyond(link - 1),
             LinkNumber::RearJoint if link < chain.reference => beyond(link),
             LinkNumber::RearJoint if link < last => -beyond(link + 1),
+            // The ends of the chain have no joint.
+            LinkNumber::FrontJoint | LinkNumber::RearJoint => zero,
             LinkNumber::Com => self.by_place(links, link, &self.com[link]),
             LinkNumber::WheelPlace => self.by_place(links, link, &self.wheel[link]),
             LinkNumber::DragAlong => com(links.unit[link].at),
@@ -495,24 +503,25 @@ impl<T: Number> Power<T> {
                 };
                 let velocity = self.velocity_of(links, link, wheel.place_m);
                 let Contact { direction, roll_m_s, skid_m_s, roll, skid, .. } = *contact;
-                let [along, across] = [direction, normal(direction)].map(|x| inner(x, velocity));
+                let [rolling, across] =
+                    [direction, normal(direction)].map(|axis| inner(axis, velocity));
                 if number == LinkNumber::WheelSteer {
-                    let by_roll = roll[1] * along;
-                    let by_skid = skid[1] * across + self.along.skid[link];
+                    let by_roll = roll[1] * rolling;
+                    let by_skid = skid[1] * across + self.virtual_motion.skid[link];
                     let lateral = at.lateral_n(link, skid[0], self.resistance);
                     return by_roll * skid_m_s - by_skid * roll_m_s + roll[0] * across
-                        - lateral * along;
+                        - lateral * rolling;
                 }
                 let [roll, skid] = (at.slopes)(&wheel.friction, number, roll_m_s, skid_m_s);
-                roll * along + skid * across
+                roll * rolling + skid * across
             }
         }
     }
 
-    /// Returns the resistances conjugate to the velocities of the reference link and to the rates of the joints from front
-    /// to rear: what the actuators and constraints have to supply.
-    pub(super) fn resistances(&self, at: &Resisted<T>) -> ([T; 3], [T; MAX_JOINTS]) {
-        let Resisted { chain, links, .. } = at;
+    /// Returns the generalised forces conjugate to the velocities of the reference link (N, N, N m) and to the rates of the
+    /// joints from front to rear (N m), without joint springs, dampers and prescribed torques.
+    pub(super) fn resistances(&self, at: &EvaluatedMotion<T>) -> ([T; 3], [T; MAX_JOINTS]) {
+        let EvaluatedMotion { chain, links, .. } = at;
         let of = |sums: &Sums<T>, at: Vector<T>| sums.by_virtual_turn - moment(at, sums.by_virtual);
         let whole = &self.beyond[chain.reference];
         let [x, y] = whole.by_virtual;

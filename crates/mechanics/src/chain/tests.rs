@@ -14,7 +14,7 @@ use trilink_robot::{
 use super::balance::{Balance, Node, Posture, System};
 use super::cluster::Clusters;
 use super::links::Motion;
-use super::power::{Power, Resistance, Resisted, Virtual};
+use super::power::{EvaluatedMotion, Power, Resistance, Virtual};
 use super::wave::Wave;
 
 const OMEGA_RAD_S: f64 = 3.0;
@@ -185,7 +185,7 @@ fn compare<const C: usize, const D: usize>(gait: Gait, laws: Laws) {
         }
         let [body, dbody] = [velocity, acceleration].map(|all| [0, 1, 2].map(|i| all[i]));
         let motion = Motion { phase_rad, body, dbody, joints };
-        let resisted = Resisted::new::<Dry>(&chain, &motion, OMEGA_RAD_S, [0.0; MAX_LINKS]);
+        let resisted = EvaluatedMotion::new::<Dry>(&chain, &motion, OMEGA_RAD_S, [0.0; MAX_LINKS]);
         let mut power = Power::new();
         power.evaluate(&resisted, &Virtual::none(), Resistance::All);
         let (of_body, of_joints) = power.resistances(&resisted);

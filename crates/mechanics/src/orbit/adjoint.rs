@@ -4,7 +4,10 @@
 //! with respect to the state at an element's start follow from those with respect to the state at its end, recursively
 //! from the last element to the first; periodicity leaves an `N x N` system for the derivatives at the end of the last
 //! element. One transposed system per element then gives the factors (adjoint solution) of the residuals: a change in
-//! the residuals changes the quantity by minus the sum of their products with it.
+//! the residuals changes the quantity by minus the sum of its products with these factors.
+//!
+//! Reference: Y. Cao, S. Li, L. Petzold and R. Serban, "Adjoint sensitivity analysis for differential-algebraic
+//! equations", SIAM J. Sci. Comput. 24 (2003) 1076-1089; here for the discretised equations.
 
 use nalgebra::{SMatrix, SVector};
 use trilink_robot::{LANES, Lanes};
@@ -22,7 +25,8 @@ pub(crate) type OfElements<const N: usize> = [Option<(usize, [f64; N])>; 2];
 /// Adjoint solutions for `B` quantities, and their weights; the buffers are reused.
 #[derive(Debug, Clone)]
 pub(crate) struct Adjoint<const N: usize, const B: usize> {
-    /// For each pack of elements and quantity, the derivatives with respect to the states at the stages.
+    /// Derivatives with respect to the states at the stages: entry `pack * B + quantity` for each pack of elements and
+    /// quantity. [`PeriodicOrbit::solve_adjoint`] overwrites them.
     pub weights: Vec<Stages<N, Lanes>>,
     /// For each quantity, derivatives with respect to the states at the starts of single elements, in addition to the
     /// weights.

@@ -28,7 +28,7 @@ use super::element::{Element, Linearisation, solve_element};
 use super::mesh::{MAX_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
-use super::reduced::{MAX_TRACKED, Reduced};
+use super::reduced::Reduced;
 use super::{MotionError, Result};
 
 /// Computational effort spent on solutions.
@@ -77,7 +77,7 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     /// Estimated relative error of each element's polynomials, which determines the next mesh.
     roughness: Vec<f64>,
     /// Highest-order Legendre coefficients of the tracked quantities ([`Reduced::tracked`]), for each pack of elements (one element per SIMD lane).
-    tails: Vec<[Lanes; MAX_TRACKED]>,
+    tails: Vec<[Lanes; N]>,
     /// Workspace for solving single elements.
     pub workspace: Linearisation,
     /// Ratio of the last solution's discretisation error to the tolerance; infinite if there is no solution.

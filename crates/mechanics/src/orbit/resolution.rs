@@ -7,7 +7,7 @@ use super::newton::{largest_lane, largest_ratio};
 use crate::element::weighted;
 use crate::mesh::{MAX_ELEMENTS, accumulate_lanes};
 use crate::radau::{RADAU, STAGES};
-use crate::reduced::{MAX_TRACKED, Reduced};
+use crate::reduced::Reduced;
 
 /// Fraction of the tolerated error that is allotted to discretisation.
 const ERROR_SHARE: f64 = 0.5;
@@ -20,24 +20,24 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
     /// end, where the collocation rule has nearly twice the order, the error is only as large as a coefficient four
     /// degrees higher, which is extrapolated from the decay of the coefficients over the last two degrees.
     pub(super) fn discretisation_error(&mut self, model: &R) -> f64 {
-        let mut largest = [[Lanes::default(); MAX_TRACKED]; 3];
+        let mut largest = [[Lanes::default(); N]; 3];
         let [lowest, _, highest] = &RADAU.spectrum;
         let state = model.kinematics(&model.node(0.0), &self.mesh.states.start);
         let [u, v, _] = R::body(&state);
         let mut start = model.tracked(&state, [u, v]);
-        let mut values = [[Lanes::default(); STAGES]; MAX_TRACKED];
+        let mut values = [[Lanes::default(); STAGES]; N];
         self.tails.clear();
         for (pack, leg) in self.path.legs.iter().enumerate() {
             let [x_rates, y_rates] = leg.rates;
             for j in 0..STAGES {
                 let tracked = model.tracked(&leg.states[j], [x_rates[j], y_rates[j]]);
-                (0..R::TRACKED).for_each(|i| values[i][j] = tracked[i]);
+                (0..N).for_each(|i| values[i][j] = tracked[i]);
             }
             let count = self.mesh.elements_of(pack).len();
             let [fraction, _] = self.mesh.weights(pack);
             let [tails, lower, sizes] = &mut largest;
-            let mut pack_tails = [Lanes::default(); MAX_TRACKED];
-            for i in 0..R::TRACKED {
+            let mut pack_tails = [Lanes::default(); N];
+            for i in 0..N {
                 let end = values[i][STAGES - 1];
                 let from = accumulate_lanes(&mut start[i], count, |_, lane| end.lane(lane));
                 let tail = coefficient(highest, from, &values[i]);
@@ -61,7 +61,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
         if !model.is_linear() {
             [tails, lower, _] = largest.map(|sums| sums.map(sum_of_lanes));
         }
-        let errors: [f64; MAX_TRACKED] = std::array::from_fn(|i| {
+        let errors: [f64; N] = std::array::from_fn(|i| {
             let decay = if tails[i] < lower[i] { tails[i] / lower[i] } else { 1.0 };
             tails[i] * decay * decay
         });
