@@ -59,6 +59,30 @@ fn links_between_documents_lead_somewhere() {
     assert!(checked > 30, "{checked}");
 }
 
+/// Each claim names the test that verifies it, which is in one of the files to which the section links.
+#[test]
+fn tests_that_verify_claims_of_the_paper_exist() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    if !root.join("fuzz").exists() {
+        // A packaged crate does not contain the other crates.
+        return;
+    }
+    let page = std::fs::read_to_string(root.join("docs/paper-claims.md")).unwrap();
+    let (_, section) = page.split_once("## Verified by tests").unwrap();
+    let (section, _) = section.split_once("\n## ").unwrap();
+    let files = section.split("](../").skip(1).filter_map(|rest| rest.split_once(')'));
+    let code: String =
+        files.map(|(file, _)| std::fs::read_to_string(root.join(file)).unwrap()).collect();
+    let tests: Vec<&str> = section
+        .lines()
+        .filter_map(|line| line.strip_suffix("` |")?.rsplit_once('`').map(|(_, test)| test))
+        .collect();
+    assert!(tests.len() > 10, "{tests:?}");
+    for test in tests {
+        assert!(code.contains(&format!("fn {test}(")), "{test} is not there");
+    }
+}
+
 #[test]
 fn the_book_has_every_page() {
     let documents = documents();

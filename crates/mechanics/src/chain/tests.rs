@@ -3,6 +3,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod claims;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::Value;
