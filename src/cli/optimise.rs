@@ -295,8 +295,7 @@ impl Optimise {
         }
         if self.gait_toml {
             if let Some(best) = found.best() {
-                let beyond = setup.extrapolation(&best.problem);
-                write_data(gait_toml(&self.campaign, objective, best, &beyond).trim_end());
+                write_data(gait_toml(&self.campaign, objective, best, setup).trim_end());
             }
         } else if !self.format.rows(rows) {
             print_table(setup, objective, optima, present);
@@ -407,13 +406,10 @@ fn why_unusable(optimum: &Optimum) -> String {
     }
 }
 
-/// Formats a gait as an entry of `pipeline.toml`.
-fn gait_toml(
-    campaign: &str,
-    objective: Objective,
-    best: &Optimum,
-    extrapolation: &Extrapolation,
-) -> String {
+/// Formats a gait as an entry of `pipeline.toml`. A command that does not move its joint (a torque of zero) is as
+/// configured.
+fn gait_toml(campaign: &str, objective: Objective, best: &Optimum, setup: &Setup) -> String {
+    let extrapolation = setup.extrapolation(&best.problem);
     let mut text = format!(
         "# {} = {} {} at {} rad/s\n",
         objective.name(),
@@ -425,10 +421,20 @@ fn gait_toml(
         text += &format!("# extrapolated: {}\n", extrapolation.beyond_trials);
     }
     text += &format!("[gait.{campaign}-best-{}]\n", objective.name());
-    for drive in Drive::all(&best.problem) {
+    let drives = Drive::all(&best.problem);
+    for drive in &drives {
         let keys = drive.configured(&best.problem).into_iter();
         let keys: Vec<String> = keys.map(|(key, value)| format!("{key} = {value:?}")).collect();
         text += &format!("{} = {{ {} }}\n", drive.key(&best.problem.robot), keys.join(", "));
+    }
+    let moved: Vec<String> = drives.iter().map(|drive| drive.key(&best.problem.robot)).collect();
+    for (key, command) in setup.configured_gait() {
+        if key.starts_with("joint")
+            && !moved.contains(key)
+            && let Ok(command) = toml::Value::try_from(command)
+        {
+            text += &format!("{key} = {command}\n");
+        }
     }
     text
 }

@@ -643,6 +643,30 @@ fn torques_and_rotors_of_chains_are_optimised_within_their_limits() {
     assert!((d_m / of("value") - 1.0).abs() < 1e-8, "{d_m} {rows}");
 }
 
+#[test]
+fn a_printed_gait_keeps_a_torque_of_zero() {
+    let folder = folder_of("rotor-car.toml");
+    let path = folder.path().join("pipeline.toml");
+    let toml = std::fs::read_to_string(&path).expect("a text");
+    let torque = "joint1 = { torque_nm = 0.0 }";
+    let toml = toml
+        .replace("{ kind = \"spring\", ", "{ kind = \"torque\", ")
+        .replace("[gait.spin]\n", &format!("[gait.spin]\n{torque}\n"));
+    std::fs::write(&path, &toml).expect("a file");
+    let optimise = ["optimise", "rotor-car", "--model", "skid-roll", "--maximise", "d"];
+    let limits = ["--amplitude-deg", "5..150", "--rate-deg-s", "2000"];
+    let free = ["--free", "rotor.front.amplitude", "--omega", "6", "--starts", "2"];
+    let line = [&optimise[..], &limits, &free].concat();
+    let d_m = first_number(&succeed(folder.path(), &[&line[..], &["--json"]].concat()), "d_m");
+    let entry = succeed(folder.path(), &[&line[..], &["--gait-toml"]].concat());
+    assert!(entry.ends_with(&format!("{torque}\n")), "{entry}");
+    let toml = toml.replace("gait = \"spin\"", "gait = \"rotor-car-best-d\"");
+    std::fs::write(&path, format!("{toml}\n{entry}")).expect("a file");
+    let simulate = ["simulate", "rotor-car", "--model", "skid-roll", "--omega", "6", "--json"];
+    let read_m = first_number(&succeed(folder.path(), &simulate), "d_m");
+    assert!((read_m / d_m - 1.0).abs() < 1e-8, "{read_m} {d_m}");
+}
+
 /// The Twistcar with standard deviations; both masses were weighed on one scale.
 fn folder_of_uncertain_twistcar() -> tempfile::TempDir {
     let folder = folder_of("twistcar.toml");
