@@ -188,7 +188,7 @@ pub type OnEvent<'f> = &'f (dyn Fn(FitEvent) + Sync);
 /// let (mut robot, gait) = config.campaign_setup(campaign).unwrap();
 /// robot.skid_kg_s = [104.0, 34.0, 45.0];
 /// let trial = |omega_rad_s: f64| {
-///     let problem = Problem { robot: robot.clone(), gait, laws: Laws::SKID_ROLL, omega_rad_s };
+///     let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
 ///     let metrics = Solver::default().solve(&problem, FIT_ACCURACY).unwrap();
 ///     let (trial, campaign) = (format!("at {omega_rad_s} rad/s"), campaign.to_owned());
 ///     TrialRow { trial, campaign, omega_rad_s, metrics, ..TrialRow::blank() }
