@@ -116,7 +116,8 @@ impl Determined {
         dets_m[PHASES] = dets_m[0];
         let largest_m = dets_m.iter().fold(0.0_f64, |largest, det_m| largest.max(det_m.abs()));
         if largest_m.is_nan() || largest_m <= DEPENDENT * chain.skid_length_m {
-            return Err(MotionError::Dependent);
+            // All shapes of the gait are singular.
+            return Err(MotionError::Singular { phase_rad: phase_rad(0) });
         }
         let mut determined = Self { near_m: NEAR_SINGULAR * largest_m, crossings_rad: Vec::new() };
         for i in (0..PHASES).filter(|i| dets_m[*i] * dets_m[i + 1] <= 0.0) {
