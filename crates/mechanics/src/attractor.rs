@@ -38,7 +38,7 @@ const TOLERANCE: f64 = 1e-5;
 
 /// Integrates the transient from rest, for at most `max_cycles` cycles (no more than [`MAX_CYCLES`]), until
 /// it is certain to converge to a stable solution, and stores that solution in `orbit`. If `is_solved`, the
-/// solution already in `orbit` is the first candidate. Returns the number of cycles after which the transient
+/// solution already in `orbit` is tried first. Returns the number of cycles after which the transient
 /// stays within 1 % of the attractor, and whether the attractor is the original solution in `orbit`.
 pub(super) fn find_attractor<const N: usize, R: Reduced<N>>(
     model: &R,

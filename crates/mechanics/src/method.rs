@@ -91,8 +91,9 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
         Ok(self.measure(accuracy))
     }
 
-    /// Replaces the solution by the attractor reached from rest; if `is_solved`, the solution is the first candidate.
-    /// Returns the attractor's measurements, the number of cycles to settle, and whether it is the original solution.
+    /// Replaces the present solution by the attractor reached from rest. If `is_solved`, the present solution is tried first
+    /// as the attractor. Returns the attractor's measurements, the number of cycles to settle, and whether it is the
+    /// solution that was there before.
     pub(super) fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<(Cycle, usize, bool)> {
         let (model, orbit) = (self.model, &mut *self.orbit);
         let (cycles, is_first) = find_attractor(model, orbit, is_solved, accuracy, MAX_CYCLES)?;

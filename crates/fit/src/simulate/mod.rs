@@ -61,51 +61,6 @@ pub struct Sensitivities {
     pub unknown: Option<NoInterval>,
 }
 
-/// Returns the uncertainty of the quantities that influence the motions of a problem. With fitted coefficients it includes
-/// theirs; if that is unknown, returns the configured uncertainty and the reason.
-fn uncertainty(
-    configured: &InputUncertainty,
-    fitted: Option<(&KnownFits, &FittedSetup)>,
-    problem: &Problem,
-) -> (InputUncertainty, Option<NoInterval>) {
-    let Some((fits, fitted)) = fitted else { return (configured.clone(), None) };
-    let known = fitted.with_bands(&problem.robot, &fits.data, |bands| {
-        InputUncertainty::fitted(bands, problem, fitted.measured())
-    });
-    match known {
-        Ok(uncertainty) => (uncertainty, None),
-        Err(reason) => (configured.clone(), Some(reason)),
-    }
-}
-
-/// Computes the sensitivities of the motions that `motion` returns at each frequency, as [`Setup::sensitivities`] does,
-/// given the configured uncertainty and the fit.
-fn sensitivities(
-    motion: &(impl Fn(f64) -> Motion + Sync),
-    omegas_rad_s: &[f64],
-    from_rest: bool,
-    (configured, fitted): (&InputUncertainty, Option<(&KnownFits, &FittedSetup)>),
-    draws: Option<Draws>,
-    cancel: &CancelToken,
-) -> Result<Sensitivities, Cancelled> {
-    let first = motion(omegas_rad_s.first().copied().unwrap_or(1.0));
-    let (uncertainty, unknown) = uncertainty(configured, fitted, &first.problem);
-    let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
-        cancel.check()?;
-        let motion = motion(omega_rad_s);
-        let mut rows = motion.sensitivities(from_rest, &uncertainty);
-        if let (Some(draws), Ok(rows)) = (draws, &mut rows)
-            && let Ok((solver, _)) = answer::solve_motion(&motion.problem, from_rest)
-        {
-            let solve = |of: &Problem| motion.values_near(&solver, of);
-            let of_motion = (&motion.problem, &motion.metrics[..]);
-            sensitivity::add_monte_carlo(rows, of_motion, &solve, &uncertainty, draws, cancel)?;
-        }
-        Ok((omega_rad_s, rows))
-    });
-    Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
-}
-
 /// Robot and gait of a campaign with the friction laws of a model.
 #[derive(Debug, Clone)]
 pub struct Setup {
@@ -284,13 +239,45 @@ impl Setup {
         draws: Option<Draws>,
         cancel: &CancelToken,
     ) -> Result<Sensitivities, Cancelled> {
-        let motion = |omega_rad_s: f64| {
+        let first = self.problem(omegas_rad_s.first().copied().unwrap_or(1.0));
+        let (uncertainty, unknown) = self.uncertainty_of(&first, fits);
+        let metrics = self.sensitivity_metrics();
+        let motions = omegas_rad_s.par_iter().with_max_len(1).map(|&omega_rad_s| {
+            cancel.check()?;
             let problem = self.problem(omega_rad_s);
             let extrapolation = self.extrapolation(&problem);
-            Motion { problem, model: self.model, metrics: self.sensitive(), extrapolation }
+            let motion =
+                Motion { problem, model: self.model, metrics: metrics.clone(), extrapolation };
+            let mut rows = motion.sensitivities(from_rest, &uncertainty);
+            if let (Some(draws), Ok(rows)) = (draws, &mut rows)
+                && let Ok((solver, _)) = answer::solve_motion(&motion.problem, from_rest)
+            {
+                let solve = |of: &Problem| motion.values_near(&solver, of);
+                let of_motion = (&motion.problem, &motion.metrics[..]);
+                sensitivity::add_monte_carlo(rows, of_motion, &solve, &uncertainty, draws, cancel)?;
+            }
+            Ok((omega_rad_s, rows))
+        });
+        Ok(Sensitivities { motions: motions.collect::<Result<_, Cancelled>>()?, unknown })
+    }
+
+    /// Returns the uncertainty of the quantities that influence the motions of a problem. With fitted coefficients it
+    /// includes theirs; if that is unknown, returns the configured uncertainty and the reason.
+    fn uncertainty_of(
+        &self,
+        problem: &Problem,
+        fits: Option<&KnownFits>,
+    ) -> (InputUncertainty, Option<NoInterval>) {
+        let Some((fits, fitted)) = fits.zip(self.fitted.as_ref()) else {
+            return (self.uncertainty.clone(), None);
         };
-        let known = (&self.uncertainty, fits.zip(self.fitted.as_ref()));
-        sensitivities(&motion, omegas_rad_s, from_rest, known, draws, cancel)
+        let known = fitted.with_bands(&problem.robot, &fits.data, |bands| {
+            InputUncertainty::fitted(bands, problem, fitted.measured())
+        });
+        match known {
+            Ok(uncertainty) => (uncertainty, None),
+            Err(reason) => (self.uncertainty.clone(), Some(reason)),
+        }
     }
 
     fn interval(&self, omega_rad_s: f64, from_rest: bool, bands: &PredictionBands) -> Interval {
@@ -304,7 +291,7 @@ impl Setup {
     }
 
     /// Returns the names of the columns of the metrics that sensitivities are given of, and of the work.
-    fn sensitive(&self) -> Vec<String> {
+    fn sensitivity_metrics(&self) -> Vec<String> {
         let Some(chain) = self.robot.as_chain() else {
             return SENSITIVE_METRICS.map(str::to_owned).to_vec();
         };

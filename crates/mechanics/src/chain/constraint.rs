@@ -192,11 +192,6 @@ impl<const D: usize> Constraints<D> {
         RowOrthogonal::new(rows).solve(right)
     }
 
-    /// Returns the index of the constraint that is row `row` of the residual; `None` if the row is one of motion.
-    pub(super) fn constraint(&self, row: usize) -> Option<usize> {
-        self.order[row].checked_sub(self.speeds.len())
-    }
-
     /// Returns the row of the residual that is the first equation of motion; `None` if there is none.
     pub(super) fn row_of_motion(&self) -> Option<usize> {
         let equations = (!self.speeds.is_empty()).then_some(&self.order)?;

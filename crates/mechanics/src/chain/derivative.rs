@@ -315,12 +315,16 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                 for (q, quantity) in quantities.iter().enumerate() {
                     let own = &mut sums[q * count..][..count];
                     let rows = std::array::from_fn(|i| -factors[i][q]);
-                    let mut along = weighted.along(self.model, &rows);
+                    let mut virtual_motion = weighted.virtual_motion(self.model, &rows);
                     if let Output::Sigma { .. } | Output::Loss = quantity {
                         let direct = self.direct(*quantity, &at, j, weights, spans);
                         match direct.resistance {
                             Resistance::All => {
-                                (0..MAX_LINKS).for_each(|i| along.skid[i] += direct.along.skid[i]);
+                                for (own, direct) in
+                                    virtual_motion.skid.iter_mut().zip(direct.virtual_motion.skid)
+                                {
+                                    *own += direct;
+                                }
                             }
                             Resistance::Dissipation => self.add(&mut power, &at, &direct, own),
                         }
@@ -331,12 +335,12 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                             self.add_determined(
                                 &mut power,
                                 *phase_rad,
-                                (&along.body, *weight),
+                                (&virtual_motion.body, *weight),
                                 own,
                             );
                         }
                     } else {
-                        self.add(&mut power, &at, &WeightedPower::all(along), own);
+                        self.add(&mut power, &at, &WeightedPower::all(virtual_motion), own);
                     }
                 }
             }
@@ -383,13 +387,13 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         let weight = RADAU.integrate[STAGES - 1][j];
         match quantity {
             Output::Sigma { wheel, link } => {
-                let mut along = Virtual::none();
-                along.skid[link] =
+                let mut virtual_motion = Virtual::none();
+                virtual_motion.skid[link] =
                     Lanes::splat(weight * self.dsigma_dskid[wheel]) * part * at.skid_m_s(link);
-                WeightedPower::all(along)
+                WeightedPower::all(virtual_motion)
             }
             _ => WeightedPower {
-                along: at.as_virtual(),
+                virtual_motion: at.as_virtual(),
                 resistance: Resistance::Dissipation,
                 weight: Lanes::splat(spans * weight) * duration_s,
             },
@@ -424,7 +428,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         at: &EvaluatedMotion<T>,
         direct: &WeightedPower<T>,
     ) -> [T; N] {
-        power.evaluate(at, &direct.along, direct.resistance);
+        power.evaluate(at, &direct.virtual_motion, direct.resistance);
         let mut by = [T::splat(0.0); N];
         by[..3].copy_from_slice(&power.by_body(at));
         for c in 1..C {
@@ -444,17 +448,17 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         sums: &mut [T],
     ) {
         if self.needs_evaluate {
-            power.evaluate(at, &direct.along, direct.resistance);
+            power.evaluate(at, &direct.virtual_motion, direct.resistance);
         } else {
-            power.set_velocities(at, &direct.along, direct.resistance);
+            power.set_velocities(at, &direct.virtual_motion, direct.resistance);
         }
         for (sum, Wanted { number, wave }) in sums.iter_mut().zip(self.wanted) {
             *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
         }
     }
 
-    /// Subtracts, with a weight, the derivatives with respect to all wanted numbers of `factors` times the velocities that
-    /// constraints and commands determine at a phase.
+    /// Subtracts from the sum of each wanted number `weight` times a derivative with respect to that number: of the scalar
+    /// product of `factors` and the velocities that constraints and commands determine at a phase.
     fn add_determined<T: Number>(
         &self,
         power: &mut Power<T>,
@@ -590,7 +594,12 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             let weighted = Weighted::new(self.model, &element, j);
             let at = self.evaluated(motion, weighted.constraint_n);
             let rows = std::array::from_fn(|i| -rows[j * D + i][0]);
-            self.add(&mut power, &at, &WeightedPower::all(weighted.along(self.model, &rows)), sums);
+            self.add(
+                &mut power,
+                &at,
+                &WeightedPower::all(weighted.virtual_motion(self.model, &rows)),
+                sums,
+            );
         }
         Ok(by_start.map(|slope| weight * slope))
     }
@@ -598,15 +607,15 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
 
 /// Virtual power, times a weight.
 struct WeightedPower<T> {
-    along: Virtual<T>,
+    virtual_motion: Virtual<T>,
     resistance: Resistance,
     weight: T,
 }
 
 impl<T: Number> WeightedPower<T> {
-    /// Returns the power of all resistances along a virtual motion.
-    fn all(along: Virtual<T>) -> Self {
-        Self { along, resistance: Resistance::All, weight: T::splat(1.0) }
+    /// Returns the power of all resistances in a virtual motion.
+    fn all(virtual_motion: Virtual<T>) -> Self {
+        Self { virtual_motion, resistance: Resistance::All, weight: T::splat(1.0) }
     }
 }
 
@@ -641,12 +650,12 @@ impl<T: Number, const D: usize> Weighted<T, D> {
     }
 
     /// Returns the virtual motion whose power is the sum of the residuals times the given factors.
-    fn along<const N: usize, const C: usize, F: Friction>(
+    fn virtual_motion<const N: usize, const C: usize, F: Friction>(
         &self,
         model: &Model<N, C, D, F>,
         factors: &[T; D],
     ) -> Virtual<T> {
-        let mut along = Virtual::none();
+        let mut virtual_motion = Virtual::none();
         let mut velocity = *factors;
         if let Some(constraints) = model.constraints() {
             velocity = [T::splat(0.0); D];
@@ -658,15 +667,15 @@ impl<T: Number, const D: usize> Weighted<T, D> {
                     }
                     Equation::Constraint(wheel) => {
                         let (_, link, _) = model.system.wheels[wheel];
-                        along.skid[link] = *factor;
+                        virtual_motion.skid[link] = *factor;
                     }
                 }
             }
         }
-        along.body.copy_from_slice(&velocity[..3]);
+        virtual_motion.body.copy_from_slice(&velocity[..3]);
         for c in 1..C {
-            along.joints[model.system.clusters.all[c].joint] = velocity[2 + c];
+            virtual_motion.joints[model.system.clusters.all[c].joint] = velocity[2 + c];
         }
-        along
+        virtual_motion
     }
 }

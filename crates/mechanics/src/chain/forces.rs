@@ -171,10 +171,10 @@ fn resisted<'a, T: Number, F: Friction>(
 /// Returns the row whose product with the velocities of the reference link and the rates of the joints is the skid
 /// velocity of a link's wheel.
 fn skid_row(at: &EvaluatedMotion<f64>, link: usize, joints: usize) -> [f64; MAX_ROWS] {
-    let mut along = Virtual::none();
-    along.skid[link] = 1.0;
+    let mut virtual_motion = Virtual::none();
+    virtual_motion.skid[link] = 1.0;
     let mut power = Power::new();
-    power.evaluate(at, &along, Resistance::All);
+    power.evaluate(at, &virtual_motion, Resistance::All);
     let mut row = [0.0; MAX_ROWS];
     row[..3].copy_from_slice(&power.by_body(at));
     (0..joints).for_each(|joint| row[3 + joint] = power.by_joint(at, joint)[1]);

@@ -9,7 +9,7 @@ use trilink_robot::{Chain, Friction, Joint, Lanes, Link, MAX_JOINTS, MAX_LINKS, 
 
 use super::balance::{Node, Posture, System};
 use super::cluster::Clusters;
-use super::constraint::Constraints;
+use super::constraint::{Constraints, Equation};
 use super::determined::Determined;
 use super::forces::{power_and_loss_w, sample};
 use super::links::Motion;
@@ -353,7 +353,7 @@ impl<const N: usize, const C: usize, const D: usize, F: Friction> Reduced<N> for
                 self.skid_m_s(&node, &self.kinematics(&node, &moved))
             });
             for row in 0..D {
-                if let Some(i) = constraints.constraint(row) {
+                if let Equation::Constraint(i) = constraints.equation(row) {
                     right[row] = (before[i] - after[i]) / (2.0 * step_s);
                     (0..D).for_each(|j| matrix[(row, j)] = residual.state_jacobian[row][j]);
                 }

@@ -26,11 +26,12 @@ pub(crate) trait Steady: Debug + Send + Sync {
     fn solve(&mut self, is_warm: bool, accuracy: f64) -> Result<GaitMetrics>;
 
     /// Solves for the steady-state motion, starting from the last solution or, if that fails, from the model's initial
-    /// guess; the last solution is retained if both fail.
+    /// guess. If both fail, the last solution is kept.
     fn solve_near(&mut self, accuracy: f64) -> Result<GaitMetrics>;
 
-    /// Finds the attractor reached from rest, which becomes the solution; if `is_solved`, the present solution is the
-    /// first candidate. Returns its metrics, the number of cycles to settle, and whether it is the present solution.
+    /// Replaces the present solution by the attractor reached from rest. If `is_solved`, the present solution is tried first
+    /// as the attractor. Returns the attractor's metrics, the number of cycles to settle, and whether it is the solution
+    /// that was there before.
     fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<(GaitMetrics, usize, bool)>;
 
     /// Returns the computational effort of the last solution.

@@ -30,9 +30,9 @@ pub struct Draws {
 }
 
 /// Adds to the rows of one motion the standard deviations and limits of the metrics over `draws` motions with inputs
-/// drawn at random. `solve` returns the values of `metrics` for a problem, or `None` if it has no periodic solution. They
-/// stay missing (NaN) if no input is uncertain, or if
-/// more than 0.1 % of the drawn problems have no periodic solution.
+/// drawn at random. `solve` returns the values of `metrics` for a problem, or `None` if it has no periodic solution.
+/// Deviations and limits stay missing (NaN) if no input is uncertain, or if more than 0.1 % of the drawn problems have no
+/// periodic solution.
 ///
 /// # Errors
 /// Returns an error if the computation is cancelled.
