@@ -24,12 +24,13 @@ pub(super) struct Cycle {
     pub end: Pose,
 }
 
-/// Computes the metrics of a periodic solution.
+/// Computes the metrics of a periodic solution, and the extremes of the angles of its free joints.
 pub(super) fn measure<const N: usize, R: Reduced<N>>(
     model: &R,
     mesh: &Mesh<N, R>,
     path: &Path<N, R>,
     workspace: &mut Linearisation,
+    extremes: &mut Vec<Extremes<N>>,
 ) -> Cycle {
     let weights = RADAU.integrate[STAGES - 1];
     let end = path.end;
@@ -51,8 +52,11 @@ pub(super) fn measure<const N: usize, R: Reduced<N>>(
     let pose = if mesh.is_half { end * end.mirrored() } else { end };
     let periods = mesh.periods as f64;
     let mut alpha_rad = [0.0; MAX_JOINTS];
+    extremes.clear();
     for joint in 0..R::ANGLES {
-        alpha_rad[joint] = Extremes::find(joint, model, mesh, path, workspace).half_range();
+        let found = Extremes::find(joint, model, mesh, path, workspace);
+        alpha_rad[joint] = found.half_range();
+        extremes.push(found);
     }
     Cycle {
         d_m: pose.x_m.hypot(pose.y_m) / periods,

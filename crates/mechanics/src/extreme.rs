@@ -34,9 +34,9 @@ pub(super) struct TurningPoint<const N: usize> {
     stages: Option<Stages<N>>,
 }
 
-/// Accepted error in the position of a turning point, as a fraction of the element's length; the error in the
-/// angle is of third order in this fraction.
-const TOLERANCE: f64 = 1e-5;
+/// Correction to the position of a turning point, as a fraction of the element's length, after which the position is
+/// accepted; the error in the angle is of third order in this fraction, and that in the position of second order.
+const TOLERANCE: f64 = 3e-4;
 /// Correction to the position, as a fraction of the element's length, below which a turning point has
 /// converged.
 const CONVERGED: f64 = 1e-8;

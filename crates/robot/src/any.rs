@@ -135,7 +135,7 @@ impl AnyRobot {
         let number_in = |all: &[Metric]| all.iter().position(|one| *one == metric);
         match (number_in(&Metric::SIGMA), number_in(&Metric::ALPHA)) {
             (Some(wheel), _) => {
-                let link = chain.numbering().get(wheel).map(|link| &chain.links[*link]);
+                let link = chain.link_numbered(wheel).map(|link| &chain.links[link]);
                 link.is_some_and(|link| link.wheel.is_some())
             }
             (_, Some(joint)) => joint < chain.joints.len(),
@@ -283,18 +283,13 @@ impl Chain {
         let known = |numbers: Vec<ChainNumber>| -> Vec<ChainNumber> {
             numbers.into_iter().filter(|number| self.number(*number).is_some()).collect()
         };
-        let order = self.numbering();
         match (quantity.definition().per, of_link) {
-            (Per::Wheel | Per::Link, Some(number)) => match parameter.number() {
-                Some(i) => known(
-                    order.get(i).map(|link| ChainNumber::Link(*link, number)).into_iter().collect(),
-                ),
-                None => {
-                    known(order.into_iter().map(|link| ChainNumber::Link(link, number)).collect())
-                }
-            },
-            (Per::Robot, Some(number)) => {
-                known(order.into_iter().map(|link| ChainNumber::Link(link, number)).collect())
+            (Per::Wheel | Per::Link | Per::Robot, Some(number)) => {
+                let links = match parameter.number() {
+                    Some(i) => self.link_numbered(i).into_iter().collect(),
+                    None => self.numbering(),
+                };
+                known(links.into_iter().map(|link| ChainNumber::Link(link, number)).collect())
             }
             (Per::FreeJoint, _) => {
                 let own = match quantity {

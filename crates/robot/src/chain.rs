@@ -247,6 +247,24 @@ impl LinkNumber {
         }
     }
 
+    /// Returns whether the number is one of the friction of a wheel.
+    pub fn is_of_friction(self) -> bool {
+        use LinkNumber::{
+            Roll, RollDry, Skid, SkidDry, SkidExponent, SkidPower, SkidStatic, Stribeck, Transition,
+        };
+        matches!(
+            self,
+            Roll | RollDry
+                | Skid
+                | SkidDry
+                | SkidExponent
+                | SkidPower
+                | SkidStatic
+                | Stribeck
+                | Transition
+        )
+    }
+
     fn of(self, link: &mut Link) -> Option<&mut f64> {
         let wheel = link.wheel.as_mut();
         Some(match self {
@@ -517,8 +535,17 @@ impl Chain {
     /// Returns the indices of the links in the order in which their columns are numbered: the reference link is 0, and
     /// the others follow from front to rear. For the paper's robot: middle, front, rear.
     pub fn numbering(&self) -> Vec<usize> {
-        let others = (0..self.links.len()).filter(|link| *link != self.reference);
-        std::iter::once(self.reference).chain(others).collect()
+        (0..self.links.len()).filter_map(|number| self.link_numbered(number)).collect()
+    }
+
+    /// Returns the index of the link with a number (see [`Chain::numbering`]); `None` if there is none.
+    pub fn link_numbered(&self, number: usize) -> Option<usize> {
+        let link = match number {
+            0 => self.reference,
+            _ if number <= self.reference => number - 1,
+            _ => number,
+        };
+        (number < self.links.len()).then_some(link)
     }
 
     /// Returns the names of the links by number (see [`Chain::numbering`]).

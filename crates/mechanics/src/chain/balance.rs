@@ -439,10 +439,22 @@ impl System {
         state: &WheelState<T>,
         cluster: usize,
     ) -> [T; D] {
-        let axle = normal(state.direction);
-        let [x, y] = axle;
+        self.velocity_row(posture, state, cluster, normal(state.direction))
+    }
+
+    /// Returns, for a wheel, the row whose product with the velocities is the wheel's velocity along an axis (without that
+    /// of the commanded motion).
+    #[inline(always)]
+    pub(super) fn velocity_row<T: Number, const C: usize, const D: usize>(
+        &self,
+        posture: &Posture<T, C>,
+        state: &WheelState<T>,
+        cluster: usize,
+        axis: Vector<T>,
+    ) -> [T; D] {
+        let [x, y] = axis;
         let mut row = [T::splat(0.0); D];
-        self.spread_force(cluster, posture, &[x, y, moment(state.place, axle)], &mut row);
+        self.spread_force(cluster, posture, &[x, y, moment(state.place, axis)], &mut row);
         (1..C).rev().for_each(|c| self.fold(c, &mut row));
         row
     }

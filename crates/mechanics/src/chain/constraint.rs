@@ -86,7 +86,7 @@ impl<T: Number, const N: usize> RowOrthogonal<T, N> {
 }
 
 #[inline(always)]
-fn product<T: Number, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
+pub(super) fn product<T: Number, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
     (0..N).fold(T::splat(0.0), |sum, i| sum + a[i] * b[i])
 }
 

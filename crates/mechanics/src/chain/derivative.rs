@@ -9,15 +9,16 @@ use std::f64::consts::TAU;
 
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    ChainError, ChainNumber, CommandNumber, Friction, Joint, Lanes, MAX_JOINTS, MAX_LINKS, Number,
-    Pose,
+    ChainError, ChainNumber, CommandNumber, Friction, Joint, Lanes, LinkNumber, MAX_JOINTS,
+    MAX_LINKS, Number, Pose,
 };
 
-use super::balance::{Node, Posture};
-use super::constraint::{Equation, turned};
+use super::balance::{Node, Posture, WheelState};
+use super::constraint::{Equation, product, turned};
 use super::determined::{is_unbounded, velocities_and_factors};
 use super::links::Motion;
 use super::model::{Model, Wheels};
+use super::plane::normal;
 use super::power::{EvaluatedMotion, Power, Resistance, Virtual, needs_evaluate};
 use super::wave::Wave;
 use super::{ChainProblem, in_link_order};
@@ -70,10 +71,12 @@ impl Output {
     }
 }
 
-/// Number with respect to which derivatives are computed, and the derivative of its command with respect to it, if it is
-/// one of a command.
+/// Number with respect to which derivatives are computed.
 struct Wanted {
     number: ChainNumber,
+    /// Link of the wheel and its number, if the number is one of the friction of a wheel.
+    friction: Option<(usize, LinkNumber)>,
+    /// Derivative of the number's command with respect to it, if it is one of a command.
     wave: Option<Wave>,
 }
 
@@ -92,7 +95,11 @@ impl Wanted {
             }
             ChainNumber::Link(..) | ChainNumber::Joint(..) => None,
         };
-        Ok(Self { number, wave })
+        let friction = match number {
+            ChainNumber::Link(link, number) => number.is_of_friction().then_some((link, number)),
+            _ => None,
+        };
+        Ok(Self { number, friction, wave })
     }
 
     /// Returns whether the motion can depend on the number.
@@ -191,6 +198,8 @@ fn slopes_of<const N: usize, const C: usize, const D: usize, F: Friction>(
 struct Differentiation<'a, const N: usize, const C: usize, const D: usize, F: Friction> {
     model: &'a Model<N, C, D, F>,
     wanted: &'a [Wanted],
+    /// Whether one of the wanted numbers is not of friction.
+    needs_power: bool,
     /// Whether one of the wanted numbers needs [`Power::evaluate`].
     needs_evaluate: bool,
     /// Derivatives of d with respect to the pose (x, y, theta) at the end of the time span of the mesh, and those for a
@@ -230,6 +239,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         Self {
             model,
             wanted,
+            needs_power: wanted.iter().any(|one| one.friction.is_none()),
             needs_evaluate: wanted
                 .iter()
                 .any(|one| needs_evaluate(&model.problem.chain, one.number)),
@@ -288,9 +298,9 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                         }
                     }
                     Output::Loss => {
-                        let motions = self.motions(&element, &phases_rad);
                         for j in 0..STAGES {
-                            let at = self.evaluated(&motions[j], [Lanes::default(); MAX_LINKS]);
+                            let motion = self.motion(&element, &phases_rad, j);
+                            let at = self.evaluated(&motion, [Lanes::default(); MAX_LINKS]);
                             let direct = self.direct(*quantity, &at, j, weights, spans);
                             own[j] = self.by_state(&mut power, &at, &direct);
                         }
@@ -307,14 +317,28 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             let element = mesh.pack(pack, &starts);
             let phases_rad = mesh.phases_rad(pack);
             let weights = mesh.weights(pack);
-            let motions = self.motions(&element, &phases_rad);
             for j in 0..STAGES {
                 let weighted = Weighted::new(self.model, &element, j);
-                let at = self.evaluated(&motions[j], weighted.constraint_n);
                 let factors = adjoint.factors::<Model<N, C, D, F>>(pack, j);
+                let rows = |q: usize| std::array::from_fn(|i| -factors[i][q]);
+                let powers: [_; TOGETHER] = std::array::from_fn(|q| FrictionPower {
+                    velocities: weighted.velocities(self.model, &rows(q)),
+                    actual: match quantities.get(q) {
+                        Some(Output::Loss) => self.loss_weight(j, weights[1], spans),
+                        _ => Lanes::default(),
+                    },
+                });
+                let posture = &orbit.path.legs[pack].states[j];
+                let powers = &powers[..quantities.len()];
+                self.add_friction(&element.nodes[j], posture, powers, &mut sums);
+                if !self.needs_power {
+                    continue;
+                }
+                let motion = self.motion(&element, &phases_rad, j);
+                let at = self.evaluated(&motion, weighted.constraint_n);
                 for (q, quantity) in quantities.iter().enumerate() {
                     let own = &mut sums[q * count..][..count];
-                    let rows = std::array::from_fn(|i| -factors[i][q]);
+                    let rows = rows(q);
                     let mut virtual_motion = weighted.virtual_motion(self.model, &rows);
                     if let Output::Sigma { .. } | Output::Loss = quantity {
                         let direct = self.direct(*quantity, &at, j, weights, spans);
@@ -330,14 +354,10 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                         }
                     }
                     if let Wheels::Determined(determined) = &self.model.wheels {
+                        let body = [rows[0], rows[1], rows[2]];
                         let (count, points) = determined.points(&self.model.system, phases_rad[j]);
                         for (weight, phase_rad) in &points[..count] {
-                            self.add_determined(
-                                &mut power,
-                                *phase_rad,
-                                (&virtual_motion.body, *weight),
-                                own,
-                            );
+                            self.add_determined(&mut power, *phase_rad, (&body, *weight), own);
                         }
                     } else {
                         self.add(&mut power, &at, &WeightedPower::all(virtual_motion), own);
@@ -349,17 +369,15 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         Ok(sums.zip(at_turns).map(|(sum, at_turns)| sum + at_turns).collect())
     }
 
-    /// Returns the motions at the stages of an element.
+    /// Returns the motion at stage `j` of an element.
     #[inline(always)]
-    fn motions<T: Number>(
+    fn motion<T: Number>(
         &self,
         element: &Element<N, Model<N, C, D, F>, T>,
         phases_rad: &[T; STAGES],
-    ) -> [Motion<T>; STAGES] {
-        std::array::from_fn(|j| {
-            let (y, dy) = (&element.stages[j], element.rate(j));
-            self.model.motion(phases_rad[j], y, &dy)
-        })
+        j: usize,
+    ) -> Motion<T> {
+        self.model.motion(phases_rad[j], &element.stages[j], &element.rate(j))
     }
 
     fn evaluated<'m, T: Number>(
@@ -395,9 +413,14 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             _ => WeightedPower {
                 virtual_motion: at.as_virtual(),
                 resistance: Resistance::Dissipation,
-                weight: Lanes::splat(spans * weight) * duration_s,
+                weight: self.loss_weight(j, duration_s, spans),
             },
         }
+    }
+
+    /// Returns the weight of the dissipated power at stage `j` in the loss over a cycle.
+    fn loss_weight(&self, j: usize, duration_s: Lanes, spans: f64) -> Lanes {
+        Lanes::splat(spans * RADAU.integrate[STAGES - 1][j]) * duration_s
     }
 
     /// Returns the derivatives, with respect to the states, of half the square of a wheel's skid velocity, times a factor.
@@ -438,7 +461,42 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         by.map(|slope| direct.weight * slope)
     }
 
-    /// Adds the derivatives of a virtual power with respect to all wanted numbers.
+    /// Adds the derivatives of virtual powers of friction with respect to the wanted numbers of friction, power by power.
+    fn add_friction<T: Number>(
+        &self,
+        node: &Node<T, C>,
+        posture: &Posture<T, C>,
+        powers: &[FrictionPower<T, D>],
+        sums: &mut [T],
+    ) {
+        let system = &self.model.system;
+        for ((cluster, link, friction), wheel) in system.wheels.iter().zip(&node.wheels) {
+            let of_wheel = |one: &Wanted| one.friction.filter(|(of, _)| of == link);
+            if self.wanted.iter().all(|one| of_wheel(one).is_none()) {
+                continue;
+            }
+            let state = system.wheel(posture, wheel, *cluster);
+            let WheelState { direction, roll_m_s, skid_m_s, .. } = state;
+            let axes = [direction, normal(direction)];
+            let rows: [[T; D]; 2] =
+                axes.map(|axis| system.velocity_row(posture, &state, *cluster, axis));
+            let mut virtual_m_s = [[T::splat(0.0); 2]; TOGETHER];
+            for (own, FrictionPower { velocities, actual }) in virtual_m_s.iter_mut().zip(powers) {
+                *own = [(rows[0], roll_m_s), (rows[1], skid_m_s)]
+                    .map(|(row, velocity)| product(&row, velocities) + *actual * velocity);
+            }
+            for (i, one) in self.wanted.iter().enumerate() {
+                let Some((_, number)) = of_wheel(one) else { continue };
+                let [roll, skid] = F::slopes(friction, number, roll_m_s, skid_m_s);
+                let own = sums[i..].iter_mut().step_by(self.wanted.len());
+                for (sum, [rolling, across]) in own.zip(virtual_m_s) {
+                    *sum += roll * rolling + skid * across;
+                }
+            }
+        }
+    }
+
+    /// Adds the derivatives of a virtual power with respect to the wanted numbers that are not of friction.
     #[inline(never)]
     fn add<T: Number>(
         &self,
@@ -452,8 +510,10 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         } else {
             power.set_velocities(at, &direct.virtual_motion, direct.resistance);
         }
-        for (sum, Wanted { number, wave }) in sums.iter_mut().zip(self.wanted) {
-            *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
+        for (sum, Wanted { number, friction, wave }) in sums.iter_mut().zip(self.wanted) {
+            if friction.is_none() {
+                *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
+            }
         }
     }
 
@@ -548,10 +608,9 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
         sums: &mut [f64],
     ) -> Result<OfElements<N>> {
-        let PeriodicOrbit { mesh, path, workspace, .. } = orbit;
-        let Extremes { highest, lowest } = Extremes::find(joint, self.model, mesh, path, workspace);
+        let Extremes { highest, lowest } = orbit.extremes[joint];
         // With half-period symmetry, the opposite extreme follows half a period later.
-        let parts = if mesh.is_half { [1.0, 0.0] } else { [0.5, -0.5] };
+        let parts = if orbit.mesh.is_half { [1.0, 0.0] } else { [0.5, -0.5] };
         let mut starts = [None; 2];
         for ((extreme, part), start) in [highest, lowest].iter().zip(parts).zip(&mut starts) {
             if part != 0.0 {
@@ -590,19 +649,30 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         let mut rows = vec![[0.0; 1]; D * STAGES];
         workspace.adjoint_factors::<N, Model<N, C, D, F>, 1>(0, duration_s, &[end], &mut rows);
         let mut power = Power::new();
-        for (j, motion) in self.motions(&element, &phases_rad).iter().enumerate() {
+        for j in 0..STAGES {
             let weighted = Weighted::new(self.model, &element, j);
-            let at = self.evaluated(motion, weighted.constraint_n);
             let rows = std::array::from_fn(|i| -rows[j * D + i][0]);
-            self.add(
-                &mut power,
-                &at,
-                &WeightedPower::all(weighted.virtual_motion(self.model, &rows)),
-                sums,
-            );
+            let velocities = weighted.velocities(self.model, &rows);
+            let posture = self.model.kinematics(&nodes[j], &stages[j]);
+            let power_of_friction = FrictionPower { velocities, actual: 0.0 };
+            self.add_friction(&nodes[j], &posture, &[power_of_friction], sums);
+            if self.needs_power {
+                let motion = self.motion(&element, &phases_rad, j);
+                let at = self.evaluated(&motion, weighted.constraint_n);
+                let virtual_motion = weighted.virtual_motion(self.model, &rows);
+                self.add(&mut power, &at, &WeightedPower::all(virtual_motion), sums);
+            }
         }
         Ok(by_start.map(|slope| weight * slope))
     }
+}
+
+/// Virtual power of the friction of the wheels.
+struct FrictionPower<T, const D: usize> {
+    /// Virtual velocities of the reference link and of the free joints.
+    velocities: [T; D],
+    /// Multiple of the actual velocities that is added to them.
+    actual: T,
 }
 
 /// Virtual power, times a weight.
@@ -656,26 +726,42 @@ impl<T: Number, const D: usize> Weighted<T, D> {
         factors: &[T; D],
     ) -> Virtual<T> {
         let mut virtual_motion = Virtual::none();
-        let mut velocity = *factors;
-        if let Some(constraints) = model.constraints() {
-            velocity = [T::splat(0.0); D];
-            for (row, factor) in factors.iter().enumerate() {
-                match constraints.equation(row) {
-                    Equation::Motion(direction) => {
+        let velocities = self.velocities(model, factors);
+        virtual_motion.body.copy_from_slice(&velocities[..3]);
+        for c in 1..C {
+            virtual_motion.joints[model.system.clusters.all[c].joint] = velocities[2 + c];
+        }
+        for (row, factor) in factors.iter().enumerate() {
+            if let Some(Equation::Constraint(wheel)) =
+                model.constraints().map(|constraints| constraints.equation(row))
+            {
+                let (_, link, _) = model.system.wheels[wheel];
+                virtual_motion.skid[link] = *factor;
+            }
+        }
+        virtual_motion
+    }
+
+    /// Returns the virtual velocities of the reference link and of the free joints.
+    #[inline(always)]
+    fn velocities<const N: usize, const C: usize, F: Friction>(
+        &self,
+        model: &Model<N, C, D, F>,
+        factors: &[T; D],
+    ) -> [T; D] {
+        let mut velocities = [T::splat(0.0); D];
+        match &model.wheels {
+            Wheels::Skid => velocities = *factors,
+            Wheels::Roll(constraints) => {
+                for (row, factor) in factors.iter().enumerate() {
+                    if let Equation::Motion(direction) = constraints.equation(row) {
                         let null = &self.null[direction];
-                        (0..D).for_each(|i| velocity[i] += *factor * null[i]);
-                    }
-                    Equation::Constraint(wheel) => {
-                        let (_, link, _) = model.system.wheels[wheel];
-                        virtual_motion.skid[link] = *factor;
+                        (0..D).for_each(|i| velocities[i] += *factor * null[i]);
                     }
                 }
             }
+            Wheels::Determined(_) => {}
         }
-        virtual_motion.body.copy_from_slice(&velocity[..3]);
-        for c in 1..C {
-            virtual_motion.joints[model.system.clusters.all[c].joint] = velocity[2 + c];
-        }
-        virtual_motion
+        velocities
     }
 }

@@ -9,7 +9,7 @@
 
 use trilink_robot::{
     Chain, ChainNumber, FreeJoint, Friction, Joint, JointNumber, LinkNumber, MAX_JOINTS, MAX_LINKS,
-    Number, WheelFriction,
+    Number,
 };
 
 use super::links::{Contact, Hinge, Links, Motion, outwards};
@@ -128,8 +128,6 @@ pub(super) struct EvaluatedMotion<'a, T> {
     /// Angular accelerations of the rotors relative to their links, rad/s^2.
     rotors: [T; MAX_LINKS],
     omega_rad_s: f64,
-    /// [`Friction::slopes`].
-    slopes: fn(&WheelFriction, LinkNumber, T, T) -> [T; 2],
 }
 
 impl<'a, T: Number> EvaluatedMotion<'a, T> {
@@ -150,16 +148,7 @@ impl<'a, T: Number> EvaluatedMotion<'a, T> {
                 [_, _, rotors[i]] = Wave::new(&rotor.angle).at([sin, cos], omega_rad_s);
             }
         }
-        Self {
-            chain,
-            motion,
-            links,
-            contacts,
-            constraint_n,
-            rotors,
-            omega_rad_s,
-            slopes: F::slopes,
-        }
+        Self { chain, motion, links, contacts, constraint_n, rotors, omega_rad_s }
     }
 
     pub(super) fn motion(&self) -> &Motion<T> {
@@ -398,7 +387,8 @@ impl<T: Number> Power<T> {
             + inner(*acceleration, points.by_acceleration)
     }
 
-    /// Returns the derivative with respect to a number of the chain, in SI units. `wave` is the derivative of the number's
+    /// Returns the derivative with respect to a number of the chain, in SI units; zero for the friction coefficients of
+    /// wheels, which change no velocity. `wave` is the derivative of the number's
     /// command with respect to it ([`Wave::slope`]), if it is one of a command.
     #[inline(always)]
     pub(super) fn by_number(
@@ -497,7 +487,7 @@ impl<T: Number> Power<T> {
             LinkNumber::DragAlong => com(links.unit[link].at),
             LinkNumber::DragAcross => com(normal(links.unit[link].at)),
             LinkNumber::DragTurning => links.heading[link].rate * self.rate[link],
-            _ => {
+            LinkNumber::WheelSteer => {
                 let (Some(contact), Some(wheel)) = (&contacts[link], &own.wheel) else {
                     return zero;
                 };
@@ -505,16 +495,12 @@ impl<T: Number> Power<T> {
                 let Contact { direction, roll_m_s, skid_m_s, roll, skid, .. } = *contact;
                 let [rolling, across] =
                     [direction, normal(direction)].map(|axis| inner(axis, velocity));
-                if number == LinkNumber::WheelSteer {
-                    let by_roll = roll[1] * rolling;
-                    let by_skid = skid[1] * across + self.virtual_motion.skid[link];
-                    let lateral = at.lateral_n(link, skid[0], self.resistance);
-                    return by_roll * skid_m_s - by_skid * roll_m_s + roll[0] * across
-                        - lateral * rolling;
-                }
-                let [roll, skid] = (at.slopes)(&wheel.friction, number, roll_m_s, skid_m_s);
-                roll * rolling + skid * across
+                let by_roll = roll[1] * rolling;
+                let by_skid = skid[1] * across + self.virtual_motion.skid[link];
+                let lateral = at.lateral_n(link, skid[0], self.resistance);
+                by_roll * skid_m_s - by_skid * roll_m_s + roll[0] * across - lateral * rolling
             }
+            _ => zero,
         }
     }
 

@@ -25,6 +25,7 @@ use trilink_robot::Lanes;
 
 use super::cycle::{Cycle, measure};
 use super::element::{Element, Linearisation, solve_element};
+use super::extreme::Extremes;
 use super::mesh::{MAX_ELEMENTS, Mesh, States};
 use super::path::Path;
 use super::radau::STAGES;
@@ -88,6 +89,8 @@ pub(super) struct PeriodicOrbit<const N: usize, R: Reduced<N>> {
     pub path: Path<N, R>,
     /// Metrics of the last solution; `None` until they are computed.
     cycle: Option<Cycle>,
+    /// Extremes of the angles of the free joints, computed with `cycle`.
+    pub(crate) extremes: Vec<Extremes<N>>,
     /// Modulus of the last solution's largest Floquet multiplier; `None` until it is computed.
     floquet: Option<f64>,
 }
@@ -175,6 +178,7 @@ impl<const N: usize, R: Reduced<N>> Default for PeriodicOrbit<N, R> {
             is_symmetry_broken: false,
             path: Path::default(),
             cycle: None,
+            extremes: Vec::new(),
             floquet: None,
         }
     }
@@ -453,7 +457,7 @@ impl<const N: usize, R: Reduced<N>> PeriodicOrbit<N, R> {
 
     /// Returns the metrics of the last solution, computed at the first call and cached.
     pub(crate) fn measure(&mut self, model: &R) -> Cycle {
-        let Self { mesh, path, workspace, cycle, .. } = self;
-        *cycle.get_or_insert_with(|| measure(model, mesh, path, workspace))
+        let Self { mesh, path, workspace, cycle, extremes, .. } = self;
+        *cycle.get_or_insert_with(|| measure(model, mesh, path, workspace, extremes))
     }
 }
