@@ -181,8 +181,15 @@ fn without_handling(joints: &[Joint], moving: Range<usize>, step: f64) -> Range<
     /// Number of parts into which a period is divided to detect rest: in no gait do the joints rest for two consecutive
     /// parts.
     const PARTS: f64 = 8.0;
+    /// Range of angles in a part, relative to that of the recording, above which the part is no rest even if noise is
+    /// as large: of two consecutive parts, a sinusoidal gait covers at least 0.146 in one.
+    const MAX_RANGE: f64 = 0.1;
     let frames = ((TAU / (PARTS * step)) as usize).max(1);
-    let tolerances: Vec<f64> = joints.iter().map(|(_, _, phi)| 1.5 * rest_tolerance(phi)).collect();
+    let tolerance = |phi: &[f64]| {
+        let [low, high] = extremes(seen(phi));
+        f64::min(1.5 * rest_tolerance(phi), MAX_RANGE * (high - low))
+    };
+    let tolerances: Vec<f64> = joints.iter().map(|(_, _, phi)| tolerance(phi)).collect();
     let starts: Vec<usize> = moving.clone().step_by(frames).collect();
     let mut still = Vec::with_capacity(starts.len());
     for start in &starts {
@@ -327,6 +334,9 @@ fn central(range: &Range<usize>, frames: usize) -> Range<usize> {
 mod tests {
     use std::path::Path;
 
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
     use trilink_robot::Gait;
 
     use super::*;
@@ -395,6 +405,19 @@ mod tests {
         let clock = |t: f64| if (12.0..15.0).contains(&t) { 12.0 } else { t };
         let paused = measure(|t| gait_at(3.9 * clock(t)), 27.0, 3.9).unwrap();
         assert_eq!(paused.moving, 0..27 * 120);
+    }
+
+    #[test]
+    fn a_small_motion_of_a_joint_that_is_not_commanded_has_no_rests() {
+        let (omega_rad_s, rate_hz) = (2.0, 120.0);
+        for seed in 0..10 {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let mut noise_rad = || -> f64 { 0.003 * random.sample::<f64, _>(StandardNormal) };
+            let angle = |i: u32| 0.057 * (2.0 / 120.0 * f64::from(i)).sin() + noise_rad();
+            let gait = CommandedGait { joints: &[None], omega_rad_s, rate_hz, skip_cycles: 2 };
+            let found = gait.estimate_phase(&[(0..5400).map(angle).collect()]).expect("a gait");
+            assert!(found.moving.len() > 5200, "{seed}: {:?}", found.moving);
+        }
     }
 
     #[test]
