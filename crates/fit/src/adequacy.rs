@@ -29,7 +29,6 @@
 
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
-use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, Metric, WeightKey};
 use trilink_statistics::{mean, quantiles_low};
 use trilink_tables::{Misfit, MisfitRun, Side, Undecided, UndecidedReason};
@@ -38,6 +37,7 @@ use super::fitted_point::FittedPoint;
 use super::information::changes;
 use super::least_absolute::{dot, minimise};
 use super::measurement::Measurement;
+use super::robots::Robots;
 use super::search::limits;
 use super::terms::{Target, Terms};
 use super::variation::{Variation, VariationFrom};
@@ -95,7 +95,7 @@ impl Adequacy {
     pub(crate) fn new(
         point: &FittedPoint,
         variation: &Variation,
-        perturbed_robots: &[AnyRobot],
+        perturbed_robots: &[Robots],
     ) -> Self {
         let assumed = assumed_changes(point, perturbed_robots);
         let test = |variation: &Variation| Self::with_noise(point, variation, &assumed);
@@ -395,12 +395,12 @@ fn draw_noise(
 
 /// Returns, for each uncertain robot parameter, the relative changes of the metrics of every trial when the parameter
 /// is increased by its standard deviation; 0 where the changed robot has no periodic solution.
-fn assumed_changes(point: &FittedPoint, perturbed_robots: &[AnyRobot]) -> Vec<Vec<ByFitted<f64>>> {
+fn assumed_changes(point: &FittedPoint, perturbed_robots: &[Robots]) -> Vec<Vec<ByFitted<f64>>> {
     let objective = point.evaluator.objective;
     perturbed_robots
         .par_iter()
-        .map(|robot| {
-            let metrics = point.metrics_of_robot(robot, &point.values);
+        .map(|robots| {
+            let metrics = point.metrics_of_robots(robots, &point.values);
             let trials = objective.conditions.by_trial.iter().map(|(condition, _)| {
                 let response = point.responses[*condition].as_ref();
                 response.map_or(ByFitted::splat(0.0), |response| {

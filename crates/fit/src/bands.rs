@@ -23,6 +23,7 @@ use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency};
 use super::intervals::{Systematic, Widths};
 use super::objective::Objective;
+use super::robots::Robots;
 use super::starts::Start;
 use super::terms::Response;
 use super::variation::Variation;
@@ -92,7 +93,7 @@ pub(super) struct Bands<'f> {
     replicates: Vec<Vec<f64>>,
     systematic: &'f Systematic,
     /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
-    perturbed_robots: &'f [AnyRobot],
+    perturbed_robots: &'f [Robots],
     /// Measured gaits, for computing the error that results from driving the model with the commanded gait instead;
     /// `None` if the measured gaits drive this fit, or if there is no refit that they drive.
     measured_gaits: Option<GaitOverFrequency>,
@@ -105,7 +106,7 @@ impl<'f> Bands<'f> {
         replicates: &[Start],
         variation: &Variation,
         systematic: &'f Systematic,
-        perturbed_robots: &'f [AnyRobot],
+        perturbed_robots: &'f [Robots],
     ) -> Self {
         let widenings = variation.widenings(point);
         let replicates = replicates.iter().map(|refit| {
@@ -134,13 +135,16 @@ impl<'f> Bands<'f> {
 
     /// Returns the robot on which the fit is based; its free parameters have their values from before the fit.
     pub(crate) fn robot(&self) -> &AnyRobot {
-        &self.point.evaluator.objective.robot
+        self.point.evaluator.objective.robots.first()
     }
 
     /// Returns, for each uncertain robot parameter, the robot with that parameter increased by its standard deviation,
     /// and the shifts of the logarithms of the free parameters from the original fit to the refit with this robot.
     pub(crate) fn assumed(&self) -> impl Iterator<Item = (&AnyRobot, &[f64])> {
-        self.perturbed_robots.iter().zip(self.systematic.assumed.iter().map(Vec::as_slice))
+        self.perturbed_robots
+            .iter()
+            .map(Robots::first)
+            .zip(self.systematic.assumed.iter().map(Vec::as_slice))
     }
 
     /// Returns robots with the coefficients of refits: of the first `most` bootstrap replicates, and of all refits that
@@ -337,8 +341,9 @@ mod tests {
         let mut worst = 0.0_f64;
         let mut by_derivatives = 0;
         for omega_rad_s in [2.5, 5.5] {
-            let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
-            let problem = objective.problem(&robot, objective.protocols[0].gait, omega_rad_s);
+            let robots = objective.robots.with_values(&point.evaluator.parameters, &point.values);
+            let problem =
+                objective.problem(robots.first(), objective.protocols[0].gait, omega_rad_s);
             let mut solver = Solver::default();
             let metrics = solver.solve(&problem, REFERENCE_ACCURACY).expect("a motion");
             let band = bands.band(solver.clone(), &problem, metrics).expect("a band");

@@ -36,6 +36,8 @@ const STEP: f64 = 1e-3;
 /// Group of trials that share one periodic solution.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Condition {
+    /// Index of the trials' campaign.
+    pub campaign: usize,
     pub omega_rad_s: f64,
     /// Gait that drives the model; `None` if the measured gait should drive the model but is missing.
     pub gait: Option<AnyGait>,
@@ -68,11 +70,11 @@ pub(super) struct Expansion {
 
 impl Conditions {
     /// Groups measurements, which must be sorted by [`Measurement::order`], by frequency and by the gait that `gait_of`
-    /// returns; `problem` returns the problem to solve for a gait and a frequency.
+    /// returns; `problem` returns the problem to solve for a campaign, a gait and a frequency.
     pub(crate) fn new(
         measurements: &[Measurement],
         gait_of: impl Fn(&Measurement) -> Option<AnyGait>,
-        problem: impl Fn(AnyGait, f64) -> Problem,
+        problem: impl Fn(usize, AnyGait, f64) -> Problem,
     ) -> Self {
         let gaits: Vec<Option<AnyGait>> = measurements.iter().map(gait_of).collect();
         let by_trial = vec![(0, [0.0; INPUTS]); measurements.len()];
@@ -98,7 +100,8 @@ impl Conditions {
             let gait = gait_of(measurement);
             let omega_rad_s = measurement.omega_rad_s;
             conditions.by_trial.push((trial, [0.0; INPUTS]));
-            conditions.all.push(Condition { omega_rad_s, gait, trials: vec![trial] });
+            let campaign = measurement.campaign;
+            conditions.all.push(Condition { campaign, omega_rad_s, gait, trials: vec![trial] });
             conditions.expansions.push(None);
         }
         conditions
@@ -112,7 +115,7 @@ impl Conditions {
         trials: Vec<usize>,
         measurements: &[Measurement],
         gaits: &[Option<AnyGait>],
-        problem: &impl Fn(AnyGait, f64) -> Problem,
+        problem: &impl Fn(usize, AnyGait, f64) -> Problem,
     ) {
         let from = |condition: &Condition, trial: usize| {
             condition.differences(measurements[trial].omega_rad_s, gaits[trial].as_ref())
@@ -172,7 +175,9 @@ impl Condition {
                 })
             }),
         });
-        Self { omega_rad_s: median_of(&|k| measurements[k].omega_rad_s), gait, trials }
+        let campaign = trials.first().map_or(0, |trial| measurements[*trial].campaign);
+        let omega_rad_s = median_of(&|k| measurements[k].omega_rad_s);
+        Self { campaign, omega_rad_s, gait, trials }
     }
 
     /// Returns the trials for which the error of the condition's expansion is too large, the farthest first, and the
@@ -181,7 +186,7 @@ impl Condition {
         &self,
         measurements: &[Measurement],
         gaits: &[Option<AnyGait>],
-        problem: &impl Fn(AnyGait, f64) -> Problem,
+        problem: &impl Fn(usize, AnyGait, f64) -> Problem,
     ) -> Option<(Vec<usize>, Expansion)> {
         let mut others: Vec<(usize, Differences)> = self
             .trials
@@ -197,13 +202,14 @@ impl Condition {
             return None;
         }
         let mut solver = Solver::default();
-        let own = problem(self.gait?, self.omega_rad_s);
+        let own = problem(self.campaign, self.gait?, self.omega_rad_s);
         let expansion = Expansion::solve(&mut solver, &own, &all).ok()?;
         // Starting with the trial that has the largest second-order term.
         let size = |of: &(usize, Differences)| expansion.second_order(&of.1);
         others.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.0.cmp(&b.0)));
         let too_far = others.iter().take_while(|(trial, differences)| {
-            let own = gaits[*trial].map(|gait| problem(gait, measurements[*trial].omega_rad_s));
+            let omega_rad_s = measurements[*trial].omega_rad_s;
+            let own = gaits[*trial].map(|gait| problem(self.campaign, gait, omega_rad_s));
             let solved = own.and_then(|own| solver.solve(&own, REFERENCE_ACCURACY).ok());
             solved
                 .is_none_or(|metrics| expansion.error(differences, &metrics) > MAX_EXPANSION_ERROR)

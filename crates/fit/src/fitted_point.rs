@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, REFERENCE_ACCURACY, Solver};
-use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, GaitMetrics};
 
 use super::conditions::GAIT_NUMBERS;
@@ -11,6 +10,7 @@ use super::least_absolute::Residual;
 use super::measurement::Measurement;
 use super::objective::{Evaluator, Failure, Observation};
 use super::resample::DrawnTrial;
+use super::robots::Robots;
 use super::search::{Ended, Iterate};
 use super::starts::Start;
 use super::terms::{PENALTY, Response, Terms};
@@ -99,29 +99,26 @@ impl<'o> FittedPoint<'o> {
         Some((metrics, ratios))
     }
 
-    /// Returns a copy of a robot with the given values of the free parameters.
-    pub(crate) fn with_values(&self, robot: &AnyRobot, values: &[f64]) -> AnyRobot {
-        let mut robot = robot.clone();
-        let free = &self.evaluator.parameters;
-        free.iter().zip(values).for_each(|(free, value)| robot.set(free.parameter, *value));
-        robot
+    /// Returns copies of robots with the given values of the free parameters.
+    pub(crate) fn with_values(&self, robots: &Robots, values: &[f64]) -> Robots {
+        robots.with_values(&self.evaluator.parameters, values)
     }
 
-    /// Solves the model of a robot with the given values of the free parameters in every condition, and returns the
+    /// Solves the model of robots with the given values of the free parameters in every condition, and returns the
     /// metrics; `None` where there is no periodic solution.
-    pub(crate) fn metrics_of_robot(
+    pub(crate) fn metrics_of_robots(
         &self,
-        robot: &AnyRobot,
+        robots: &Robots,
         values: &[f64],
     ) -> Vec<Option<GaitMetrics>> {
         let objective = self.evaluator.objective;
-        let robot = self.with_values(robot, values);
-        let mut solver = Solver::default();
+        let robots = self.with_values(robots, values);
+        let mut solvers = vec![Solver::default(); robots.len()];
         let conditions = objective.conditions.all.iter();
         conditions
             .map(|condition| {
-                let problem = objective.problem_of(&robot, condition).ok()?;
-                solver.solve(&problem, FIT_ACCURACY).ok()
+                let problem = objective.problem_of(&robots, condition).ok()?;
+                solvers[condition.campaign].solve(&problem, FIT_ACCURACY).ok()
             })
             .collect()
     }
@@ -130,8 +127,8 @@ impl<'o> FittedPoint<'o> {
     /// `parameters`, which need not be the free ones; `None` where the model has no periodic solution.
     pub(crate) fn responses_to(&self, parameters: &[FreeParameter]) -> Vec<Option<Response>> {
         let objective = self.evaluator.objective;
-        let robot = self.with_values(&objective.robot, &self.values);
-        let values: Vec<f64> = parameters.iter().map(|of| robot.value(of.parameter)).collect();
+        let robots = self.with_values(&objective.robots, &self.values);
+        let values: Vec<f64> = parameters.iter().map(|of| robots.value(of.parameter)).collect();
         let metrics: Vec<Option<GaitMetrics>> =
             self.responses.iter().map(|response| response.as_ref().map(|of| of.metrics)).collect();
         let mut evaluator = self.evaluator.clone();

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, Problem, Solver};
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
-use trilink_robot::{AnyGait, AnyRobot, JointCommand};
+use trilink_robot::{AnyGait, JointCommand};
 use trilink_tables::{Columns as _, Extrapolation};
 
 use super::discrimination::NoiseModel;
@@ -14,6 +14,7 @@ use super::input::FreeParameter;
 use super::least_absolute::{Residual, minimise};
 use super::measured_range::MeasuredRange;
 use super::measurement::Measurement;
+use super::robots::Robots;
 use super::search::limits;
 use super::terms::Response;
 use super::variation::Variation;
@@ -41,7 +42,7 @@ pub struct FitInformation<'f> {
     /// Shifts of the logarithms of the free parameters in each replicate.
     replicates: &'f [Vec<f64>],
     /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
-    perturbed_robots: &'f [AnyRobot],
+    perturbed_robots: &'f [Robots],
     gaits: GaitOverFrequency,
     noise: NoiseModel,
     /// For each metric, whether any trial has a term for it in the objective.
@@ -53,7 +54,7 @@ impl<'f> FitInformation<'f> {
         point: &'f FittedPoint<'f>,
         variation: &'f Variation<'f>,
         replicates: &'f [Vec<f64>],
-        perturbed_robots: &'f [AnyRobot],
+        perturbed_robots: &'f [Robots],
     ) -> Self {
         let objective = point.evaluator.objective;
         let measured = ByFitted::from_fn(|metric| {
@@ -100,8 +101,9 @@ impl<'f> FitInformation<'f> {
     /// and in which quantities.
     pub fn extrapolation(&self, command: AnyGait, omega_rad_s: f64) -> Extrapolation {
         let objective = self.point.evaluator.objective;
-        let problem = objective.problem(&objective.robot, command, omega_rad_s);
-        let range = MeasuredRange::new(self.measurements(), &objective.robot, &self.command());
+        let problem = objective.problem(objective.robots.first(), command, omega_rad_s);
+        let range =
+            MeasuredRange::new(self.measurements(), objective.robots.first(), &self.command());
         range.map_or_else(Extrapolation::blank, |range| range.extrapolation(&problem))
     }
 
@@ -125,8 +127,10 @@ impl<'f> FitInformation<'f> {
         let metrics = evaluator.metrics(&values);
         let responses = evaluator.responses(&values, &metrics);
         let perturbed = if assumed { self.perturbed_robots } else { &[] };
-        let assumed: Vec<Vec<Option<GaitMetrics>>> =
-            perturbed.par_iter().map(|robot| self.point.metrics_of_robot(robot, &values)).collect();
+        let assumed: Vec<Vec<Option<GaitMetrics>>> = perturbed
+            .par_iter()
+            .map(|robot| self.point.metrics_of_robots(robot, &values))
+            .collect();
         let noises = self.variation.noises();
         let trials = self.measurements().iter().enumerate();
         trials
@@ -168,9 +172,10 @@ impl<'f> FitInformation<'f> {
         let mut solver = Solver::default();
         let objective = self.point.evaluator.objective;
         let values = self.values(shifts);
-        let robot = self.point.with_values(&objective.robot, &values);
+        let robots = self.point.with_values(&objective.robots, &values);
+        let robot = robots.first();
         let gait = self.driven_by(command, omega_rad_s)?;
-        let problem = objective.problem(&robot, gait, omega_rad_s);
+        let problem = objective.problem(robot, gait, omega_rad_s);
         let metrics = solver.solve(&problem, FIT_ACCURACY).ok()?;
         if !solver.status().ok()?.is_stable() {
             return None;
@@ -181,14 +186,14 @@ impl<'f> FitInformation<'f> {
         } else {
             Vec::new()
         };
-        let response = Response::from_last_motion(&mut solver, metrics, &robot, &free).ok()?;
+        let response = Response::from_last_motion(&mut solver, metrics, robot, &free).ok()?;
         let noise = self.noise.at(omega_rad_s);
         let weights = objective.protocols[0].term_weights();
         let is_measured = |i: Metric| self.measured[i] && noise[i] > 0.0;
         let perturbed = if assumed { self.perturbed_robots } else { &[] };
-        let by_assumed = perturbed.iter().map(|robot| {
-            let problem =
-                Problem { robot: self.point.with_values(robot, &values), ..problem.clone() };
+        let by_assumed = perturbed.iter().map(|robots| {
+            let robots = self.point.with_values(robots, &values);
+            let problem = Problem { robot: robots.first().clone(), ..problem.clone() };
             changes(&metrics, solver.solve(&problem, FIT_ACCURACY).ok().as_ref())
         });
         Some(TrialInformation {

@@ -26,7 +26,6 @@
 //! (GUM), JCGM 100:2008, annex G.
 
 use rayon::prelude::*;
-use trilink_robot::AnyRobot;
 use trilink_statistics::{HALF_WIDTH_95, SIDES_95, mean, quantiles, student};
 use trilink_tables::{FitNotes, NoInterval, NoIntervalReason};
 
@@ -36,6 +35,7 @@ use super::input::FreeParameter;
 use super::measurement::Measurement;
 use super::objective::Objective;
 use super::profile::{Class, Profile};
+use super::robots::Robots;
 use super::starts::{Start, search_from};
 use super::variation::{Variation, VariationFrom};
 
@@ -120,7 +120,7 @@ pub(super) struct Systematic {
 impl Systematic {
     /// Refits without each block of frequencies in turn, and with each of the perturbed robots. Returns the shifts of
     /// these refits from the fit, and the number of periodic solutions computed.
-    pub(crate) fn new(point: &FittedPoint, perturbed_robots: &[AnyRobot]) -> (Self, usize) {
+    pub(crate) fn new(point: &FittedPoint, perturbed_robots: &[Robots]) -> (Self, usize) {
         let objective = point.evaluator.objective;
         let mut blocks = frequency_blocks(&objective.measurements);
         blocks.retain(|of_campaign| of_campaign.len() >= FitNotes::MIN_FREQUENCIES);
@@ -128,8 +128,8 @@ impl Systematic {
             blocks.concat().par_iter().map(|block| point.refit_without(block)).collect();
         let assumed: Vec<Start> = perturbed_robots
             .par_iter()
-            .map(|robot| {
-                let perturbed = Objective { robot: robot.clone(), ..objective.clone() };
+            .map(|robots| {
+                let perturbed = Objective { robots: robots.clone(), ..objective.clone() };
                 let evaluator = perturbed.evaluator(point.evaluator.parameters.clone());
                 search_from(evaluator, point.values.clone())
             })

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::REFERENCE_ACCURACY;
-use trilink_robot::{AnyRobot, Parameter};
+use trilink_robot::Parameter;
 use trilink_tables::config::GaitInput;
 use trilink_tables::{BootstrapRow, FitRow, FitStatus, LawLike};
 
@@ -18,6 +18,7 @@ use super::law_class::law_is_like;
 use super::objective::{Failure, Objective, Protocol};
 use super::profile::{Profile, profile, profile_limits};
 use super::resampler::Resampler;
+use super::robots::Robots;
 use super::search::Ended;
 use super::starts::{Start, search_all, search_from};
 use super::terms::PENALTY;
@@ -37,8 +38,8 @@ pub(super) struct Job<'j> {
     pub objective: Objective,
     /// Coefficients measured by joint-release and coast-down trials.
     pub measured: Vec<Parameter>,
-    /// Copies of the robot, each with one uncertain parameter increased by its standard deviation.
-    pub perturbed_robots: Vec<AnyRobot>,
+    /// Copies of the robots, each with one uncertain parameter increased by its standard deviation.
+    pub perturbed_robots: Vec<Robots>,
     pub resampler: &'j Resampler,
     /// Trials that are left out because they are unlike their repeats.
     pub unlike_repeats: Vec<String>,
@@ -79,11 +80,12 @@ impl<'j> Job<'j> {
     ) -> Self {
         let input = &inputs[0];
         let unlike_repeats = inputs.iter().flat_map(|input| input.unlike_repeats(data)).collect();
-        let (robot, measured) = input.measured_robot(data);
-        let perturbed_robots = input.perturbed_robots(&robot, data);
+        let robots: Robots = inputs.iter().map(|input| input.measured_robot(data).0).collect();
+        let (_, measured) = input.measured_robot(data);
+        let perturbed_robots = robots.perturbed(inputs, data);
         let objective = Objective::pooled(
             input.model.value.laws(),
-            robot,
+            robots,
             protocols,
             input.gait_input(),
             resampler.measurements.clone(),
@@ -115,7 +117,7 @@ impl<'j> Job<'j> {
             let failure =
                 Failure { status: FitStatus::Failed, reason: "no trial with metrics".to_owned() };
             let comparison = vec![self.comparison_row(failure.status)];
-            let fit_row = |job: &Self| job.fit_row(&job.objective.robot, Err(failure.clone()));
+            let fit_row = |job: &Self| job.fit_row(&job.objective.robots, Err(failure.clone()));
             let alternatives = self.with_other_gait_input().iter().map(fit_row).collect();
             let fits = vec![fit_row(self)];
             return Ok(Fitted { fits, alternatives, comparison, ..Fitted::default() });

@@ -5,11 +5,12 @@
 //! the factor e changes every metric by less than a trial's noise, the wheels are effectively constrained.
 
 use trilink_mechanics::{FIT_ACCURACY, MotionError, Solver};
-use trilink_robot::{AnyRobot, Quantity, Robot};
+use trilink_robot::{Quantity, Robot};
 use trilink_tables::{LINEAR_PART, LawKind, LawLike, Numbered};
 
 use super::fitted_point::FittedPoint;
 use super::objective::Objective;
+use super::robots::Robots;
 use super::variation::Variation;
 
 /// Number of samples per cycle at which the skid velocities of the wheels are evaluated.
@@ -19,30 +20,32 @@ const SAMPLES: usize = 64;
 /// model's solutions; `None` if the two laws can be distinguished.
 pub(super) fn law_is_like(point: &FittedPoint, variation: &Variation) -> Option<LawLike> {
     let objective = point.evaluator.objective;
-    let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
-    let transition_m_s = robot.value(Quantity::Transition.one());
-    let max_skid_m_s = max_skid_velocity_m_s(objective, &robot);
+    let robots = objective.robots.with_values(&point.evaluator.parameters, &point.values);
+    let transition_m_s = robots.value(Quantity::Transition.one());
+    let max_skid_m_s = max_skid_velocity_m_s(objective, &robots);
     let is_slow = max_skid_m_s.is_ok_and(|max_m_s| max_m_s <= LINEAR_PART * transition_m_s);
     is_slow.then(|| {
         let has_static = objective.laws.skid.has_static();
         let dry = if has_static { Quantity::SkidStatic } else { Quantity::SkidDry };
         let is_insensitive = is_insensitive(point, variation);
         let kind = if is_insensitive { LawKind::Constrained } else { LawKind::Viscous };
-        let value = |wheel| robot.value(dry.parameter(wheel)) / transition_m_s;
+        let value = |wheel| robots.value(dry.parameter(wheel)) / transition_m_s;
         LawLike {
             kind,
             viscous_kg_s: [0, 1, 2].map(value),
-            more_viscous_kg_s: Numbered((Robot::LINKS..=robot.joints()).map(value).collect()),
+            more_viscous_kg_s: Numbered(
+                (Robot::LINKS..=robots.first().joints()).map(value).collect(),
+            ),
         }
     })
 }
 
 /// Returns the maximum skid velocity of the wheels in the model's solutions for all conditions, m/s.
-fn max_skid_velocity_m_s(objective: &Objective, robot: &AnyRobot) -> Result<f64, MotionError> {
+fn max_skid_velocity_m_s(objective: &Objective, robots: &Robots) -> Result<f64, MotionError> {
     let mut solver = Solver::default();
     let mut max_m_s = 0.0_f64;
     for condition in &objective.conditions.all {
-        let problem = objective.problem_of(robot, condition)?;
+        let problem = objective.problem_of(robots, condition)?;
         solver.forget();
         solver.solve(&problem, FIT_ACCURACY)?;
         // The skid velocity of a link without a wheel is NaN, which the maximum ignores.

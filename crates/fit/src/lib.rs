@@ -65,6 +65,7 @@ mod problem;
 mod profile;
 mod resample;
 mod resampler;
+mod robots;
 mod rows;
 mod search;
 mod shared;

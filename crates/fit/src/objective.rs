@@ -10,6 +10,7 @@ use trilink_tables::config::{GaitInput, Weights};
 use super::conditions::{Condition, Conditions, Differences, Expansion};
 use super::input::FreeParameter;
 use super::measurement::Measurement;
+use super::robots::Robots;
 use super::terms::{Linearised, Response, Target, Terms};
 
 /// Failure of a fit: the model has no steady-state motion for one of the trials, or there is nothing to fit.
@@ -25,8 +26,8 @@ pub struct Failure {
 #[derive(Debug, Clone)]
 pub struct Objective {
     pub laws: Laws,
-    /// Robot with its free parameters at their values from before the fit.
-    pub robot: AnyRobot,
+    /// Robots with their free parameters at their values from before the fit.
+    pub(crate) robots: Robots,
     /// Gait and weights of each campaign, indexed by [`Measurement::campaign`].
     pub protocols: Vec<Protocol>,
     /// Whether the measured or the commanded gait drives the model.
@@ -84,25 +85,26 @@ impl Objective {
         measurements: Vec<Measurement>,
     ) -> Self {
         let protocol = Protocol { name: String::new(), gait: gait.into(), weights };
-        Self::pooled(laws, robot.into(), vec![protocol], gait_input, measurements)
+        Self::pooled(laws, robot.into().into(), vec![protocol], gait_input, measurements)
     }
 
     /// Builds the objective for several campaigns from their measurements, which must be sorted by
     /// [`Measurement::order`].
     pub(crate) fn pooled(
         laws: Laws,
-        robot: AnyRobot,
+        robots: Robots,
         protocols: Vec<Protocol>,
         gait_input: GaitInput,
         measurements: Vec<Measurement>,
     ) -> Self {
         let conditions = Conditions::default();
         let cancel = CancelToken::default();
-        let mut all = Self { laws, robot, protocols, gait_input, measurements, cancel, conditions };
+        let mut all =
+            Self { laws, robots, protocols, gait_input, measurements, cancel, conditions };
         all.conditions = Conditions::new(
             &all.measurements,
             |measurement| all.gait_of(measurement),
-            |gait, omega_rad_s| all.problem(&all.robot, gait, omega_rad_s),
+            |campaign, gait, omega_rad_s| all.problem(all.robots.of(campaign), gait, omega_rad_s),
         );
         all
     }
@@ -111,7 +113,7 @@ impl Objective {
     pub(crate) fn driven_as(&self, gait_input: GaitInput) -> Self {
         let driven = Self::pooled(
             self.laws,
-            self.robot.clone(),
+            self.robots.clone(),
             self.protocols.clone(),
             gait_input,
             self.measurements.clone(),
@@ -137,19 +139,12 @@ impl Objective {
         self.measurements.iter().map(|measurement| counts[measurement.campaign]).collect()
     }
 
-    /// Returns the robot with the free `parameters` set to `values`.
-    pub(crate) fn robot_with(&self, parameters: &[FreeParameter], values: &[f64]) -> AnyRobot {
-        let mut robot = self.robot.clone();
-        for (free, value) in parameters.iter().zip(values) {
-            robot.set(free.parameter, *value);
-        }
-        robot
-    }
-
     /// Returns whether the model's solution for any campaign depends on a parameter.
     pub(super) fn depends_on(&self, parameter: Parameter) -> bool {
-        let mut protocols = self.protocols.iter();
-        protocols.any(|of| self.robot.depends_on(parameter, self.laws, &of.gait))
+        let mut protocols = self.protocols.iter().enumerate();
+        protocols.any(|(campaign, of)| {
+            self.robots.of(campaign).depends_on(parameter, self.laws, &of.gait)
+        })
     }
 
     /// Returns the problem whose solution is the model's steady-state motion for a gait and a frequency.
@@ -180,11 +175,11 @@ impl Objective {
     /// Returns an error if the measured gait should drive the model but is missing.
     pub(super) fn problem_of(
         &self,
-        robot: &AnyRobot,
+        robots: &Robots,
         condition: &Condition,
     ) -> Result<Problem, MotionError> {
         let gait = condition.gait.ok_or(MotionError::GaitUnknown)?;
-        Ok(self.problem(robot, gait, condition.omega_rad_s))
+        Ok(self.problem(robots.of(condition.campaign), gait, condition.omega_rad_s))
     }
 
     /// Returns the contribution of one trial to the objective: the weighted sum of the relative deviations of its
@@ -349,9 +344,9 @@ impl Evaluator<'_> {
     /// Solves the model for every condition and returns the metrics; `None` where the model has no periodic solution,
     /// or where a condition has no observations.
     pub(super) fn metrics(&mut self, values: &[f64]) -> Vec<Option<GaitMetrics>> {
-        let robot = self.objective.robot_with(&self.parameters, values);
+        let robots = self.objective.robots.with_values(&self.parameters, values);
         (0..self.solvers.len())
-            .map(|i| if self.terms.is_unused(i) { None } else { self.solve(i, &robot).ok() })
+            .map(|i| if self.terms.is_unused(i) { None } else { self.solve(i, &robots).ok() })
             .collect()
     }
 
@@ -362,14 +357,15 @@ impl Evaluator<'_> {
         values: &[f64],
         metrics: &[Option<GaitMetrics>],
     ) -> Vec<Option<Response>> {
-        let robot = self.objective.robot_with(&self.parameters, values);
+        let robots = self.objective.robots.with_values(&self.parameters, values);
         let wanted: Vec<Parameter> = self.parameters.iter().map(|free| free.parameter).collect();
-        let pairs = metrics.iter().zip(&mut self.solvers);
-        pairs
-            .map(|(metrics, solver)| {
-                Response::from_last_motion(solver, (*metrics)?, &robot, &wanted).ok()
-            })
-            .collect()
+        let conditions = self.objective.conditions.all.iter();
+        let each = conditions.zip(metrics).zip(&mut self.solvers);
+        each.map(|((condition, metrics), solver)| {
+            let robot = robots.of(condition.campaign);
+            Response::from_last_motion(solver, (*metrics)?, robot, &wanted).ok()
+        })
+        .collect()
     }
 
     /// Expands the metrics of the latest periodic solutions in terms of the trials' inputs (frequency and gait
@@ -398,10 +394,10 @@ impl Evaluator<'_> {
         if values.is_empty() {
             return;
         }
-        let robot = self.objective.robot_with(&self.parameters, values);
+        let robots = self.objective.robots.with_values(&self.parameters, values);
         let Conditions { all, by_trial, .. } = &self.objective.conditions;
         for (i, condition) in all.iter().enumerate() {
-            let problem = self.objective.problem_of(&robot, condition);
+            let problem = self.objective.problem_of(&robots, condition);
             let Ok(problem) = problem else { continue };
             if !self.is_spread(i) {
                 continue;
@@ -436,9 +432,9 @@ impl Evaluator<'_> {
     /// # Errors
     /// Returns an error for the first condition without a periodic solution.
     pub fn check_motions(&mut self, values: &[f64]) -> Result<(), Failure> {
-        let robot = self.objective.robot_with(&self.parameters, values);
+        let robots = self.objective.robots.with_values(&self.parameters, values);
         for i in 0..self.solvers.len() {
-            if let Err(error) = self.solve(i, &robot) {
+            if let Err(error) = self.solve(i, &robots) {
                 let omega_rad_s = self.objective.conditions.all[i].omega_rad_s;
                 let status = match error {
                     MotionError::Singular { .. } => FitStatus::Singular,
@@ -452,9 +448,9 @@ impl Evaluator<'_> {
         Ok(())
     }
 
-    fn solve(&mut self, i: usize, robot: &AnyRobot) -> Result<GaitMetrics, MotionError> {
+    fn solve(&mut self, i: usize, robots: &Robots) -> Result<GaitMetrics, MotionError> {
         self.solves += 1;
-        let problem = self.objective.problem_of(robot, &self.objective.conditions.all[i])?;
+        let problem = self.objective.problem_of(robots, &self.objective.conditions.all[i])?;
         self.solvers[i].solve(&problem, self.accuracy)
     }
 }

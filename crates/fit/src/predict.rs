@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 use trilink_mechanics::{MotionError, MotionStatus, Problem, REFERENCE_ACCURACY, Solver};
-use trilink_robot::AnyRobot;
 use trilink_robot::metrics::{ByFitted, GaitMetrics, Metric};
 use trilink_tables::{
     Columns as _, NoInterval, NoIntervalReason, PredictionRow, PredictionSource, ResidualRow,
@@ -13,6 +12,7 @@ use super::bands::{Band, Bands, without_resample};
 use super::fitted_point::FittedPoint;
 use super::gait_over_frequency::{GaitErrors, GaitOverFrequency, UNKNOWN};
 use super::measurement::Measurement;
+use super::robots::Robots;
 
 /// Number of frequencies on a prediction curve.
 const CURVE_POINTS: usize = 112;
@@ -77,7 +77,7 @@ impl Predicted {
 pub(super) fn predictions(
     input: &FitInput,
     point: &FittedPoint,
-    robot: &AnyRobot,
+    robots: &Robots,
     bands: &Result<Bands, NoInterval>,
 ) -> Vec<PredictionRow> {
     let blank = PredictionRow {
@@ -85,9 +85,9 @@ pub(super) fn predictions(
         model: input.model.name,
         ..PredictionRow::blank()
     };
-    let mut rows = predictions_at_trials(point, robot, bands, &blank);
+    let mut rows = predictions_at_trials(point, robots, bands, &blank);
     if !input.model.value.is_of_trials() {
-        rows.extend(predictions_on_curve(point, robot, bands, &blank));
+        rows.extend(predictions_on_curve(point, robots, bands, &blank));
     }
     rows
 }
@@ -95,7 +95,7 @@ pub(super) fn predictions(
 /// Returns the predictions for all trials, each at the trial's own frequency and gait.
 fn predictions_at_trials(
     point: &FittedPoint,
-    robot: &AnyRobot,
+    robots: &Robots,
     bands: &Result<Bands, NoInterval>,
     blank: &PredictionRow,
 ) -> Vec<PredictionRow> {
@@ -105,7 +105,7 @@ fn predictions_at_trials(
         .all
         .par_iter()
         .map_init(Solver::default, |solver, condition| {
-            let problem = objective.problem_of(robot, condition);
+            let problem = objective.problem_of(robots, condition);
             let predicted = Predicted::solve(
                 solver,
                 problem.as_ref().map_err(Clone::clone),
@@ -141,7 +141,7 @@ fn predictions_at_trials(
 /// Returns the predictions at evenly spaced frequencies over the range covered by the trials.
 fn predictions_on_curve(
     point: &FittedPoint,
-    robot: &AnyRobot,
+    robots: &Robots,
     bands: &Result<Bands, NoInterval>,
     blank: &PredictionRow,
 ) -> Vec<PredictionRow> {
@@ -155,7 +155,8 @@ fn predictions_on_curve(
         .map_init(Solver::default, |solver, i| {
             let omega_rad_s = low + (high - low) * i as f64 / (CURVE_POINTS - 1) as f64;
             let driving = gaits.at(omega_rad_s);
-            let problem = driving.map(|(gait, _)| objective.problem(robot, gait, omega_rad_s));
+            let problem =
+                driving.map(|(gait, _)| objective.problem(robots.first(), gait, omega_rad_s));
             let problem = problem.as_ref().ok_or(MotionError::GaitUnknown);
             let predicted = Predicted::solve(solver, problem, CURVE_ACCURACY, bands);
             let errors_rad = driving.map_or(UNKNOWN, |(_, errors_rad)| errors_rad);

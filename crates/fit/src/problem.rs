@@ -121,8 +121,8 @@ impl FitProblem {
     ) -> Result<GaitMetrics, MotionError> {
         let measurement = &self.objective.measurements[index];
         let gait = self.objective.gait_of(measurement).ok_or(MotionError::GaitUnknown)?;
-        let robot = self.objective.robot_with(&self.parameters, values);
-        let problem = self.objective.problem(&robot, gait, measurement.omega_rad_s);
+        let robots = self.objective.robots.with_values(&self.parameters, values);
+        let problem = self.objective.problem(robots.first(), gait, measurement.omega_rad_s);
         solver.solve(&problem, REFERENCE_ACCURACY)
     }
 }

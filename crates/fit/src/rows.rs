@@ -1,7 +1,7 @@
 //! Table rows for a fit.
 
 use trilink_robot::metrics::{Metric, WeightKey};
-use trilink_robot::{AnyRobot, ByParameter, Parameter};
+use trilink_robot::{ByParameter, Parameter};
 use trilink_tables::{
     BootstrapRow, Columns as _, ComparisonRow, FitNotes, FitRow, FitStatus, NoInterval,
     NoIntervalReason, ProfileRow, StartRow,
@@ -18,6 +18,7 @@ use super::job::{Fit, Job};
 use super::objective::Failure;
 use super::predict::{predictions, residuals};
 use super::profile::Class;
+use super::robots::Robots;
 use super::starts::Start;
 
 /// Relative difference from the best objective within which a start counts as having reached the minimum.
@@ -28,7 +29,7 @@ impl Job<'_> {
     pub(super) fn row(&self, fit: &Fit, starts: &[Start], motions: Result<(), Failure>) -> FitRow {
         let Fit { point, cost, resumed, solves, profiles, .. } = fit;
         let parameters = &point.evaluator.parameters;
-        let robot = self.objective.robot_with(parameters, &point.values);
+        let robots = self.objective.robots.with_values(parameters, &point.values);
         let free: Vec<Parameter> = parameters.iter().map(|free| free.parameter).collect();
         let with_class = |class: Class| {
             let pairs = free.iter().zip(profiles);
@@ -90,7 +91,7 @@ impl Job<'_> {
             resumed: *resumed as i64,
             solves: *solves as i64,
             free,
-            ..self.fit_row(&robot, motions)
+            ..self.fit_row(&robots, motions)
         }
     }
 
@@ -115,8 +116,8 @@ impl Job<'_> {
             Some(why) => Err(why),
         };
         let parameters = &point.evaluator.parameters;
-        let robot = self.objective.robot_with(parameters, &point.values);
-        let predictions = predictions(self.input, point, &robot, &bands);
+        let robots = self.objective.robots.with_values(parameters, &point.values);
+        let predictions = predictions(self.input, point, &robots, &bands);
         let numbered_starts = starts.iter().enumerate();
         let profile_points = profiles.iter().enumerate().flat_map(|(index, profile)| {
             profile.points.iter().map(move |point| (index, profile.limit, point))
@@ -208,7 +209,7 @@ impl Job<'_> {
         let missing = Metric::FITTED.into_iter().filter(|metric| {
             let mut measured = measurements.iter().map(|of| of.metrics[*metric]);
             let protocols = &self.objective.protocols;
-            self.objective.robot.has_metric(*metric)
+            self.objective.robots.has_metric(*metric)
                 && protocols.iter().any(|of| of.term_weights()[*metric] > 0.0)
                 && measured.all(f64::is_nan)
         });
@@ -259,14 +260,14 @@ impl Job<'_> {
 
     /// Returns a row with the parameters of the model and the failure of the fit, if any; all other values are
     /// missing.
-    pub(super) fn fit_row(&self, robot: &AnyRobot, motions: Result<(), Failure>) -> FitRow {
+    pub(super) fn fit_row(&self, robots: &Robots, motions: Result<(), Failure>) -> FitRow {
         let failure = motions.err();
         FitRow {
             campaign: self.input.campaign.name.clone(),
             model: self.input.model.name,
             gait_input: self.objective.gait_input,
             parameters: ByParameter::from_fn(|parameter| {
-                if self.model_has(parameter) { robot.value(parameter) } else { f64::NAN }
+                if self.model_has(parameter) { robots.value(parameter) } else { f64::NAN }
             }),
             status: failure.as_ref().map_or(FitStatus::Ok, |failure| failure.status),
             failure: failure.map_or_else(String::new, |failure| failure.reason),

@@ -163,7 +163,7 @@ pub(super) fn starting_values(
         .zip(BASES.into_iter().cycle())
         .map(|(free, base)| {
             let [low, high] = free.bounds;
-            let configured = objective.robot.value(free.parameter);
+            let configured = objective.robots.value(free.parameter);
             if number == 0 && configured > low && configured < high {
                 return configured;
             }

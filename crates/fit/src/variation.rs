@@ -571,14 +571,14 @@ fn friction_deviations(
 /// depends.
 fn friction_coefficients(point: &FittedPoint) -> Vec<FreeParameter> {
     let objective = point.evaluator.objective;
-    let robot = objective.robot_with(&point.evaluator.parameters, &point.values);
+    let robots = objective.robots.with_values(&point.evaluator.parameters, &point.values);
     let of_wheels = |parameter: &Parameter| {
         let definition = parameter.quantity().definition();
         definition.is_resistance && definition.per == Per::Wheel && !parameter.is_sum()
     };
     let parameters = Parameter::OF_ANY_ROBOT.into_iter().filter(of_wheels);
     parameters
-        .filter(|parameter| robot.value(*parameter) > 0.0 && objective.depends_on(*parameter))
+        .filter(|parameter| robots.value(*parameter) > 0.0 && objective.depends_on(*parameter))
         .map(|parameter| FreeParameter { parameter, bounds: [0.0, f64::INFINITY] })
         .collect()
 }

@@ -9,7 +9,9 @@ use trilink_fit::{Fitted, fit};
 use trilink_mechanics::{Model, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{AnyRobot, Laws, Parameter, Quantity};
-use trilink_tables::config::{Config, Free, GaitInput, SigmaKind};
+use trilink_tables::config::{
+    ChainCampaign, Config, Free, GaitInput, Robots, SharedFits, SigmaKind,
+};
 use trilink_tables::{Columns as _, FitRow, TrialRow};
 
 /// Relative standard deviation of the noise of a trial's metrics.
@@ -47,40 +49,51 @@ impl Case {
         config
     }
 
-    /// Returns trials whose metrics deviate from those of the model skid-roll with the configured coefficients by noise.
     fn trials(&self, config: &Config, noise: f64, seed: u64) -> Vec<TrialRow> {
-        let chain = config.chain_setup(self.campaign).unwrap();
-        let (gait, robot) = (chain.gait(), AnyRobot::from(chain));
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let trial = |omega_rad_s: f64| {
-            let problem = Problem::new(robot.clone(), gait, Laws::SKID_ROLL, omega_rad_s);
-            let metrics = Solver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
-            let mut row = TrialRow {
-                trial: format!("at-{omega_rad_s}"),
-                campaign: self.campaign.to_owned(),
-                omega_commanded_rad_s: omega_rad_s,
-                omega_rad_s,
-                // So many that Student's t distribution widens the standard errors by nothing.
-                cycles: 1000,
-                metrics,
-                metrics_se: GaitMetrics::MISSING,
-                ..TrialRow::blank()
-            };
-            for metric in Metric::FITTED {
-                let error: f64 = StandardNormal.sample(&mut random);
-                row.metrics[metric] *= 1.0 + noise * error;
-                row.metrics_se[metric] = noise * metrics[metric];
-            }
-            // d and v are one measurement.
-            row.metrics.v_m_s = row.metrics.d_m * omega_rad_s / std::f64::consts::TAU;
-            row
-        };
-        OMEGAS_RAD_S.map(trial).into()
+        trials(config, self.campaign, Laws::SKID_ROLL, noise, seed)
     }
 
     fn robot(&self, config: &Config) -> AnyRobot {
         config.chain_setup(self.campaign).unwrap().into()
     }
+}
+
+/// Returns trials of a campaign whose metrics deviate by noise from those under the given laws with the configured
+/// coefficients.
+pub(crate) fn trials(
+    config: &Config,
+    campaign: &str,
+    laws: Laws,
+    noise: f64,
+    seed: u64,
+) -> Vec<TrialRow> {
+    let chain = config.chain_setup(campaign).unwrap();
+    let (gait, robot) = (chain.gait(), AnyRobot::from(chain));
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let trial = |omega_rad_s: f64| {
+        let problem = Problem::new(robot.clone(), gait, laws, omega_rad_s);
+        let metrics = Solver::default().solve(&problem, REFERENCE_ACCURACY).unwrap();
+        let mut row = TrialRow {
+            trial: format!("{campaign}-at-{omega_rad_s}"),
+            campaign: campaign.to_owned(),
+            omega_commanded_rad_s: omega_rad_s,
+            omega_rad_s,
+            // So many that Student's t distribution widens the standard errors by nothing.
+            cycles: 1000,
+            metrics,
+            metrics_se: GaitMetrics::MISSING,
+            ..TrialRow::blank()
+        };
+        for metric in Metric::FITTED {
+            let error: f64 = StandardNormal.sample(&mut random);
+            row.metrics[metric] *= 1.0 + noise * error;
+            row.metrics_se[metric] = noise * metrics[metric];
+        }
+        // d and v are one measurement.
+        row.metrics.v_m_s = row.metrics.d_m * omega_rad_s / std::f64::consts::TAU;
+        row
+    };
+    OMEGAS_RAD_S.map(trial).into()
 }
 
 fn fitted(config: &Config, trials: Vec<TrialRow>) -> (FitRow, Fitted) {
@@ -104,6 +117,29 @@ fn fits_without_noise_recover_the_coefficients_of_every_robot_of_the_gallery() {
         for row in &fitted.predictions {
             assert!(row.status.is_stable(), "{}: {row:?}", case.file);
         }
+    }
+}
+
+#[test]
+fn campaigns_of_one_robot_that_are_fitted_together_keep_their_own_commands() {
+    let mut config = CASES[5].config(0);
+    let (gait, campaign) = ("wobble", "rotor-car-2");
+    let own = config.chains.campaign[CASES[5].campaign].clone();
+    let mut other = config.chains.gait[&own.gait].clone();
+    other.rotor.values_mut().for_each(|rotor| rotor.amplitude_deg *= 1.4);
+    config.chains.gait.insert(gait.to_owned(), other);
+    let own = ChainCampaign { gait: gait.to_owned(), ..own };
+    let robot = own.robot.clone();
+    config.chains.campaign.insert(campaign.to_owned(), own);
+    config.fit.shared = Some(SharedFits { robot: Robots(vec![robot]) });
+    let mut trials = CASES[5].trials(&config, 0.0, 0);
+    trials.extend(super::chains::trials(&config, campaign, Laws::SKID_ROLL, 0.0, 0));
+    let row = &fit(&config, &trials.into(), &|_| {}).shared[0].fit;
+    let robot = CASES[5].robot(&config);
+    assert!(row.free.len() >= 2 && row.j < 1e-5, "{row:?}");
+    for parameter in &row.free {
+        let [found, planted] = [row.parameters[*parameter], robot.value(*parameter)];
+        assert!((found / planted - 1.0).abs() < 1e-3, "{parameter} = {found}, not {planted}");
     }
 }
 
