@@ -1,6 +1,6 @@
 //! Second pipeline stage: fits models to the ingested tables. Each model of each campaign is a separate build target.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use trilink_fit::{
@@ -49,8 +49,10 @@ impl FitStage {
             TargetSpec::new(Target::from_fit(&input.key()), input, key, subjects)
         });
         let shared = shared.iter().map(|input| {
-            let key = data
-                .map_or(Key::new(), |data| data_key(input.trials(data), &input.campaigns[0], data));
+            let key = data.map_or(Key::new(), |data| {
+                let robots = input.robots(data);
+                data_key(input.trials(data), &input.campaigns[0], robots)
+            });
             let subjects = subjects(&input.campaigns);
             TargetSpec::new(Target::from_fit(&input.key()), &input.settings(), key, subjects)
         });
@@ -94,26 +96,27 @@ impl FitStage {
     }
 }
 
-/// Returns the names of the campaigns and of the robot on which a fit depends, each preceded by its kind: `campaign a`,
+/// Returns the names of the campaigns and robots on which a fit depends, each preceded by its kind: `campaign a`,
 /// `robot b`.
 fn subjects(campaigns: &[FitInput]) -> Vec<String> {
     let names = campaigns.iter().map(|input| format!("campaign {}", input.campaign.name));
-    names.chain([format!("robot {}", campaigns[0].robot.name)]).collect()
+    let robots: BTreeSet<&String> = campaigns.iter().map(|input| &input.robot.name).collect();
+    names.chain(robots.into_iter().map(|robot| format!("robot {robot}"))).collect()
 }
 
 /// Returns the part of a fit's key that depends on data, not on settings: hashes of the trials and, if the fit uses the
-/// robot's measured parameters, a hash of these.
-fn data_key(trials: BTreeMap<String, String>, input: &FitInput, data: &FitData) -> Key {
+/// measured parameters of the robots, their hash.
+fn data_key(trials: BTreeMap<String, String>, input: &FitInput, robots: String) -> Key {
     let trials = trials.into_iter().map(|(trial, hash)| (format!("trial {trial}"), hash));
     let is_measured = input.fit.robot_parameters == ParameterSource::Measured;
-    let robots = is_measured.then(|| (ROBOTS.to_owned(), input.robots(data)));
+    let robots = is_measured.then(|| (ROBOTS.to_owned(), robots));
     trials.chain(robots).collect()
 }
 
 /// Returns the part of the key of a fit to one campaign that depends on data: the same as [`data_key`], extended by the
 /// data that the table of model comparisons reports for the campaign.
 fn own_key(input: &FitInput, data: &FitData) -> Key {
-    let mut key = data_key(input.trials(data), input, data);
+    let mut key = data_key(input.trials(data), input, input.robots(data));
     let robots = hash_of(&(key.remove(ROBOTS), input.contradiction(data)));
     key.insert(ROBOTS.to_owned(), robots);
     key.insert(WITHOUT_METRICS.to_owned(), input.trials_without_metrics(data).to_string());

@@ -15,7 +15,7 @@ pub enum Kind {
     Trial,
     /// Fit of a model to one campaign.
     Fit,
-    /// Fit of a model to all campaigns of a robot.
+    /// Fit of a model to all campaigns of a robot, or of robots with common wheels.
     SharedFit,
     /// Figure, named after its files without their extension.
     Figure,

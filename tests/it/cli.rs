@@ -356,7 +356,7 @@ fn the_tables_have_the_documented_columns() {
         ("alternative_fits.parquet".to_owned(), fits.clone()),
         (
             SHARED.to_owned(),
-            format!("robot campaigns {fits} j_separate rise rise_limit p_value not_tested not_tested_of"),
+            format!("robot campaigns wheels joints {fits} j_separate rise rise_limit p_value not_tested not_tested_of"),
         ),
         (
             "starts.parquet".to_owned(),

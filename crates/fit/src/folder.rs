@@ -17,7 +17,7 @@ use super::{FitData, Fitted};
 pub enum FitKey {
     /// One model, fitted to one campaign.
     Own { campaign: String, model: Model },
-    /// One model, fitted to all campaigns of a robot.
+    /// One model, fitted to all campaigns of a robot or of several robots with common wheels.
     Shared { robot: String, model: Model },
 }
 

@@ -136,7 +136,8 @@ impl FitInput {
             None => {
                 let ChainCampaign { robot, gait, weights, free, .. } =
                     config.chains.campaign.get(campaign)?;
-                let robot = NamedEntry::find(&config.chains.robot, robot)?.map(FitRobot::Chain);
+                let robot = NamedEntry::find(&config.chains.robot, robot)?;
+                let robot = robot.map(ChainRobot::without_wheel_names).map(FitRobot::Chain);
                 let value = FitGait::Chain(config.chain_gait(gait)?);
                 let gait = NamedEntry { name: gait.clone(), value };
                 (robot, gait, weights.unwrap_or(ChainCampaign::WEIGHTS), free)

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::REFERENCE_ACCURACY;
 use trilink_robot::Parameter;
-use trilink_tables::config::GaitInput;
+use trilink_tables::config::{GaitInput, GroupNumbers};
 use trilink_tables::{BootstrapRow, FitRow, FitStatus, LawLike};
 
 use super::adequacy::Adequacy;
@@ -31,7 +31,7 @@ const MAX_RESUMES: usize = 10;
 /// Maximum number of other starts for a fit that also starts from the result of a related fit.
 const MAX_SPREAD_STARTS: usize = 2;
 
-/// Fit of one model to one campaign, or to several campaigns of one robot together.
+/// Fit of one model to one campaign, or to several campaigns together.
 pub(super) struct Job<'j> {
     pub input: &'j FitInput,
     pub free: Vec<FreeParameter>,
@@ -55,24 +55,29 @@ impl<'j> Job<'j> {
     ) -> Self {
         let protocol = Protocol { name: String::new(), ..input.protocol() };
         let inputs = std::slice::from_ref(input);
-        Self::from_protocols(vec![protocol], inputs, input.free(), data, resampler, replicates)
+        let numbers = [GroupNumbers::of_single_robot()];
+        let protocols = vec![protocol];
+        Self::from_protocols(protocols, inputs, &numbers, input.free(), data, resampler, replicates)
     }
 
-    /// Prepares the fit of one set of `free` parameters to several campaigns of one robot.
+    /// Prepares the fit of one set of `free` parameters to several campaigns; `numbers` are those of the parameters of each
+    /// campaign's robot.
     pub(crate) fn pooled(
         inputs: &'j [FitInput],
+        numbers: &[GroupNumbers],
         free: Vec<FreeParameter>,
         data: &FitData,
         resampler: &'j Resampler,
         replicates: &'j Replicates,
     ) -> Self {
         let protocols = inputs.iter().map(FitInput::protocol).collect();
-        Self::from_protocols(protocols, inputs, free, data, resampler, replicates)
+        Self::from_protocols(protocols, inputs, numbers, free, data, resampler, replicates)
     }
 
     fn from_protocols(
         protocols: Vec<Protocol>,
         inputs: &'j [FitInput],
+        numbers: &[GroupNumbers],
         free: Vec<FreeParameter>,
         data: &FitData,
         resampler: &'j Resampler,
@@ -80,8 +85,17 @@ impl<'j> Job<'j> {
     ) -> Self {
         let input = &inputs[0];
         let unlike_repeats = inputs.iter().flat_map(|input| input.unlike_repeats(data)).collect();
-        let robots: Robots = inputs.iter().map(|input| input.measured_robot(data).0).collect();
-        let (_, measured) = input.measured_robot(data);
+        let mut measured = Vec::new();
+        let robots = inputs.iter().zip(numbers).map(|(input, numbers)| {
+            let (robot, own) = input.measured_robot(data);
+            for parameter in own.into_iter().filter_map(|own| numbers.of_group(own)) {
+                if !measured.contains(&parameter) {
+                    measured.push(parameter);
+                }
+            }
+            (robot, *numbers)
+        });
+        let robots: Robots = robots.collect();
         let perturbed_robots = robots.perturbed(inputs, data);
         let objective = Objective::pooled(
             input.model.value.laws(),

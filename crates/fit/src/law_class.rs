@@ -5,7 +5,7 @@
 //! the factor e changes every metric by less than a trial's noise, the wheels are effectively constrained.
 
 use trilink_mechanics::{FIT_ACCURACY, MotionError, Solver};
-use trilink_robot::{Quantity, Robot};
+use trilink_robot::{MAX_LINKS, Quantity, Robot};
 use trilink_tables::{LINEAR_PART, LawKind, LawLike, Numbered};
 
 use super::fitted_point::FittedPoint;
@@ -30,12 +30,12 @@ pub(super) fn law_is_like(point: &FittedPoint, variation: &Variation) -> Option<
         let is_insensitive = is_insensitive(point, variation);
         let kind = if is_insensitive { LawKind::Constrained } else { LawKind::Viscous };
         let value = |wheel| robots.value(dry.parameter(wheel)) / transition_m_s;
+        let is_there = |wheel: &usize| value(*wheel).is_finite();
+        let last = (0..MAX_LINKS).rfind(is_there).unwrap_or(0).max(robots.first().joints());
         LawLike {
             kind,
             viscous_kg_s: [0, 1, 2].map(value),
-            more_viscous_kg_s: Numbered(
-                (Robot::LINKS..=robots.first().joints()).map(value).collect(),
-            ),
+            more_viscous_kg_s: Numbered((Robot::LINKS..=last).map(value).collect()),
         }
     })
 }

@@ -12,7 +12,7 @@
 //! preferred one.
 //!
 //! - [`fit`] processes one model of one campaign at a time: `input`, `measurement`, `job`.
-//! - Misfit J (eq. 21 and 22): `conditions`, `terms`, `objective`; its minimisation: `starts`, `search`,
+//! - Misfit J (eq. 21 and 22): `robots`, `conditions`, `terms`, `objective`; its minimisation: `starts`, `search`,
 //!   `least_absolute`, `hessian`.
 //! - Uncertainty: `trial_noise`, `resample`, `resampler`, `variation`, `profile`, `intervals`.
 //! - Model selection: `adequacy` (lack of fit), `criterion`, `compare`, `law_class`; `shared`, `sharing` (one set of
@@ -132,7 +132,7 @@ pub struct Fitted {
     pub comparison: Vec<ComparisonRow>,
     pub predictions: Vec<PredictionRow>,
     pub residuals: Vec<ResidualRow>,
-    /// Fits of one set of coefficients to all campaigns of a robot.
+    /// Fits of one set of coefficients to all campaigns of a robot, or of robots with common wheels.
     pub shared: Vec<SharedFitRow>,
     /// Repeatability and reproducibility of the metrics of each campaign.
     pub precision: Vec<PrecisionRow>,
@@ -162,7 +162,7 @@ pub enum FitEvent<'f> {
     Replicate { driven_by: GaitInput, row: &'f BootstrapRow, done: usize, total: usize },
     /// A model has been fitted to a campaign.
     Fitted(&'f FitRow),
-    /// A model has been fitted to all campaigns of a robot.
+    /// A model has been fitted to all campaigns of a robot, or of robots with common wheels.
     Shared(&'f SharedFitRow),
 }
 
@@ -212,7 +212,7 @@ pub fn fit(config: &Config, data: &FitData, on_event: OnEvent) -> Fitted {
 pub struct FitInputs {
     /// Inputs for each model of each campaign, in the order of the configuration.
     pub own: Vec<FitInput>,
-    /// Inputs for each model that is fitted to all campaigns of a robot together.
+    /// Inputs for each model that is fitted to all campaigns of one or several robots together.
     pub shared: Vec<SharedInput>,
 }
 

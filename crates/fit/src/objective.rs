@@ -22,7 +22,7 @@ pub struct Failure {
 }
 
 /// Objective for one model: the weighted sum of relative deviations (eq. 22 of the paper), averaged over the trials of
-/// a campaign, and summed over campaigns if several of one robot are fitted together.
+/// a campaign, and summed over campaigns if several are fitted together.
 #[derive(Debug, Clone)]
 pub struct Objective {
     pub laws: Laws,
@@ -142,9 +142,8 @@ impl Objective {
     /// Returns whether the model's solution for any campaign depends on a parameter.
     pub(super) fn depends_on(&self, parameter: Parameter) -> bool {
         let mut protocols = self.protocols.iter().enumerate();
-        protocols.any(|(campaign, of)| {
-            self.robots.of(campaign).depends_on(parameter, self.laws, &of.gait)
-        })
+        protocols
+            .any(|(campaign, of)| self.robots.depends_on(campaign, parameter, self.laws, &of.gait))
     }
 
     /// Returns the problem whose solution is the model's steady-state motion for a gait and a frequency.
@@ -358,12 +357,17 @@ impl Evaluator<'_> {
         metrics: &[Option<GaitMetrics>],
     ) -> Vec<Option<Response>> {
         let robots = self.objective.robots.with_values(&self.parameters, values);
-        let wanted: Vec<Parameter> = self.parameters.iter().map(|free| free.parameter).collect();
         let conditions = self.objective.conditions.all.iter();
         let each = conditions.zip(metrics).zip(&mut self.solvers);
         each.map(|((condition, metrics), solver)| {
-            let robot = robots.of(condition.campaign);
-            Response::from_last_motion(solver, (*metrics)?, robot, &wanted).ok()
+            let campaign = condition.campaign;
+            let parameters = self.parameters.iter();
+            let own: Vec<Option<Parameter>> =
+                parameters.map(|free| robots.own(campaign, free.parameter)).collect();
+            let there: Vec<Parameter> = own.iter().flatten().copied().collect();
+            let robot = robots.of(campaign);
+            let response = Response::from_last_motion(solver, (*metrics)?, robot, &there).ok()?;
+            Some(response.with_zeros(&own))
         })
         .collect()
     }

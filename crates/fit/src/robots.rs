@@ -1,25 +1,35 @@
 //! Robots of the campaigns to which a model is fitted.
 
 use trilink_robot::metrics::Metric;
-use trilink_robot::{AnyRobot, Parameter};
+use trilink_robot::{AnyGait, AnyRobot, Laws, Parameter};
+use trilink_tables::config::GroupNumbers;
 
 use super::input::FreeParameter;
 use super::{FitData, FitInput};
 
 /// Robot of each campaign to which a model is fitted, indexed by [`Measurement::campaign`](super::Measurement::campaign).
-/// Campaigns of one robot differ in the commands of its elastic joints, torques and rotors.
+/// Campaigns of one robot differ in the commands of its elastic joints, torques and rotors. Parameters have the numbers
+/// that they have in the fit.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Robots(Vec<AnyRobot>);
+pub(crate) struct Robots(Vec<CampaignRobot>);
+
+#[derive(Debug, Clone, PartialEq)]
+struct CampaignRobot {
+    robot: AnyRobot,
+    numbers: GroupNumbers,
+}
 
 impl From<AnyRobot> for Robots {
     fn from(robot: AnyRobot) -> Self {
-        Self(vec![robot])
+        let numbers = GroupNumbers::of_single_robot();
+        [(robot, numbers)].into_iter().collect()
     }
 }
 
-impl FromIterator<AnyRobot> for Robots {
-    fn from_iter<I: IntoIterator<Item = AnyRobot>>(robots: I) -> Self {
-        Self(robots.into_iter().collect())
+impl FromIterator<(AnyRobot, GroupNumbers)> for Robots {
+    fn from_iter<I: IntoIterator<Item = (AnyRobot, GroupNumbers)>>(robots: I) -> Self {
+        let robots = robots.into_iter();
+        Self(robots.map(|(robot, numbers)| CampaignRobot { robot, numbers }).collect())
     }
 }
 
@@ -30,29 +40,54 @@ impl Robots {
     }
 
     pub(crate) fn of(&self, campaign: usize) -> &AnyRobot {
-        &self.0[campaign]
+        &self.0[campaign].robot
     }
 
     pub(crate) fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Returns the value of a parameter; NaN if the robot does not have it.
+    /// Returns the parameter of a campaign's robot that a parameter of the fit is; `None` if the robot does not have it.
+    pub(crate) fn own(&self, campaign: usize, parameter: Parameter) -> Option<Parameter> {
+        Some(self.0[campaign].numbers.own(parameter)?.0)
+    }
+
+    /// Returns the value of a parameter; NaN if no robot has it.
     pub(crate) fn value(&self, parameter: Parameter) -> f64 {
-        self.first().value(parameter)
+        let values = self.0.iter().filter_map(|CampaignRobot { robot, numbers }| {
+            let (own, ratio) = numbers.own(parameter)?;
+            Some(robot.value(own) / ratio)
+        });
+        values.into_iter().next().unwrap_or(f64::NAN)
     }
 
     /// Returns the robots with the free parameters set to `values`.
     pub(crate) fn with_values(&self, free: &[FreeParameter], values: &[f64]) -> Self {
         let mut robots = self.clone();
-        for (free, value) in free.iter().zip(values) {
-            robots.0.iter_mut().for_each(|robot| robot.set(free.parameter, *value));
+        for CampaignRobot { robot, numbers } in &mut robots.0 {
+            for (free, value) in free.iter().zip(values) {
+                if let Some((own, ratio)) = numbers.own(free.parameter) {
+                    robot.set(own, ratio * value);
+                }
+            }
         }
         robots
     }
 
+    /// Returns whether the motion of a campaign's robot with the given gait depends on a parameter.
+    pub(crate) fn depends_on(
+        &self,
+        campaign: usize,
+        parameter: Parameter,
+        laws: Laws,
+        gait: &AnyGait,
+    ) -> bool {
+        let own = self.own(campaign, parameter);
+        own.is_some_and(|own| self.of(campaign).depends_on(own, laws, gait))
+    }
+
     pub(crate) fn has_metric(&self, metric: Metric) -> bool {
-        self.0.iter().any(|robot| robot.has_metric(metric))
+        self.0.iter().any(|of| of.robot.has_metric(metric))
     }
 
     /// Returns, for each independent error of the robots' parameters, the robots with the parameters that have this error
@@ -70,7 +105,7 @@ impl Robots {
             let with_error = |error: usize| {
                 let mut robots = self.clone();
                 for (campaign, perturbed) in own.iter().zip(&of_each) {
-                    robots.0[*campaign] = perturbed[error].clone();
+                    robots.0[*campaign].robot = perturbed[error].clone();
                 }
                 robots
             };

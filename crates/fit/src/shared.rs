@@ -1,13 +1,15 @@
-//! Fits with one set of coefficients for all campaigns of a robot.
+//! Fits with one set of coefficients for all campaigns of a robot, or of robots with common wheels.
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_robot::Model;
 use trilink_statistics::mean;
-use trilink_tables::config::Config;
+use trilink_tables::config::{Config, GroupNumbers, RobotGroup};
 use trilink_tables::{
     Columns as _, FitRow, FitStatus, NotTested, NotTestedReason, PredictionSource, SharedFitRow,
+    hash,
 };
 
 use super::input::FreeParameter;
@@ -17,54 +19,85 @@ use super::resampler::Resampler;
 use super::sharing::{BestModel, SharingTest};
 use super::{FitData, FitInput, FitKey, Fitted, Replicates};
 
-/// Inputs for fitting one model to all campaigns of a robot that list the model.
+/// Inputs for fitting one model to all campaigns of a group of robots.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SharedInput {
-    pub robot: String,
+    pub group: RobotGroup,
     pub model: Model,
     /// Inputs for fitting the model to each campaign; at least two.
     pub campaigns: Vec<FitInput>,
-    /// Inputs for every model of every campaign of the robot; the best model of each campaign provides the residuals
+    /// Inputs for every model of every campaign of the robots; the best model of each campaign provides the residuals
     /// for the test of whether the campaigns share their coefficients.
     pub models: Vec<FitInput>,
 }
 
+/// Settings on which a shared fit depends.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SharedSettings<'s> {
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    wheels: &'s [String],
+    /// Inputs for all models of the campaigns, by the names of campaign and model.
+    #[serde(flatten)]
+    models: BTreeMap<String, &'s FitInput>,
+}
+
 impl SharedInput {
-    /// Returns the inputs for all shared fits that the configuration asks for: for each robot, one for each model that
-    /// has free parameters and is listed in all campaigns of the robot, in the order of the first campaign's list.
+    /// Returns the inputs for all shared fits that the configuration asks for: for each group of robots, one for each
+    /// model that has free parameters and is listed in all campaigns of the robots, in the order of the first campaign's
+    /// list.
     pub fn all(config: &Config) -> Vec<Self> {
-        let robots = config.fit.shared.iter().flat_map(|shared| &shared.robot.0);
-        robots.flat_map(|robot| Self::all_of_robot(config, robot)).collect()
+        let groups = config.robot_groups().into_iter();
+        groups.flat_map(|group| Self::all_of_group(config, &group)).collect()
     }
 
-    fn all_of_robot(config: &Config, robot: &str) -> Vec<Self> {
-        let (campaigns, common) = config.common(robot);
-        if campaigns.len() < 2 {
-            return Vec::new();
-        }
+    fn all_of_group(config: &Config, group: &RobotGroup) -> Vec<Self> {
+        let (campaigns, common) = config.common(&group.robots);
         let mut models = FitInput::all(config);
-        models.retain(|input| input.robot.name == robot);
+        models.retain(|input| group.robots.contains(&input.robot.name));
         let inputs = common.into_iter().filter_map(|model| {
             let inputs = campaigns.iter().map(|name| FitInput::new(config, name, model));
             let campaigns = inputs.collect::<Option<Vec<_>>>()?;
-            Some(Self { robot: robot.to_owned(), model, campaigns, models: models.clone() })
+            Some(Self { group: group.clone(), model, campaigns, models: models.clone() })
         });
         inputs.collect()
     }
 
+    /// Returns the numbers of the parameters of each campaign's robot.
+    fn numbers(&self) -> Vec<GroupNumbers> {
+        let own = |input: &FitInput| self.group.numbers_of(&input.robot.name).copied();
+        self.campaigns.iter().filter_map(own).collect()
+    }
+
     /// Returns the parameters that are free in at least one of the campaigns.
-    fn free(&self) -> Vec<FreeParameter> {
+    ///
+    /// # Errors
+    /// Returns the reason why a free parameter of a campaign is none of the group.
+    fn free(&self) -> Result<Vec<FreeParameter>, NotTested> {
         let mut free: Vec<FreeParameter> = Vec::new();
-        for one in self.campaigns.iter().flat_map(FitInput::free) {
-            if free.iter().all(|other| other.parameter != one.parameter) {
-                free.push(one);
+        for (input, numbers) in self.campaigns.iter().zip(self.numbers()) {
+            for own in input.free() {
+                let parameter = numbers.of_group(own.parameter).ok_or_else(|| {
+                    NotTested::new(NotTestedReason::SumOfWheels, own.parameter.key())
+                })?;
+                if free.iter().all(|other| other.parameter != parameter) {
+                    free.push(FreeParameter { parameter, ..own });
+                }
             }
         }
-        free
+        if self.group.robots.len() > 1 {
+            free.sort_by_key(|free| free.parameter);
+        }
+        Ok(free)
     }
 
     pub fn key(&self) -> FitKey {
-        FitKey::Shared { robot: self.robot.clone(), model: self.model }
+        FitKey::Shared { robot: self.group.name(), model: self.model }
+    }
+
+    /// Returns a hash of everything that the fit reads from the measured parameters of the robots.
+    pub fn robots(&self, data: &FitData) -> String {
+        let robots = self.campaigns.iter().map(|input| (&input.robot.name, input.robots(data)));
+        hash(format!("{:?}", robots.collect::<BTreeMap<_, _>>()).as_bytes())
     }
 
     fn names(&self) -> Vec<String> {
@@ -87,26 +120,34 @@ impl SharedInput {
         self.campaigns.iter().flat_map(|input| input.trials(data)).collect()
     }
 
-    /// Returns the inputs for all models of the campaigns, by the names of campaign and model.
-    pub fn settings(&self) -> BTreeMap<String, &FitInput> {
+    pub fn settings(&self) -> SharedSettings<'_> {
         let inputs = self.models.iter();
-        inputs
+        let models = inputs
             .map(|input| (format!("{} {}", input.campaign.name, input.model.name), input))
-            .collect()
+            .collect();
+        SharedSettings { wheels: &self.group.wheels, models }
     }
 
-    /// Returns the reason why the measurements of the campaigns cannot be fitted together; `None` if they can.
-    fn why_impossible(&self, measurements: &[Measurement]) -> Option<NotTested> {
+    /// Returns the free parameters of the fit.
+    ///
+    /// # Errors
+    /// Returns the reason why the measurements of the campaigns cannot be fitted together.
+    fn free_of_all(&self, measurements: &[Measurement]) -> Result<Vec<FreeParameter>, NotTested> {
         let lacks = |campaign: &usize| measurements.iter().all(|of| of.campaign != *campaign);
         if let Some(campaign) = (0..self.campaigns.len()).find(lacks) {
             let name = &self.campaigns[campaign].campaign.name;
-            return Some(NotTested::new(NotTestedReason::NoTrials, name));
+            return Err(NotTested::new(NotTestedReason::NoTrials, name));
         }
-        let free = self.free();
+        if !self.group.is_complete() {
+            return Err(NotTestedReason::TooManyWheels.into());
+        }
+        let free = self.free()?;
         let mut pairs = free.iter().flat_map(|a| free.iter().map(|b| (a.parameter, b.parameter)));
-        let (part, whole) = pairs.find(|(a, b)| a != b && a.is_part_of(*b))?;
-        let of = [whole, part].map(|of| of.name().to_owned()).to_vec();
-        Some(NotTested { reason: NotTestedReason::PartOfFree, of })
+        if let Some((part, whole)) = pairs.find(|(a, b)| a != b && a.is_part_of(*b)) {
+            let of = [whole, part].map(|of| of.name().to_owned()).to_vec();
+            return Err(NotTested { reason: NotTestedReason::PartOfFree, of });
+        }
+        Ok(free)
     }
 
     /// Fits the campaigns together and tests whether they share their coefficients, given the separate fits in `known`.
@@ -126,24 +167,31 @@ impl SharedInput {
         let first = &self.campaigns[0];
         let campaign = self.names().join(" and ");
         let blank = SharedFitRow {
-            robot: self.robot.clone(),
+            robot: self.group.name(),
             campaigns: self.names(),
+            wheels: self.group.wheels.clone(),
+            joints: self.group.joints.clone(),
             j_separate: separate.iter().map(|row| row.j).sum(),
             ..SharedFitRow::blank()
         };
-        if let Some(why) = self.why_impossible(&measurements) {
-            let status = FitStatus::Failed;
-            let failure = why.to_string();
-            let gait_input = first.gait_input();
-            let model = self.model;
-            let fit = FitRow { campaign, model, gait_input, status, failure, ..FitRow::blank() };
-            return Ok(SharedFitRow { fit, not_tested: Some(why), ..blank });
-        }
+        let free = match self.free_of_all(&measurements) {
+            Ok(free) => free,
+            Err(why) => {
+                let status = FitStatus::Failed;
+                let failure = why.to_string();
+                let gait_input = first.gait_input();
+                let model = self.model;
+                let fit =
+                    FitRow { campaign, model, gait_input, status, failure, ..FitRow::blank() };
+                return Ok(SharedFitRow { fit, not_tested: Some(why), ..blank });
+            }
+        };
         let resampler = Resampler::new(first.fit.seed, measurements, &data.cycles);
         let replicates = Replicates::default();
-        let job = Job::pooled(&self.campaigns, self.free(), data, &resampler, &replicates)
+        let numbers = self.numbers();
+        let job = Job::pooled(&self.campaigns, &numbers, free, data, &resampler, &replicates)
             .cancelled_by(cancel);
-        let (fit, row) = job.run_alone(&starting_values(&job, separate))?;
+        let (fit, row) = job.run_alone(&self.starting_values(&job, separate))?;
         let test = match (self.why_untestable(&row, separate), best_models) {
             (Some(why), _) => SharingTest::none(why),
             (None, None) => SharingTest::none(NotTestedReason::NoWholeModel),
@@ -166,26 +214,52 @@ impl SharedInput {
         if let Some(failed) = separate.iter().find(|row| !row.status.is_ok()) {
             return Some(NotTested::new(NotTestedReason::FitFailed, &failed.campaign));
         }
-        let different = separate.iter().find(|row| row.free.len() < shared.free.len())?;
+        let lacks_free = |row: &&&FitRow| {
+            let numbers = self.numbers_of_campaign(&row.campaign);
+            let mut own = shared.free.iter().filter_map(|of| numbers?.own(*of));
+            own.any(|(own, _)| !row.free.contains(&own))
+        };
+        let different = separate.iter().find(lacks_free)?;
         Some(NotTested::new(NotTestedReason::OtherFree, &different.campaign))
     }
-}
 
-/// Returns starting values for the shared fit: the coefficients of each successful separate fit, and their geometric
-/// means. Empty if all separate fits have failed.
-fn starting_values(job: &Job, separate: &[&FitRow]) -> Vec<Vec<f64>> {
-    let fitted = separate.iter().filter(|row| row.status.is_ok());
-    let mut starts: Vec<Vec<f64>> = fitted
-        .map(|row| job.free.iter().map(|free| row.parameters[free.parameter]).collect())
-        .collect();
-    if starts.is_empty() {
-        return starts;
+    /// Returns the numbers of the parameters of a campaign's robot.
+    fn numbers_of_campaign(&self, campaign: &str) -> Option<&GroupNumbers> {
+        let input = self.campaigns.iter().find(|input| input.campaign.name == campaign)?;
+        self.group.numbers_of(&input.robot.name)
     }
-    let means = (0..job.free.len())
-        .map(|i| mean(starts.iter().map(|values| values[i].ln())).exp())
-        .collect();
-    starts.push(means);
-    starts
+
+    /// Returns starting values for the shared fit: the coefficients of each successful separate fit, and their geometric
+    /// means, which replace those that a robot does not have. Empty if all separate fits have failed.
+    fn starting_values(&self, job: &Job, separate: &[&FitRow]) -> Vec<Vec<f64>> {
+        let fitted = separate.iter().filter(|row| row.status.is_ok());
+        let mut starts: Vec<Vec<f64>> = fitted
+            .map(|row| {
+                let numbers = self.numbers_of_campaign(&row.campaign);
+                let values = job.free.iter().map(|free| {
+                    let (own, ratio) = numbers?.own(free.parameter)?;
+                    Some(row.parameters[own] / ratio)
+                });
+                values.map(|value| value.unwrap_or(f64::NAN)).collect()
+            })
+            .collect();
+        if starts.is_empty() {
+            return starts;
+        }
+        let mean_of = |(i, free): (usize, &FreeParameter)| {
+            let known = starts.iter().map(|values| values[i]).filter(|value| value.is_finite());
+            let mean = mean(known.map(f64::ln)).exp();
+            if mean.is_finite() { mean } else { job.objective.robots.value(free.parameter) }
+        };
+        let means: Vec<f64> = job.free.iter().enumerate().map(mean_of).collect();
+        for (value, mean) in starts.iter_mut().flat_map(|values| values.iter_mut().zip(&means)) {
+            if !value.is_finite() {
+                *value = *mean;
+            }
+        }
+        starts.push(means);
+        starts
+    }
 }
 
 /// Returns the best-fitting model for each campaign; `None` if some campaign has no model with a periodic solution for

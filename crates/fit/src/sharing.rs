@@ -1,4 +1,4 @@
-//! Test of whether one set of coefficients describes several campaigns of one robot.
+//! Test of whether one set of coefficients describes several campaigns of one robot, or of robots with common wheels.
 //!
 //! The objective of a fit with shared coefficients exceeds the sum of the objectives of separate fits. If the true
 //! coefficients are equal, this rise is due to noise and to model error, which differs between gaits. Both are present

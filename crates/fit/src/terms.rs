@@ -159,6 +159,15 @@ impl Response {
         Ok(Self { metrics, d_metrics_d_logarithm: d_metrics_d_logarithm.collect() })
     }
 
+    /// Adds zero derivatives with respect to the parameters that are `None`, which the robot does not have.
+    pub(crate) fn with_zeros(self, parameters: &[Option<Parameter>]) -> Self {
+        let mut there = self.d_metrics_d_logarithm.into_iter();
+        let mut next = || there.next().unwrap_or(ByMetric::splat(0.0));
+        let zero = || ByMetric::splat(0.0);
+        let all = parameters.iter().map(|own| if own.is_some() { next() } else { zero() });
+        Self { d_metrics_d_logarithm: all.collect(), ..self }
+    }
+
     /// Returns the relative changes in the metrics per unit of the logarithm of each free parameter; 0 where there is
     /// no relative change, as for a metric that is zero.
     pub(crate) fn relative_slopes(&self) -> Vec<ByFitted<f64>> {

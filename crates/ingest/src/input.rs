@@ -99,6 +99,7 @@ impl IngestInput {
         let markers = config.marker_layout(&name)?;
         let campaign = trial.campaign.as_ref();
         let setup = if let Some(robot) = NamedEntry::find(&config.chains.robot, &name) {
+            let robot = robot.map(ChainRobot::without_wheel_names);
             let gait = match campaign.and_then(|of| config.chains.campaign.get(of)) {
                 Some(ChainCampaign { gait, .. }) => Some(Box::new(NamedEntry {
                     name: gait.clone(),

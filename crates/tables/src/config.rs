@@ -26,7 +26,8 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 pub use chain::{
-    ChainCampaign, ChainGait, ChainJoint, ChainRobot, Chains, CommandConfig, JointKind, LinkConfig,
+    ChainCampaign, ChainGait, ChainJoint, ChainRobot, Chains, CommandConfig, GroupNumbers,
+    JointKind, LinkConfig, RobotGroup,
 };
 pub use check::one_of;
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
@@ -196,7 +197,7 @@ pub struct Fit {
     /// Source of the joint stiffness k_tau, the joint damping c_tau and the roll coefficients, for those of
     /// them that a fit does not estimate.
     pub robot_parameters: ParameterSource,
-    /// Fits of shared coefficients to all campaigns of a robot; `None` if not requested.
+    /// Fits of shared coefficients to all campaigns of a robot, or of robots with common wheels; `None` if not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared: Option<SharedFits>,
 }
@@ -526,15 +527,15 @@ impl Config {
         config
     }
 
-    /// Returns the campaigns of a robot, and the models that all these campaigns list and that have a free
+    /// Returns the campaigns of one or several robots, and the models that all these campaigns list and that have a free
     /// parameter in at least one of them.
-    pub fn common(&self, robot: &str) -> (Vec<&String>, Vec<Model>) {
+    pub fn common(&self, robots: &[String]) -> (Vec<&String>, Vec<Model>) {
         let of_chains = self.chains.campaign.iter();
         let of_chains = of_chains.map(|(name, of)| (name, &of.robot, &of.models, &of.free));
         let campaigns = self.campaign.iter();
         let campaigns = campaigns.map(|(name, of)| (name, &of.robot, &of.models, &of.free));
         let campaigns: Vec<_> =
-            campaigns.chain(of_chains).filter(|(_, own, ..)| *own == robot).collect();
+            campaigns.chain(of_chains).filter(|(_, own, ..)| robots.contains(own)).collect();
         let mut models = campaigns.first().map_or(Vec::new(), |(_, _, models, _)| models.to_vec());
         models.retain(|model| {
             campaigns.iter().all(|(_, _, models, _)| models.contains(model))

@@ -49,7 +49,7 @@ named! {
 }
 
 named! {
-    /// Whether one set of coefficients describes all campaigns of a robot.
+    /// Whether one set of coefficients describes all campaigns that are fitted together.
     pub enum Sharing {
         /// The trials do not contradict the shared coefficients.
         Kept = "kept",

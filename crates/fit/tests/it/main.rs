@@ -13,4 +13,5 @@ mod fit;
 mod laboratory;
 mod recovery;
 mod shared;
+mod wheels;
 mod worlds;

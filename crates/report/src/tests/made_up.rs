@@ -155,6 +155,8 @@ impl Tables {
             rise_limit: 0.05,
             p_value: 0.001,
             not_tested: None,
+            wheels: Vec::new(),
+            joints: Vec::new(),
         }]
     }
 

@@ -3,6 +3,7 @@
 
 mod check;
 mod deviation;
+mod group;
 mod split;
 
 use std::collections::BTreeMap;
@@ -14,6 +15,7 @@ use trilink_robot::{
     Wheel, WheelFriction,
 };
 
+pub use group::{GroupNumbers, RobotGroup};
 pub(super) use split::take_chains;
 
 use super::robot::Deviation;
@@ -60,6 +62,8 @@ pub struct LinkConfig {
     pub inertia_kg_m2: f64,
     /// Place of the wheel, m; `None` if the link has no wheel.
     pub wheel_m: Option<f64>,
+    /// Name of the wheel. Wheels with the same name, on several robots, have the same coefficients.
+    pub wheel: Option<String>,
     pub steer_deg: Option<f64>,
     pub skid_kg_s: Option<f64>,
     pub roll_kg_s: Option<f64>,

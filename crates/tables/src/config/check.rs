@@ -11,8 +11,8 @@ use trilink_base::pattern::{matches, matches_label};
 use trilink_robot::{AnyGait, AnyRobot, Gait, Laws, Model, Parameter, Quantity, Robot};
 
 use super::{
-    Campaign, Chains, Config, ConfigError, GaitConfig, JointConfig, Markers, ModelConfig,
-    RobotConfig, Robots, SharedFits, did_you_mean, nearest, toml_key,
+    Campaign, ChainRobot, Chains, Config, ConfigError, GaitConfig, JointConfig, Markers,
+    ModelConfig, RobotConfig, Robots, SharedFits, did_you_mean, nearest, toml_key,
 };
 
 /// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
@@ -238,8 +238,9 @@ impl Config {
         Ok(())
     }
 
-    /// Checks, for each of `robots`, that it has at least two campaigns and that all of them list a common model with a
-    /// free parameter. The campaigns themselves must already have been checked.
+    /// Checks, for each of `robots` and for each group that common wheels connect, that there are at least two campaigns
+    /// and that all of them list a common model with a free parameter. The campaigns themselves must already have been
+    /// checked.
     fn check_shared(&self, check: &Checker, robots: &[String]) -> Result<(), ConfigError> {
         let key = "fit.shared.robot";
         check.that(!robots.is_empty(), key, &"an empty list", "at least one robot")?;
@@ -249,16 +250,45 @@ impl Config {
             if !self.chains.robot.contains_key(robot) {
                 check.entry(&self.robot, robot, key)?;
             }
-            let (campaigns, models) = self.common(robot);
+        }
+        let groups = self.connected(&robots.iter().collect::<Vec<_>>());
+        for robot in robots {
+            let is_grouped = groups.iter().any(|group| group.robots.contains(robot));
+            let (campaigns, models) = self.common(std::slice::from_ref(robot));
             let found = match &campaigns[..] {
                 [] => format!("{robot}, which has no campaign"),
                 all => format!("{robot} with the campaigns {all:?}"),
             };
-            check.that(campaigns.len() > 1, key, &found, "a robot with at least two campaigns")?;
+            let (least, needed) = match is_grouped {
+                true => (1, "a robot with a campaign".to_owned()),
+                false => (2, self.needed_to_share(robot, robots)),
+            };
+            check.that(campaigns.len() >= least, key, &found, &needed)?;
             let needed = "a robot whose campaigns all list the same model with a free parameter";
             check.that(!models.is_empty(), key, &found, needed)?;
         }
+        for group in groups {
+            let (campaigns, models) = self.common(&group.robots);
+            let found =
+                format!("{}, whose wheels connect the campaigns {campaigns:?}", group.name());
+            let needed = "robots with common wheels whose campaigns all list the same model with a free parameter";
+            check.that(!models.is_empty(), key, &found, needed)?;
+        }
         Ok(())
+    }
+
+    /// Returns what a robot without a common wheel needs for a shared fit, with the name of a wheel of the other `robots`
+    /// that may be meant.
+    fn needed_to_share(&self, robot: &String, robots: &[String]) -> String {
+        let wheels = |robot| self.chains.robot.get(robot).into_iter().flat_map(ChainRobot::wheels);
+        let others = robots.iter().filter(|other| *other != robot).flat_map(wheels);
+        let others: Vec<&str> = others.map(String::as_str).collect();
+        let mut hints = wheels(robot).map(|wheel| did_you_mean(wheel, others.iter().copied()));
+        let hint = hints.find(|hint| !hint.is_empty()).unwrap_or_default();
+        format!(
+            "a robot with at least two campaigns, or with a wheel (`wheel` of a link) of the same name as one of another \
+             robot in the list{hint}"
+        )
     }
 
     /// Checks that a robot has the coefficients that a model's friction laws require. The robot and the model

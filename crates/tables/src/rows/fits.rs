@@ -1,7 +1,7 @@
 //! Tables of fitted models, written by the fit stage.
 
 use serde::Serialize;
-use trilink_robot::{ByParameter, Model, Parameter};
+use trilink_robot::{ByParameter, Model, Parameter, Per};
 
 use crate::config::GaitInput;
 use crate::{
@@ -88,8 +88,8 @@ rows! {
         /// Deviations of the measurements from an inadequate model, or RMS deviations if the noise is unknown; missing
         /// if the model is adequate, or if there are at most as many measurements as free parameters.
         pub misfit: Option<Misfit>,
-        /// Whether the same coefficients also describe the robot's other campaigns; missing if this was not requested
-        /// or not tested.
+        /// Whether the same coefficients also describe the campaigns that are fitted together with this one; missing if
+        /// this was not requested or not tested.
         pub sharing: Option<Sharing>,
         /// Notes on missing data and uncertainties.
         pub notes: FitNotes,
@@ -115,13 +115,18 @@ rows! {
 }
 
 rows! {
-    /// Fit of one model with one set of coefficients to all campaigns of a robot: row of
-    /// `shared_fits.parquet`. The `campaign` of the fit names all these campaigns, and its objective is the
-    /// sum of the campaigns' objectives.
+    /// Fit of one model with one set of coefficients to all campaigns of a robot, or of several robots with common
+    /// wheels: row of `shared_fits.parquet`. The `campaign` of the fit names all these campaigns, and its objective is
+    /// the sum of the campaigns' objectives.
     #[derive(Serialize)]
     pub struct SharedFitRow {
+        /// Name of the robot, or the names of the robots, joined by `and`.
         pub robot: String,
         pub campaigns: Vec<String>,
+        /// For several robots, the wheels that the numbers in the names of coefficients stand for, from 0.
+        pub wheels: Vec<String>,
+        /// For several robots, the joints that the numbers in the names of coefficients stand for, from 1.
+        pub joints: Vec<String>,
         #[serde(flatten)]
         pub fit: FitRow as "{}",
         /// Sum of the objectives of the campaigns' separate fits.
@@ -135,6 +140,20 @@ rows! {
         pub p_value: f64,
         /// Reason why sharing was not tested; missing if it was.
         pub not_tested: Option<NotTested>,
+    }
+}
+
+impl SharedFitRow {
+    /// Returns the wheel or joint of several robots to which a coefficient belongs; `None` for a fit of one robot, and for
+    /// a coefficient that is not one of a single wheel or joint.
+    pub fn part(&self, coefficient: Parameter) -> Option<&str> {
+        let number = coefficient.number()?;
+        let part = match coefficient.quantity().definition().per {
+            Per::Wheel => self.wheels.get(number),
+            Per::FreeJoint => self.joints.get(number.checked_sub(1)?),
+            _ => None,
+        };
+        part.map(String::as_str)
     }
 }
 

@@ -152,6 +152,10 @@ reasons! {
         NoTrials = "no-trials": "campaign {of} has no trial with metrics",
         PartOfFree = "part-of-free": "a sum of coefficients is a free parameter in one campaign, and a term of this \
                                       sum is a free parameter in another: {of}",
+        SumOfWheels = "sum-of-wheels": "{of} is the sum over the wheels of one robot, and the robots have different \
+                                        wheels: list the coefficients of the wheels ({of}0 and so on) in `free` instead",
+        TooManyWheels = "too-many-wheels": "the robots together have more than 8 wheels, or more than 7 joints with \
+                                            coefficients",
         NoWholeModel = "no-whole-model": "in one of the campaigns, no model yields a periodic motion for every trial",
         SharedFitFailed = "shared-fit-failed": "the shared fit has failed",
         FitFailed = "fit-failed": "the fit of campaign {of} has failed",

@@ -13,7 +13,8 @@ use super::super::{Config, ConfigError, LinkMarkers, toml_key};
 use super::{ChainCampaign, ChainGait, ChainJoint, ChainRobot, CommandConfig, JointKind};
 
 /// Keys of a link that describe its wheel, apart from its place.
-const WHEEL: [&str; 9] = [
+const WHEEL: [&str; 10] = [
+    "wheel",
     "steer_deg",
     "skid_kg_s",
     "roll_kg_s",
@@ -23,6 +24,18 @@ const WHEEL: [&str; 9] = [
     "skid_exponent",
     "roll_dry_n",
     "load_n",
+];
+/// Keys of the coefficients that wheels with the same name must have in common: those of the link and of the robot.
+const COEFFICIENTS: [&str; 9] = [
+    "skid_kg_s",
+    "roll_kg_s",
+    "skid_dry_n",
+    "skid_static_n",
+    "skid_power_n",
+    "skid_exponent",
+    "roll_dry_n",
+    "transition_m_s",
+    "stribeck_m_s",
 ];
 /// Keys of a command that only angles have.
 const ANGLE: [&str; 4] = ["offset_deg", "amplitude_deg", "amplitude2_deg", "phase2_deg"];
@@ -53,6 +66,7 @@ impl Config {
     /// Checks all chains with their gaits and campaigns.
     pub(in super::super) fn check_chains(&self, check: &Checker) -> Result<(), ConfigError> {
         self.chains.robot.iter().try_for_each(|(name, robot)| robot.check(check, name))?;
+        self.check_same_wheels(check)?;
         self.chains.gait.iter().try_for_each(|(name, gait)| gait.check(check, name))?;
         for (name, campaign) in &self.chains.campaign {
             let ChainCampaign { robot, gait, models, weights, free } = campaign;
@@ -76,6 +90,52 @@ impl Config {
                 check.entry(&self.model, model, &key)?;
                 check.free(&key, *model, &self.model[model], &free.0, setup.as_ref())?;
             }
+        }
+        Ok(())
+    }
+
+    /// Checks that wheels with the same name are on different robots and have the same coefficients.
+    fn check_same_wheels(&self, check: &Checker) -> Result<(), ConfigError> {
+        let mut known: BTreeMap<&String, (&String, &String, Table)> = BTreeMap::new();
+        let robots = self.chains.robot.iter().map(|(name, robot)| (name, robot, robot.names()));
+        let robots: Vec<_> = robots.collect();
+        let links = robots.iter().flat_map(|(name, robot, names)| {
+            names.iter().zip(&robot.links).map(move |(link, config)| (*name, *robot, link, config))
+        });
+        for (robot, config, link, own) in links {
+            let Some(wheel) = &own.wheel else { continue };
+            let key = link_key(robot, link, "wheel");
+            check.that(is_valid_name(wheel), &key, wheel, NAME)?;
+            let is_unique = config.wheels().filter(|other| *other == wheel).count() == 1;
+            let needed = "a name that is unique within the robot, because each of its wheels has coefficients of its own";
+            check.that(is_unique, &key, wheel, needed)?;
+            let mut values = table_of(config);
+            values.extend(plain_table_of(own));
+            let Some((first, first_link, expected)) = known.get(wheel) else {
+                known.insert(wheel, (robot, link, values));
+                continue;
+            };
+            let same =
+                format!("as on link `{first_link}` of robot `{first}`, which has the same wheel");
+            let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
+            for key in COEFFICIENTS {
+                let [found, expected] = [values.get(key), expected.get(key)];
+                let full = match WHEEL.contains(&key) {
+                    true => link_key(robot, link, key),
+                    false => format!("robot.{robot}.{key}"),
+                };
+                let needed = format!("{}, {same}", text(expected));
+                check.that(found == expected, &full, &format_args!("{}", text(found)), &needed)?;
+            }
+            let [found, expected] = [&values, expected].map(|of| of.get("load_n"));
+            let mut keys = COEFFICIENTS.iter();
+            let is_dry = keys.any(|key| key.ends_with("_n") && values.contains_key(*key));
+            let is_right = found.is_some() == expected.is_some() || !is_dry;
+            let full = link_key(robot, link, "load_n");
+            let needed = format!(
+                "a load either on both or on neither, {same}, because dry friction is given relative to it"
+            );
+            check.that(is_right, &full, &format_args!("{}", text(found)), &needed)?;
         }
         Ok(())
     }
