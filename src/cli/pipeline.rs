@@ -384,7 +384,7 @@ pub(super) fn print_parameters(context: &Context, rows: &[RobotParameterRow]) {
 }
 
 /// Prints a block for each campaign: the fitted parameters and the comparison of its models; then whether one set of
-/// coefficients describes all campaigns of each robot. With `--quiet`, prints only the preferred models.
+/// coefficients describes all campaigns of each robot, or of robots with common wheels. With `--quiet`, prints only the preferred models.
 pub(super) fn print_fitted(context: &Context, fitted: &Fitted) {
     if context.is_quiet() {
         return say_limited(context, "", verdicts(fitted), print);
@@ -403,10 +403,10 @@ pub(super) fn print_fitted(context: &Context, fitted: &Fitted) {
     print_exact(&context.config, fits);
     for row in shared {
         let SharedFitRow { robot, fit, .. } = row;
-        let values = fit
-            .free
-            .iter()
-            .map(|parameter| format!(" {} {}", parameter.name(), cell(fit, *parameter)));
+        let values = fit.free.iter().map(|parameter| {
+            let part = row.part(*parameter).map_or(String::new(), |part| format!(" ({part})"));
+            format!(" {}{part} {}", parameter.name(), cell(fit, *parameter))
+        });
         say!(
             "{robot} {}: {}{}",
             fit.model,

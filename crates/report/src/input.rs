@@ -9,7 +9,7 @@ use trilink_robot::metrics::Metric;
 use trilink_robot::{AnyGait, AnyRobot, Gait, Model, Robot};
 use trilink_tables::config::{
     Campaign, ChainCampaign, ChainGait, Compare, Config, MarkerLayout, Models, Paths, Report,
-    RobotConfig, SigmaKind, Smoothing,
+    RobotConfig, RobotGroup, SigmaKind, Smoothing,
 };
 
 use super::looks::ModelLook;
@@ -143,6 +143,12 @@ impl ReportInput {
     /// Returns the name of a campaign's robot, or `None` if the campaign is not configured.
     pub(crate) fn robot_name(&self, campaign: &str) -> Option<&str> {
         Some(self.names(campaign)?.0)
+    }
+
+    /// Returns the group of robots with this name ([`RobotGroup::name`]) whose campaigns are fitted together; `None` if the
+    /// configuration asks for no such fit.
+    pub(crate) fn robot_group(&self, name: &str) -> Option<RobotGroup> {
+        self.shown.robot_groups().into_iter().find(|group| group.name() == name)
     }
 
     /// Returns the names of a campaign's robot and gait, or `None` if the campaign is not configured.

@@ -56,6 +56,14 @@ impl FittedParameter {
         Self { label: label(self.parameter, links), ..self }
     }
 
+    /// Returns the parameter with its value and uncertainty divided by a ratio.
+    pub(crate) fn over(self, ratio: f64) -> Self {
+        let [value, type_a, type_b, combined] =
+            [self.value, self.type_a, self.type_b, self.combined].map(|of| of / ratio);
+        let limits = self.limits.map(|limit| limit / ratio);
+        Self { value, limits, type_a, type_b, combined, ..self }
+    }
+
     /// Returns the value, the uncertainty and the remarks for a parameter of a fit.
     pub(crate) fn new(fit: &FitRow, parameter: Parameter) -> Self {
         // The coefficients of the individual wheels are free if their sum is free.

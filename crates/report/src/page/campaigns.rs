@@ -211,21 +211,28 @@ fn answer(
     })
 }
 
-/// Returns a sentence that says whether the coefficients of a campaign's fit also describe the robot's other campaigns;
-/// `None` if this was not tested.
+/// Returns sentences that say whether the coefficients of a campaign's fit also describe the robot's other campaigns, and
+/// those of robots with common wheels; `None` if this was not tested.
 fn shared_in_words(name: &str, fit: &FitRow, tables: &Tables) -> Option<String> {
-    let mut rows = tables.shared_fits.iter();
-    let is_of = |of: &str| of == name;
-    let row = rows.find(|row| {
-        row.fit.model == fit.model && row.campaigns.iter().any(|campaign| is_of(campaign))
-    })?;
-    let others: Vec<&str> =
-        row.campaigns.iter().map(String::as_str).filter(|campaign| !is_of(campaign)).collect();
-    let others = others.join(" and ");
-    Some(match row.fit.sharing? {
-        Sharing::Kept => format!("One set of coefficients serves {others} as well."),
-        Sharing::Refused => format!("The coefficients differ from those of {others}."),
-    })
+    let rows = tables.shared_fits.iter().filter(|row| {
+        row.fit.model == fit.model && row.campaigns.iter().any(|campaign| campaign == name)
+    });
+    let sentences = rows.filter_map(|row| {
+        let others = row.campaigns.iter().map(String::as_str).filter(|campaign| *campaign != name);
+        let others = others.collect::<Vec<_>>().join(" and ");
+        Some(match (row.fit.sharing?, row.wheels.is_empty()) {
+            (Sharing::Kept, true) => format!("One set of coefficients serves {others} as well."),
+            (Sharing::Refused, true) => format!("The coefficients differ from those of {others}."),
+            (Sharing::Kept, false) => {
+                format!("One set of coefficients of the common wheels serves {others} as well.")
+            }
+            (Sharing::Refused, false) => {
+                format!("No set of coefficients of the common wheels serves {others} as well.")
+            }
+        })
+    });
+    let sentences: Vec<String> = sentences.collect();
+    (!sentences.is_empty()).then(|| sentences.join(" "))
 }
 
 /// Counts the occurrences of each key.

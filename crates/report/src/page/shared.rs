@@ -1,4 +1,4 @@
-//! Report-page sections on joint fits to all campaigns of a robot.
+//! Report-page sections on joint fits to all campaigns of a robot, or of robots with common wheels.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,14 +6,14 @@ use minijinja::context;
 use minijinja::value::{Serde, Value};
 use trilink_base::text::known;
 use trilink_robot::Parameter;
-use trilink_tables::{FitRow, SharedFitRow, Sharing};
+use trilink_tables::{Columns as _, FitRow, SharedFitRow, Sharing};
 
 use crate::ReportInput;
 use crate::parameters::{FittedParameter, label};
 use crate::tables::Tables;
 
-/// Returns the template values of one section per robot on the fits to all of its campaigns together, in the order of
-/// the table `shared_fits`.
+/// Returns the template values of one section per robot, or group of robots, on the fits to all of its campaigns
+/// together, in the order of the table `shared_fits`.
 pub(super) fn sections(tables: &Tables, input: &ReportInput) -> Vec<Value> {
     let robots = tables.shared_fits.chunk_by(|a, b| a.robot == b.robot);
     robots.map(|rows| section(rows, tables, input)).collect()
@@ -36,46 +36,61 @@ pub(super) fn not_tested<'t>(
     robots
 }
 
-/// Returns the template values of the section on a robot; `rows` are the fits of each model to all its campaigns
-/// together.
+/// Returns the template values of the section on a robot or group of robots; `rows` are the fits of each model to all
+/// its campaigns together.
 fn section(rows: &[SharedFitRow], tables: &Tables, input: &ReportInput) -> Value {
     let links = rows[0].campaigns.first().map_or(Vec::new(), |campaign| input.links(campaign));
-    let free_parameters = |fit: &FitRow, free: &[Parameter]| -> Vec<FittedParameter> {
-        let of_fit = free.iter().map(|of| FittedParameter::new(fit, *of).of_links(&links));
-        of_fit.collect()
+    let group = input.robot_group(&rows[0].robot);
+    let own_parameter = |fit: &FitRow, of: Parameter| {
+        if rows[0].wheels.is_empty() {
+            return Some(FittedParameter::new(fit, of));
+        }
+        let numbers = group.as_ref()?.numbers_of(input.robot_name(&fit.campaign)?)?;
+        let (own, ratio) = numbers.own(of)?;
+        Some(FittedParameter::new(fit, own).over(ratio))
     };
+    let missing = |of: Parameter| FittedParameter::new(&FitRow::blank(), of);
     let models = rows.iter().map(|row| {
         let own = tables
             .fits
             .iter()
             .filter(|fit| fit.model == row.fit.model && row.campaigns.contains(&fit.campaign));
         let own = own.map(|fit| {
-            let parameters = free_parameters(fit, &row.fit.free);
+            let free = row.fit.free.iter();
+            let parameters = free.map(|of| own_parameter(fit, *of).unwrap_or_else(|| missing(*of)));
+            let parameters: Vec<FittedParameter> = parameters.collect();
             context! { fit => Serde(fit), parameters => Serde(parameters) }
         });
         let heads = row.fit.free.iter();
         let is_chain = row.campaigns.first().is_some_and(|campaign| input.is_chain(campaign));
         let heads = heads.map(|of: &Parameter| {
-            let label = if is_chain { label(*of, &links) } else { of.label().to_owned() };
+            let label = match row.part(*of) {
+                Some(part) => format!("{}, {part}", of.quantity().definition().label),
+                None if is_chain => label(*of, &links),
+                None => of.label().to_owned(),
+            };
             context! { label, unit => of.unit() }
         });
+        let free = row.fit.free.iter();
+        let parameters = free.map(|of| FittedParameter::new(&row.fit, *of));
         context! {
             row => Serde(row),
             heads => heads.collect::<Vec<_>>(),
-            parameters => Serde(free_parameters(&row.fit, &row.fit.free)),
+            parameters => Serde(parameters.collect::<Vec<_>>()),
             own => own.collect::<Vec<_>>(),
             sentence => shared_fit_sentence(row),
         }
     });
     context! {
         robot => Serde(&rows[0].robot),
+        wheels => Serde(&rows[0].wheels),
         campaigns => Serde(&rows[0].campaigns),
         sentence => sentence(rows),
         models => models.collect::<Vec<_>>(),
     }
 }
 
-/// Returns a sentence on the result of fitting a model to all campaigns of a robot together.
+/// Returns a sentence on the result of fitting a model to all campaigns of one or several robots together.
 pub fn shared_fit_sentence(row: &SharedFitRow) -> String {
     let SharedFitRow { fit, j_separate, rise, rise_limit, p_value, not_tested, .. } = row;
     if !fit.status.is_ok() {
@@ -105,7 +120,7 @@ pub fn shared_fit_sentence(row: &SharedFitRow) -> String {
     format!("{verdict}{reason}{j}{tested}.")
 }
 
-/// Returns sentences that summarise, for all models, the fits to all campaigns of a robot together.
+/// Returns sentences that summarise, for all models, the fits to all campaigns of one or several robots together.
 fn sentence(rows: &[SharedFitRow]) -> String {
     let verdicts = [
         (
