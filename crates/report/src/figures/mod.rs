@@ -252,12 +252,15 @@ impl Inputs<'_> {
         found.missing.extend(lack.map(|lack| format!("Campaign {campaign}: {lack}.")));
         if let Some((robot, gait)) = config.setup(campaign) {
             let inputs = (tables, config);
-            let is_passive = Gait::from(gait).passive_joint().is_some();
-            found.add(if robot.three_links().is_some() && is_passive {
-                let stems = [SIMULATED, FROM_REST, SWEEP].map(stem);
-                simulations::passive(stems, campaign, inputs)
-            } else {
-                simulations::skidding(&stem(SIMULATED), campaign, inputs).map(|of| vec![of])
+            let stems = [SIMULATED, FROM_REST, SWEEP].map(stem);
+            found.add(match robot {
+                AnyRobot::Chain(_) => simulations::of_chain(stems, campaign, inputs),
+                AnyRobot::ThreeLinks(_) if Gait::from(gait).passive_joint().is_some() => {
+                    simulations::passive(stems, campaign, inputs)
+                }
+                AnyRobot::ThreeLinks(_) => {
+                    simulations::skidding(&stem(SIMULATED), campaign, inputs).map(|of| vec![of])
+                }
             });
         }
         self.tracked([GAIT, WHEELS].map(stem), campaign, &mut found)?;

@@ -1,24 +1,24 @@
-//! Figures of simulated motions (Figs. 3 to 6 of the paper): a robot with a passive joint and no skid, and a fully
-//! actuated robot with skid.
+//! Figures of simulated motions (Figs. 3 to 6 of the paper): a robot with a passive joint and no skid, a fully actuated
+//! robot with skid, and chains with the preferred model.
 
 use minijinja::context;
 use rayon::prelude::*;
 use trilink_mechanics::{FIT_ACCURACY, Model, MotionError, Pose, Problem, Sample};
 use trilink_plot::{Figure, Layer, Layout, Look, Panel, number};
-use trilink_robot::metrics::GaitMetrics;
+use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{Gait, Robot};
 use trilink_statistics::extremes;
 use trilink_tables::config::{Config, Models};
 
 use super::common::{
-    DEG, FREQUENCY, angle, gait, lines, links, links_at_start, map, over_time, shape, time_course,
-    travel, wheels,
+    DEG, FREQUENCY, angle, gait, lines, link_noun, links, links_at_start, map, over_time, shape,
+    time_course, travel, wheels,
 };
 use super::texts::texts;
 use super::{SEMI_PASSIVE, not_drawn};
 use crate::ReportInput;
 use crate::looks::{self, ModelLook};
-use crate::series::{DISPLACEMENT, SPEED};
+use crate::series::{DISPLACEMENT, Quantity, SPEED};
 use crate::simulated::{self, SAMPLES, Steady};
 use crate::tables::Tables;
 
@@ -35,8 +35,17 @@ const MAX_FROM_REST: usize = 40;
 /// First and last frequency of the frequency sweep (rad/s), and the number of frequencies.
 const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
 
-fn no_skid() -> ModelLook {
-    ModelLook::new(Model::NO_SKID, &Models::new())
+/// Campaign and model whose motion is drawn from rest and over frequency.
+struct Shown<'s> {
+    campaign: &'s str,
+    model: Model,
+    look: ModelLook,
+    /// Values of the simulation, as the end of a sentence.
+    values: String,
+    /// Name of link 0.
+    link: String,
+    /// Joints of a chain whose angles are not commanded; `None` for three links, whose joints are drawn as a gait.
+    free_joints: Option<Vec<usize>>,
 }
 
 /// Returns the figures of the simulated motion of a robot with a passive joint (Figs. 3, 4 and 5 of the paper).
@@ -77,11 +86,18 @@ pub(super) fn passive(
         };
         let robot = problem.robot.three_links().ok_or("its robot is a chain")?;
         let joint = values(robot, &problem.gait.into(), origin);
-        let from_rest = gait_and_path(&from_rest, (campaign, &joint), &problem, &steady);
-        let from_rest = from_rest.map_err(no_motion)?;
         let courses = time_courses(&courses, (campaign, &joint), robot, &steady.cycle);
-        let sweep = self::sweep(&sweep, (campaign, &joint), problem_at);
-        Ok([courses, from_rest, sweep])
+        let shown = Shown {
+            campaign,
+            model: Model::NO_SKID,
+            look: ModelLook::new(Model::NO_SKID, &Models::new()),
+            values: format!("without skid and roll resistance, {joint}"),
+            link: "middle".to_owned(),
+            free_joints: None,
+        };
+        let from_rest =
+            self::from_rest(&from_rest, &shown, &problem, &steady).map_err(no_motion)?;
+        Ok([courses, from_rest, self::sweep(&sweep, &shown, problem_at)])
     };
     with_motion().map(Vec::from).map_err(|why| not_drawn(&courses, &why))
 }
@@ -160,29 +176,66 @@ fn time_courses(
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
 
-/// Returns the figure of the simulated motion of a robot with skid and without a passive joint (Fig. 6 of the paper), or
-/// of a chain with the preferred model of its campaign.
+/// Returns the figure of the simulated motion of a robot with skid and without a passive joint (Fig. 6 of the paper).
 ///
 /// # Errors
 /// Returns a sentence that explains why the figure is not drawn.
 pub(super) fn skidding(
     stem: &str,
     campaign: &str,
-    (tables, config): (&Tables, &ReportInput),
+    inputs: (&Tables, &ReportInput),
 ) -> Result<Figure, String> {
-    let is_chain = config.is_chain(campaign);
-    let model = if is_chain {
-        let preferred = tables.preferred(campaign).map(|fit| fit.model);
-        preferred.ok_or_else(|| not_drawn(stem, "the campaign has no preferred model"))?
-    } else {
-        SKIDDING
-    };
-    let problem = simulated::best_known((tables, config), campaign, model, OMEGA_RAD_S);
-    let (problem, is_fitted) = problem
-        .ok_or_else(|| not_drawn(stem, &format!("campaign {campaign} is not configured")))?;
+    let known = simulated::best_known(inputs, campaign, SKIDDING, OMEGA_RAD_S);
+    let (problem, is_fitted) =
+        known.ok_or_else(|| not_drawn(stem, &format!("campaign {campaign} is not configured")))?;
     let steady = simulated::steady(&problem);
-    let Steady { metrics, cycle, .. } =
-        steady.map_err(|error| not_drawn(stem, &no_motion(&error)))?;
+    let steady = steady.map_err(|error| not_drawn(stem, &no_motion(&error)))?;
+    Ok(joints_and_forces(stem, (campaign, SKIDDING), (&problem, is_fitted), &steady))
+}
+
+/// Returns the figures of the simulated motion of a chain with the preferred model of its campaign: the counterparts of
+/// Figs. 6, 4 and 5 of the paper.
+///
+/// # Errors
+/// Returns a sentence that explains why the figures are not drawn.
+pub(super) fn of_chain(
+    [courses, from_rest, sweep]: [String; 3],
+    campaign: &str,
+    inputs: (&Tables, &ReportInput),
+) -> Result<Vec<Figure>, String> {
+    let (tables, config) = inputs;
+    let drawn = || -> Result<Vec<Figure>, String> {
+        let preferred = tables.preferred(campaign).ok_or("the campaign has no preferred model")?;
+        let model = preferred.model;
+        let known = |omega_rad_s| simulated::best_known(inputs, campaign, model, omega_rad_s);
+        let (problem, is_fitted) =
+            known(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"))?;
+        let steady = simulated::steady(&problem).map_err(|error| no_motion(&error))?;
+        let origin = if is_fitted { "fitted" } else { "configured" };
+        let shown = Shown {
+            campaign,
+            model,
+            look: config.look(model),
+            values: format!("with the robot's {origin} coefficients"),
+            link: config.links(campaign).swap_remove(0),
+            free_joints: Some(config.free_joints(campaign)),
+        };
+        let courses =
+            joints_and_forces(&courses, (campaign, model), (&problem, is_fitted), &steady);
+        let from_rest = self::from_rest(&from_rest, &shown, &problem, &steady);
+        let from_rest = from_rest.map_err(|error| no_motion(&error))?;
+        let sweep = self::sweep(&sweep, &shown, |omega_rad_s| Some(known(omega_rad_s)?.0));
+        Ok(vec![courses, from_rest, sweep])
+    };
+    drawn().map_err(|why| not_drawn(&courses, &why))
+}
+
+fn joints_and_forces(
+    stem: &str,
+    (campaign, model): (&str, Model),
+    (problem, is_fitted): (&Problem, bool),
+    Steady { metrics, cycle, .. }: &Steady,
+) -> Figure {
     let shown = (cycle.as_slice(), 1);
     let joints: Vec<String> = (0..problem.robot.joints()).map(angle).collect();
     let (numbers, wheels): (Vec<usize>, Vec<String>) = wheels(&problem.robot).into_iter().unzip();
@@ -199,12 +252,12 @@ pub(super) fn skidding(
         campaign,
         model => model.name(),
         is_fitted,
-        is_chain,
+        is_chain => problem.robot.three_links().is_none(),
         omega => OMEGA_RAD_S.to_string(),
         v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
         roll_n => format!("{max_n:.2}"),
     };
-    Ok(Figure::new(stem, texts("skidding", values), &[campaign], Layout::Stack, panels))
+    Figure::new(stem, texts("skidding", values), &[campaign], Layout::Stack, panels)
 }
 
 /// Returns the x coordinates at which a line crosses zero.
@@ -218,46 +271,74 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
         .collect()
 }
 
-fn gait_and_path(
+/// Returns the figure of the transient from rest and of the path of the steady motion (Fig. 4 of the paper).
+fn from_rest(
     stem: &str,
-    (campaign, joint): (&str, &str),
+    shown: &Shown,
     problem: &Problem,
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
+    let Shown { campaign, model, look, values, link, free_joints } = shown;
     let cycle = steady.cycle.as_slice();
-    let end = cycle[cycle.len() - 1].pose;
-    // The path runs along the x axis.
-    let start = Pose { theta_rad: -end.y_m.atan2(end.x_m), ..Pose::default() };
     let d_m = steady.metrics.d_m;
     let settled = steady.cycles_to_settle.map(|cycles| cycles.max(1));
     let drawn = settled.unwrap_or(MAX_FROM_REST).min(MAX_FROM_REST);
-    let from_rest = problem.cycles_from_rest(drawn, SAMPLES)?;
-    let steady = |points| Layer::new("no-skid, steady", points, no_skid().thick());
-    let from_rest = Layer::new("from rest", shape(&from_rest), looks::TRANSIENT);
-    let gait = gait("Gait from rest", vec![from_rest, steady(shape(cycle))]);
+    let transient = problem.cycles_from_rest(drawn, SAMPLES)?;
+    let steady = |points| Layer::new(&format!("{}, steady", model.name()), points, look.thick());
+    let from_rest = |points| Layer::new("from rest", points, looks::TRANSIENT);
+    let mut panels = match free_joints {
+        None => {
+            let layers = vec![from_rest(shape(&transient)), steady(shape(cycle))];
+            vec![gait("Gait from rest", layers)]
+        }
+        Some(joints) => {
+            // The steady motion follows the transient.
+            let from_s = transient.last().map_or(0.0, |last| last.time_s);
+            let panel = |title: &str, y_label: &str, quantity: &dyn Fn(&Sample) -> f64| {
+                let after = over_time(cycle, CYCLES, quantity);
+                let after = after.into_iter().map(|(time_s, value)| (from_s + time_s, value));
+                let before = over_time(&transient, 1, quantity);
+                time_course(title, y_label, vec![from_rest(before), steady(after.collect())])
+            };
+            let speed = |sample: &Sample| 1e3 * sample.pose_rates[0].hypot(sample.pose_rates[1]);
+            let title = format!("Speed of {} from rest", link_noun(link));
+            let speed = panel(&title, "Speed (mm/s)", &speed);
+            let joints = joints.iter().map(|joint| {
+                let symbol = angle(*joint);
+                let title = format!("Joint angle {symbol} from rest");
+                panel(&title, &format!("{symbol} (deg)"), &|of| DEG * of.phi_rad[*joint])
+            });
+            joints.chain([speed]).collect()
+        }
+    };
+    // The path runs along the x axis.
+    let unturned = simulated::repeat(cycle, PATH_CYCLES, Pose::default());
+    let end = unturned.last().map_or(Pose::default(), |(_, end)| *end);
+    let start = Pose { theta_rad: -end.y_m.atan2(end.x_m), ..Pose::default() };
     let path = simulated::repeat(cycle, PATH_CYCLES, start);
     let path: Vec<_> = path.iter().map(|(_, pose)| (pose.x_m, pose.y_m)).collect();
-    let arrow = travel(&path, &[]);
-    let at_start =
-        links_at_start(links(&problem.robot, start, &cycle[0].phi_rad).unwrap_or_default());
-    let title = format!("Path of the middle link, d = {:.1} mm", 1e3 * d_m);
+    let at_start = links(&problem.robot, start, &cycle[0].phi_rad).unwrap_or_default();
+    // Chains can be longer than their paths and travel with their rear link ahead.
+    let beside = if free_joints.is_some() { &at_start[..] } else { &[] };
+    let arrow = travel(&path, beside);
+    let title = format!("Path of {}, d = {:.1} mm", link_noun(link), 1e3 * d_m);
+    panels.push(map(title, vec![links_at_start(at_start), arrow, steady(path)]));
     let values = context! {
-        campaign,
-        joint,
+        campaign => *campaign,
+        model => model.name(),
+        values,
         omega => OMEGA_RAD_S.to_string(),
         settled,
         drawn,
+        cycles => free_joints.as_ref().map(|_| CYCLES),
         path_cycles => PATH_CYCLES,
     };
-    let panels = vec![gait, map(title, vec![steady(path), at_start, arrow])];
     Ok(Figure::new(stem, texts("from-rest", values), &[campaign], Layout::Stack, panels))
 }
 
-fn sweep(
-    stem: &str,
-    (campaign, joint): (&str, &str),
-    problem_at: impl Fn(f64) -> Option<Problem> + Sync,
-) -> Figure {
+/// Returns the figure of the steady motion over frequency (Fig. 5 of the paper).
+fn sweep(stem: &str, shown: &Shown, problem_at: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
+    let Shown { campaign, model, look, values, link, free_joints } = shown;
     let (low, high, count) = SWEEP;
     let solve = |i: i32| {
         // The frequencies are spaced by equal ratios, because the motion changes fastest at low frequencies.
@@ -265,23 +346,30 @@ fn sweep(
         let settled = problem_at(omega_rad_s).and_then(|problem| problem.settle(FIT_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
-    let mut points: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
+    let motions: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
     let d_m: Vec<(f64, f64)> =
-        points.iter().map(|(omega, metrics)| (*omega, metrics.d_m)).collect();
+        motions.iter().map(|(omega, metrics)| (*omega, metrics.d_m)).collect();
     let reversal = reversal(&d_m, |omega_rad_s| Advance::of(&problem_at(omega_rad_s)?));
-    if let Some((omega_rad_s, _)) = reversal {
-        let after = points.partition_point(|(omega, _)| *omega < omega_rad_s);
-        let stopped = GaitMetrics { d_m: 0.0, v_m_s: 0.0, ..GaitMetrics::MISSING };
-        points.insert(after, (omega_rad_s, stopped));
-    }
+    let stopped = GaitMetrics { d_m: 0.0, v_m_s: 0.0, ..GaitMetrics::MISSING };
+    let mut has_maxima = false;
     let mut exceeded = Vec::new();
+    let amplitudes = free_joints.iter().flatten();
+    let amplitudes = amplitudes.map(|joint| Quantity::new(Metric::ALPHA[*joint]));
     let panels = [DISPLACEMENT, SPEED]
+        .into_iter()
+        .chain(amplitudes)
         .map(|quantity| {
-            let points: Vec<(f64, f64)> = points
+            let mut points: Vec<(f64, f64)> = motions
                 .iter()
                 .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
                 .collect();
+            let stopped = reversal.map(|(omega_rad_s, _)| (omega_rad_s, quantity.of(&stopped)));
+            if let Some((omega_rad_s, value)) = stopped.filter(|(_, value)| value.is_finite()) {
+                let after = points.partition_point(|(omega, _)| *omega < omega_rad_s);
+                points.insert(after, (omega_rad_s, value));
+            }
             let peak = peak(&points);
+            has_maxima |= peak.is_some();
             let unit = quantity.after_number();
             let ends = [points.first(), points.last()].into_iter().flatten();
             let higher = ends.filter(|(_, end)| peak.is_some_and(|(_, peak)| *end > peak));
@@ -298,15 +386,18 @@ fn sweep(
             let title =
                 format!("{} {}{}", definition.label, quantity.symbol, note.unwrap_or_default());
             let layers = vec![
-                Layer::new("no-skid", points, no_skid().solid()),
+                Layer::new(model.name(), points, look.solid()),
                 Layer::new("maximum", peak, Look::Rings),
             ];
             Panel::new(title, FREQUENCY, quantity.axis_label(), layers)
         })
-        .into();
+        .collect();
     let values = context! {
-        campaign,
-        joint,
+        campaign => *campaign,
+        model => model.name(),
+        values,
+        link => link_noun(link),
+        has_maxima,
         exceeded,
         reversal => reversal.map(|(omega_rad_s, _)| format!("{omega_rad_s:.2}")),
         swing => reversal.map(|(_, swing_rad)| format!("{:.0}", DEG * swing_rad)),
@@ -314,7 +405,7 @@ fn sweep(
     Figure::new(stem, texts("sweep", values), &[campaign], Layout::Stack, panels)
 }
 
-/// Displacement per cycle (m) along the mean heading of the middle link, negative for a robot that travels with its rear
+/// Displacement per cycle (m) along the mean heading of link 0, negative for a robot that travels with its rear
 /// link ahead, and half the range of the heading (rad).
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Advance {

@@ -45,9 +45,9 @@ mod tests {
              under the commanded gait; shaded: 95 % intervals, where known."
         );
         let from_rest = |settled: Option<usize>, drawn: usize| {
-            let joint = "as configured";
             let values = minijinja::context! {
-                campaign => "a", omega => "4", joint, settled, drawn, path_cycles => 3,
+                campaign => "a", model => "skid", omega => "4", values => "as configured", settled, drawn,
+                cycles => None::<usize>, path_cycles => 3,
             };
             let [_, caption] = texts("from-rest", values);
             caption.split(". ").nth(1).unwrap_or_default().to_owned()

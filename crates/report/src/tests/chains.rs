@@ -337,11 +337,15 @@ fn the_report_page_describes_chains_beside_a_robot_with_three_links() {
     let figures = &shared().1.figures;
     for stem in [
         "passive-simulated",
+        "passive-from-rest",
+        "passive-sweep",
         "passive-gait",
         "passive-wheels",
         "passive-alpha",
         "passive-models",
         "twistcar-simulated",
+        "twistcar-from-rest",
+        "twistcar-sweep",
         "twistcar-gait",
     ] {
         assert!(figures.iter().any(|figure| figure == stem), "{stem}: {figures:?}");
@@ -361,6 +365,15 @@ fn the_report_page_describes_chains_beside_a_robot_with_three_links() {
     assert!(head.contains("skid_tail_kg_s") && !head.contains("skid2_kg_s"), "{head}");
     let simulated = read(&folder.join("passive-simulated.csv"));
     assert!(simulated.contains("wheel 2 (tail)") && !simulated.contains("wheel 3"));
+    for (figure, columns, absent) in [
+        ("passive-from-rest", "time_s,phi2_deg,phi3_deg,speed_mm_s,x_m,y_m", "phi1_deg"),
+        ("passive-sweep", "d_mm,v_mm_s,alpha2_deg,alpha3_deg", "alpha1_deg"),
+        ("twistcar-sweep", "d_mm,v_mm_s", "alpha1_deg"),
+    ] {
+        let drawn = read(&folder.join(format!("{figure}.csv")));
+        let head = drawn.lines().next().expect("a head");
+        assert!(head.contains(columns) && !head.contains(absent), "{head}");
+    }
     let work = read(&folder.join("work.csv"));
     assert!(work.contains(PASSIVE) && work.contains(TWISTCAR), "{work}");
 }
