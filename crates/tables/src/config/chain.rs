@@ -516,13 +516,41 @@ mod tests {
         assert_eq!(beside.chains, apart.chains);
         let [masses, rest] = &beside.chains.robot["snake"].errors()[..] else { panic!("two") };
         let mass = |link| ChainNumber::Link(link, LinkNumber::Mass);
-        assert_eq!(masses[..], [(mass(0), 0.02 * 0.5), (mass(1), 0.002)]);
+        assert_errors(masses, &[(mass(0), 0.02 * 0.5), (mass(1), 0.002)]);
         let number = ChainNumber::Command(2, CommandNumber::Offset);
-        assert_eq!(rest[..], [(number, 0.5_f64.to_radians())]);
+        assert_errors(rest, &[(number, 0.5_f64.to_radians())]);
         assert_eq!(beside.chain_setup("swim"), load(SNAKE).unwrap().chain_setup("swim"));
         // A configuration that is written is read again.
         let written = toml::to_string(&beside.chains.robot["snake"]).unwrap();
         assert_eq!(toml::from_str::<ChainRobot>(&written).unwrap(), beside.chains.robot["snake"]);
+    }
+
+    /// Asserts that numbers of a chain share an error with these standard deviations.
+    fn assert_errors(found: &[(ChainNumber, f64)], known: &[(ChainNumber, f64)]) {
+        assert_eq!(found.len(), known.len(), "{found:?}");
+        for ((of, sd), (of_known, known)) in found.iter().zip(known) {
+            assert!(of == of_known && (sd / known - 1.0).abs() < 1e-9, "{of:?}: {sd}");
+        }
+    }
+
+    #[test]
+    fn the_error_of_a_load_is_one_of_all_dry_friction_of_its_wheel() {
+        let text = SNAKE
+            .replacen("load_n = 4", "load_n = { value = 4, sd = 0.1 }\nroll_dry_n = 0.05", 1)
+            .replacen("skid_dry_n = 0.5", "skid_dry_n = { value = 0.5, sd = \"4 %\" }", 1);
+        let config = load(&text).unwrap();
+        let robot = &config.chains.robot["snake"];
+        let number = |number| ChainNumber::Link(0, number);
+        let [load, coefficient] = &robot.errors()[..] else { panic!("two") };
+        let of_load = [(LinkNumber::SkidDry, 0.5 * 0.1), (LinkNumber::RollDry, 0.05 * 0.1)];
+        assert_errors(load, &of_load.map(|(of, sd)| (number(of), sd)));
+        assert_errors(coefficient, &[(number(LinkNumber::SkidDry), 0.04 * 0.5 * 4.0)]);
+        // Both values off by one standard deviation.
+        let off = robot.with_errors(|| 1.0).to_chain(&ChainGait::default());
+        let force_n = off.number(number(LinkNumber::SkidDry)).unwrap();
+        assert!((force_n - 0.52 * 4.1).abs() < 1e-12);
+        assert!((off.number(number(LinkNumber::RollDry)).unwrap() - 0.05 * 4.1).abs() < 1e-12);
+        assert_eq!(off.number(number(LinkNumber::Skid)), Some(20.0));
     }
 
     #[test]
@@ -608,8 +636,13 @@ mod tests {
             ),
             (
                 "mass_kg = 0.5",
-                "mass_kg = 0.5\nstandard_deviation = { load_n = 1 }",
-                "links.head.standard_deviation.load_n`: found `load_n`, needed the key of a value",
+                "mass_kg = 0.5\nstandard_deviation = { name = 1 }",
+                "links.head.standard_deviation.name`: found `name`, needed the key of a value",
+            ),
+            (
+                "load_n = 4",
+                "load_n = { value = 4, sd = 5 }",
+                "links.head.standard_deviation.load_n`: found 5.0, needed a number from 0 to 4, or a percentage",
             ),
             (
                 "mass_kg = 0.3",

@@ -42,7 +42,7 @@ const ANGLE: [&str; 4] = ["offset_deg", "amplitude_deg", "amplitude2_deg", "phas
 
 impl JointKind {
     /// Returns the keys that a joint of this kind can have.
-    fn keys(self) -> &'static [&'static str] {
+    pub(super) fn keys(self) -> &'static [&'static str] {
         match self {
             Self::Driven => &[],
             Self::Elastic => &["stiffness_nm_rad", "damping_nm_s_rad"],
@@ -51,7 +51,7 @@ impl JointKind {
     }
 }
 
-fn table_of(value: &impl Serialize) -> Table {
+pub(super) fn table_of(value: &impl Serialize) -> Table {
     Table::try_from(value).expect("the parts of a chain are tables")
 }
 

@@ -2,76 +2,111 @@
 
 use std::collections::BTreeMap;
 
-use serde::de::Error as _;
+use serde::Serialize;
+use serde::de::{DeserializeOwned, Error as _};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
-use trilink_robot::{ChainNumber, CommandNumber, JointNumber, LinkNumber};
+use trilink_robot::{ChainNumber, LinkNumber};
 
 use super::super::ConfigError;
 use super::super::check::Checker;
 use super::super::robot::{Deviation, independent_errors};
-use super::check::plain_table_of;
-use super::{ChainGait, ChainRobot};
+use super::check::{plain_table_of, table_of};
+use super::{ChainGait, ChainRobot, JointKind};
 
-/// Values of a link that can have a standard deviation.
-const OF_LINK: [LinkNumber; 13] = [
-    LinkNumber::FrontJoint,
-    LinkNumber::RearJoint,
-    LinkNumber::Com,
-    LinkNumber::Mass,
-    LinkNumber::Inertia,
-    LinkNumber::WheelPlace,
-    LinkNumber::WheelSteer,
-    LinkNumber::Skid,
-    LinkNumber::Roll,
-    LinkNumber::DragAlong,
-    LinkNumber::DragAcross,
-    LinkNumber::DragTurning,
-    LinkNumber::RotorInertia,
-];
-
-/// Returns the number of a link, given its key, if it can have a standard deviation.
-fn of_link(link: usize, key: &str) -> Option<ChainNumber> {
-    let number = OF_LINK.into_iter().find(|number| number.name() == key)?;
-    Some(ChainNumber::Link(link, number))
+/// Link or joint, given by its index from front to rear.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    Link(usize),
+    Joint(usize),
 }
 
-/// Returns the number of a joint, given its key, if it can have a standard deviation.
-fn of_joint(joint: usize, key: &str) -> Option<ChainNumber> {
-    match key {
-        "stiffness_nm_rad" => Some(ChainNumber::Joint(joint, JointNumber::Stiffness)),
-        "damping_nm_s_rad" => Some(ChainNumber::Joint(joint, JointNumber::Damping)),
-        "rest_deg" => Some(ChainNumber::Command(joint, CommandNumber::Offset)),
-        _ => None,
+impl Part {
+    /// Returns whether a value with this key can have a standard deviation.
+    fn has_deviation(self, key: &str) -> bool {
+        let of_link = |number: LinkNumber| {
+            // These speeds are keys of the robot.
+            !matches!(number, LinkNumber::Stribeck | LinkNumber::Transition) && number.name() == key
+        };
+        match self {
+            Self::Link(_) => key == "load_n" || LinkNumber::ALL.into_iter().any(of_link),
+            Self::Joint(_) => JointKind::Spring.keys().contains(&key),
+        }
     }
 }
+
+/// Value in the configuration, given by its key.
+type Value<'c> = (Part, &'c str);
+
+/// Values that share an error, with their standard deviations in the units of the configuration.
+type SharedError<'c> = Vec<(Value<'c>, f64)>;
 
 /// Standard deviations and names of common errors of a link or joint, by keys.
 type Uncertain<'c> = (&'c BTreeMap<String, Deviation>, &'c BTreeMap<String, String>);
 
 impl ChainRobot {
-    /// Returns the independent errors of the uncertain values: for each error, the numbers of the chain that share it with
-    /// their standard deviations in SI units.
+    /// Returns the independent errors of the uncertain values: for each error, the numbers of the chain that depend on
+    /// these values with their standard deviations in SI units. The error of a load is shared by all dry friction of its
+    /// wheel.
     pub fn errors(&self) -> Vec<Vec<(ChainNumber, f64)>> {
-        let chain = self.to_chain(&ChainGait::default());
-        independent_errors(self.deviations().map(|(number, deviation, name)| {
-            let value = chain.number(number).unwrap_or_default() / number.in_si();
-            (number, deviation.of(value) * number.in_si(), name)
+        let chain = |robot: &Self| robot.to_chain(&ChainGait::default());
+        let own = chain(self);
+        let numbers = own.numbers();
+        let of_numbers = |error: SharedError| -> Vec<(ChainNumber, f64)> {
+            let mut off = self.clone();
+            off.shift(&error, 1.0);
+            let off = chain(&off);
+            let change = |of: &ChainNumber| Some((*of, off.number(*of)? - own.number(*of)?));
+            numbers.iter().filter_map(change).filter(|(_, change)| *change != 0.0).collect()
+        };
+        let errors = self.value_errors().into_iter().map(of_numbers);
+        errors.filter(|numbers| !numbers.is_empty()).collect()
+    }
+
+    /// Returns a copy whose values are off by their errors: `draw` returns the next error in standard deviations.
+    #[must_use]
+    pub fn with_errors(&self, mut draw: impl FnMut() -> f64) -> Self {
+        let mut changed = self.clone();
+        for error in self.value_errors() {
+            changed.shift(&error, draw());
+        }
+        changed
+    }
+
+    /// Adds an error to the values that share it.
+    fn shift(&mut self, error: &SharedError, in_deviations: f64) {
+        for ((part, key), sd) in error {
+            match *part {
+                Part::Link(link) => add(&mut self.links[link], key, in_deviations * sd),
+                Part::Joint(joint) => add(&mut self.joints[joint], key, in_deviations * sd),
+            }
+        }
+    }
+
+    fn value_errors(&self) -> Vec<SharedError<'_>> {
+        independent_errors(self.deviations().map(|((part, key), deviation, name)| {
+            let table = match part {
+                Part::Link(link) => plain_table_of(&self.links[link]),
+                Part::Joint(joint) => plain_table_of(&self.joints[joint]),
+            };
+            let value = table.get(key).and_then(toml::Value::as_float).unwrap_or_default();
+            ((part, key), deviation.of(value), name)
         }))
     }
 
     /// Returns all standard deviations with the names of their common errors, those of the links first.
-    fn deviations(&self) -> impl Iterator<Item = (ChainNumber, Deviation, Option<&String>)> {
-        type Of = fn(usize, &str) -> Option<ChainNumber>;
+    fn deviations<'c>(
+        &'c self,
+    ) -> impl Iterator<Item = (Value<'c>, Deviation, Option<&'c String>)> {
         let links = self.links.iter().map(|link| (&link.standard_deviation, &link.same));
         let joints = self.joints.iter().map(|joint| (&joint.standard_deviation, &joint.same));
-        let links = links.enumerate().map(|(i, uncertain)| (of_link as Of, i, uncertain));
-        let joints = joints.enumerate().map(|(i, uncertain)| (of_joint as Of, i, uncertain));
-        links.chain(joints).flat_map(|(of, i, (deviations, same))| {
-            let error = move |(key, deviation): (&String, &Deviation)| {
-                Some((of(i, key)?, *deviation, same.get(key)))
+        let links = links.enumerate().map(|(i, uncertain)| (Part::Link(i), uncertain));
+        let joints = joints.enumerate().map(|(i, uncertain)| (Part::Joint(i), uncertain));
+        links.chain(joints).flat_map(|(part, (deviations, same)): (Part, Uncertain)| {
+            let of_key = move |(key, deviation): (&'c String, &'c Deviation)| {
+                ((part, key.as_str()), *deviation, same.get(key))
             };
-            deviations.iter().filter_map(error)
+            deviations.iter().map(of_key)
         })
     }
 
@@ -115,7 +150,7 @@ impl ChainRobot {
     ) -> Result<(), ConfigError> {
         for (i, (name, link)) in self.names().iter().zip(&self.links).enumerate() {
             let uncertain = (&link.standard_deviation, &link.same);
-            let is_known = |key: &str| of_link(i, key).is_some();
+            let is_known = |key: &str| Part::Link(i).has_deviation(key);
             let table = plain_table_of(link);
             let value = |key: &str| table.get(key)?.as_float();
             let part = format!("robot.{robot}.links.{name}");
@@ -123,7 +158,7 @@ impl ChainRobot {
         }
         for (i, joint) in self.joints.iter().enumerate() {
             let uncertain = (&joint.standard_deviation, &joint.same);
-            let is_known = |key: &str| of_joint(i, key).is_some();
+            let is_known = |key: &str| Part::Joint(i).has_deviation(key);
             let table = plain_table_of(joint);
             let value = |key: &str| table.get(key)?.as_float();
             let part = format!("robot.{robot}.joint{}", i + 1);
@@ -139,6 +174,15 @@ impl ChainRobot {
         }
         Ok(())
     }
+}
+
+/// Adds a number to the value of a link or joint with a key.
+fn add<P: Serialize + DeserializeOwned>(part: &mut P, key: &str, change: f64) {
+    let mut table = table_of(part);
+    if let Some(toml::Value::Float(value)) = table.get_mut(key) {
+        *value += change;
+    }
+    *part = table.try_into().expect("a part of a chain with another number");
 }
 
 /// Moves the standard deviations and the names of common errors of the links and joints of a robot from beside their
