@@ -709,6 +709,42 @@ fn errors_of_a_chain_s_numbers_are_propagated_to_its_motion() {
 }
 
 #[test]
+fn the_true_numbers_of_a_chain_are_off_by_their_standard_deviations() {
+    let folder = folder_of_uncertain_twistcar();
+    let home = folder.path();
+    let synth = ["synth", "raw/practice", "--omega", "2,3,4,5,6"];
+    succeed(home, &synth);
+    let truth = || -> Value {
+        let text = std::fs::read_to_string(home.join("raw/practice/truth.json")).expect("a text");
+        serde_json::from_str(&text).expect("JSON")
+    };
+    assert!(truth()["off_configured"].is_null());
+    succeed(home, &[&synth[..], &["--declared-errors"]].concat());
+    let off = truth()["off_configured"]["twistcar"].clone();
+    let error = |name: &str, value: f64, sd: f64| (off[name].as_f64().expect(name) - value) / sd;
+    let [front, rear] = [("front", 0.3), ("rear", 1.0)]
+        .map(|(link, kg)| error(&format!("{link}.mass_kg"), kg, 0.01));
+    let inertia = error("rear.inertia_kg_m2", 8e-3, 4e-4);
+    println!("errors in standard deviations: {front}, {rear}, {inertia}");
+    assert!((front - rear).abs() < 1e-9, "one scale");
+    assert!([front, inertia].iter().all(|error| (1e-3..3.0).contains(&error.abs())));
+    assert!((front - inertia).abs() > 1e-3, "a pendulum is no scale");
+    assert_eq!(off.as_object().map(serde_json::Map::len), Some(3), "{off}");
+    succeed(home, &["ingest", "raw/practice"]);
+    trilink(home, &["fit"]);
+    let fits = Table::read(&home.join("derived/fits.parquet")).expect("a table");
+    let fits = fits
+        .values::<String>("model")
+        .expect("models")
+        .into_iter()
+        .zip(fits.values::<bool>("adequate").expect("verdicts"));
+    assert_eq!(
+        fits.collect::<Vec<_>>(),
+        [("skid".to_owned(), false), ("skid-roll".to_owned(), true)]
+    );
+}
+
+#[test]
 fn the_intervals_of_a_fitted_chain_are_those_of_the_predictions() {
     let folder = folder_of_uncertain_twistcar();
     let home = folder.path();

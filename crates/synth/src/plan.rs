@@ -119,11 +119,14 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
 /// standard deviations. An error of more than three standard deviations is drawn again.
 pub(super) fn with_declared_errors(config: &Config, seed: u64) -> Config {
     let mut config = config.clone();
-    for (stream, robot) in (ERROR_STREAMS..).zip(config.robot.values_mut()) {
-        let mut random = random(seed, stream);
-        let mut normal = StandardNormal.sample_iter(&mut random).filter(|z: &f64| z.abs() < 3.0);
-        *robot = robot.with_errors(|| normal.next().unwrap_or_default());
-    }
+    let mut streams = ERROR_STREAMS..;
+    let mut draws = || {
+        let normal = StandardNormal.sample_iter(random(seed, streams.next().unwrap_or_default()));
+        let mut normal = normal.filter(|z: &f64| z.abs() < 3.0);
+        move || normal.next().unwrap_or_default()
+    };
+    config.robot.values_mut().for_each(|robot| *robot = robot.with_errors(draws()));
+    config.chains.robot.values_mut().for_each(|robot| *robot = robot.with_errors(draws()));
     config
 }
 

@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 use trilink_base::files;
 use trilink_robot::metrics::GaitMetrics;
 use trilink_robot::{
-    AnyRobot, Chain, Gait, JointCommand, Laws, Model, Per, Quantity, Robot, RollLaw, SkidLaw,
+    AnyRobot, Chain, Gait, JointCommand, Laws, Model, Parameter, Per, Quantity, Robot, RollLaw,
+    SkidLaw,
 };
-use trilink_tables::config::Config;
+use trilink_tables::config::{ChainGait, Config};
 use trilink_tables::trial::TRUTH_FILE;
 
 use super::cameras::LabelError;
@@ -47,10 +48,10 @@ pub struct Truth {
     /// Slope of the floor in the coast-downs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slope: Option<Slope>,
-    /// True values of those parameters that are off their configured values, by robot and parameter, in the units that
-    /// the parameters' names state.
+    /// True values of those parameters that are off their configured values, by robot and parameter (of a chain by
+    /// [`Chain::number_name`]), in the units that the parameters' names state.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub off_configured: BTreeMap<String, BTreeMap<&'static str, f64>>,
+    pub off_configured: BTreeMap<String, BTreeMap<String, f64>>,
     /// Relative standard deviation of friction from cycle to cycle.
     #[serde(skip_serializing_if = "is_none")]
     pub friction_variation: f64,
@@ -70,20 +71,25 @@ pub struct Truth {
 pub(super) fn off_configured(
     configured: &Config,
     truth: &Config,
-) -> BTreeMap<String, BTreeMap<&'static str, f64>> {
-    let mut off = BTreeMap::new();
-    for (name, robot) in &truth.robot {
+) -> BTreeMap<String, BTreeMap<String, f64>> {
+    let of_three_links = truth.robot.iter().map(|(name, robot)| {
         let (own, other) = (robot.to_robot(), configured.robot[name].to_robot());
         let parameters = Quantity::ALL.into_iter().flat_map(|one| one.parameters_of(&own));
         let changed = parameters.filter(|of| of.value_in(&own) != of.value_in(&other));
-        let values = changed
-            .map(|of| (of.name(), of.value_in(&own) / of.quantity().definition().unit.in_si()));
-        let values: BTreeMap<_, _> = values.collect();
-        if !values.is_empty() {
-            off.insert(name.clone(), values);
-        }
-    }
-    off
+        let value = |of: &Parameter| of.value_in(&own) / of.quantity().definition().unit.in_si();
+        let values = changed.map(|of| (of.name().to_owned(), value(&of)));
+        (name.clone(), values.collect::<BTreeMap<_, _>>())
+    });
+    let chains = truth.chains.robot.iter().map(|(name, robot)| {
+        let [own, other] = [robot, &configured.chains.robot[name]]
+            .map(|robot| robot.to_chain(&ChainGait::default()));
+        let numbers = own.numbers().into_iter();
+        let changed = numbers.filter(|of| own.number(*of) != other.number(*of));
+        let values =
+            changed.filter_map(|of| Some((own.number_name(of), own.number(of)? / of.in_si())));
+        (name.clone(), values.collect())
+    });
+    of_three_links.chain(chains).filter(|(_, values)| !values.is_empty()).collect()
 }
 
 /// Model that generated a campaign's trials, with the model's laws.
