@@ -20,6 +20,7 @@ fn search(objective: Objective, robot: Robot, gait: Gait, laws: Laws) -> Search 
     let bounds = Bounds {
         omega_rad_s: [0.5, 12.0],
         amplitude_rad: [5.0, 60.0].map(f64::to_radians),
+        rotor_amplitude_rad: [5.0, 720.0].map(f64::to_radians),
         angle_rad: 75.0_f64.to_radians(),
         rate_rad_s: 360.0_f64.to_radians(),
         power_w: None,

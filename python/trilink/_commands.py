@@ -267,6 +267,7 @@ def optimise(
     harmonics: Literal[1, 2] = 1,
     omega_rad_s: float | tuple[float, float] | None = None,
     amplitude_deg: float | tuple[float, float] | None = None,
+    rotor_amplitude_deg: float | tuple[float, float] | None = None,
     angle_deg: float | None = None,
     rate_deg_s: float | None = None,
     power_w: float | None = None,
@@ -289,7 +290,8 @@ def optimise(
     replicates: number of bootstrap replicates for confidence intervals of the optimum; 0 for none.
     free: commands to vary, such as omega, amplitude1, offset2, phase2; by default, all but the second harmonics.
     harmonics: 2 also varies the second harmonics of the joints that vary.
-    omega_rad_s, amplitude_deg: bounds (low, high), or a number that fixes the frequency or the amplitudes.
+    omega_rad_s, amplitude_deg, rotor_amplitude_deg: bounds (low, high), or a number that fixes the frequency or the
+        amplitudes of the joints or rotors.
     angle_deg, rate_deg_s, power_w, torque_nm: maximum joint angle, joint rate, mean power and torque.
     least: another objective and its worst permitted value, such as ("v", 0.05).
     starts: number of starts of the search.
@@ -322,6 +324,7 @@ def optimise(
             harmonics=harmonics,
             omega=interval(omega_rad_s),
             amplitude_deg=interval(amplitude_deg),
+            rotor_amplitude_deg=interval(rotor_amplitude_deg),
             angle_deg=angle_deg,
             rate_deg_s=rate_deg_s,
             power_w=power_w,

@@ -65,14 +65,17 @@ pub(super) struct Optimise {
     /// --fitted within the range of the trials widened by a fifth].
     #[arg(long, value_name = "RAD_S", value_parser = parse_range)]
     omega: Option<[f64; 2]>,
-    /// Bounds of the amplitudes of the commanded joints and rotors, degrees: `5..60` [default:
-    /// optimise.amplitude_deg, and with --fitted within the range of the trials widened by a fifth].
+    /// Bounds of the amplitudes of the commanded joints, degrees: `5..60` [default: optimise.amplitude_deg, and with
+    /// --fitted within the range of the trials widened by a fifth].
     #[arg(long, value_name = "DEG", value_parser = parse_range)]
     amplitude_deg: Option<[f64; 2]>,
+    /// Bounds of the amplitudes of the rotors of a chain, degrees: `5..720` [default: optimise.rotor_amplitude_deg].
+    #[arg(long, value_name = "DEG", value_parser = parse_range)]
+    rotor_amplitude_deg: Option<[f64; 2]>,
     /// Maximum joint angle (|offset| + amplitude), degrees [default: optimise.angle_deg].
     #[arg(long, value_name = "DEG")]
     angle_deg: Option<f64>,
-    /// Maximum joint rate (amplitude times omega), degrees/s [default: optimise.rate_deg_s].
+    /// Maximum rate of joints and rotors (amplitude times omega), degrees/s [default: optimise.rate_deg_s].
     #[arg(long, value_name = "DEG_S")]
     rate_deg_s: Option<f64>,
     /// Maximum mean power of the actuators, W [default: optimise.power_w].
@@ -113,6 +116,7 @@ impl Optimise {
         let mut bounds = Bounds {
             omega_rad_s: settings.omega_rad_s,
             amplitude_rad: settings.amplitude_deg.map(f64::to_radians),
+            rotor_amplitude_rad: settings.rotor_amplitude_deg.map(f64::to_radians),
             angle_rad: settings.angle_deg.to_radians(),
             rate_rad_s: settings.rate_deg_s.to_radians(),
             power_w: settings.power_w,
@@ -237,6 +241,8 @@ impl Optimise {
             settings.omega_rad_s = self.omega.unwrap_or(settings.omega_rad_s);
         }
         settings.amplitude_deg = self.amplitude_deg.unwrap_or(settings.amplitude_deg);
+        settings.rotor_amplitude_deg =
+            self.rotor_amplitude_deg.unwrap_or(settings.rotor_amplitude_deg);
         settings.angle_deg = self.angle_deg.unwrap_or(settings.angle_deg);
         settings.rate_deg_s = self.rate_deg_s.unwrap_or(settings.rate_deg_s);
         settings.power_w = self.power_w.or(settings.power_w);

@@ -23,6 +23,7 @@ fn bounds() -> Bounds {
     Bounds {
         omega_rad_s: [0.5, 8.0],
         amplitude_rad: [0.1, 0.8],
+        rotor_amplitude_rad: [0.1, 0.8],
         angle_rad: 1.2,
         rate_rad_s: 5.0,
         power_w: None,

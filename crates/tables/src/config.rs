@@ -85,9 +85,11 @@ pub struct Optimise {
     pub omega_rad_s: [f64; 2],
     /// Range of amplitudes of commanded joints, degrees.
     pub amplitude_deg: [f64; 2],
+    /// Range of amplitudes of rotors, degrees.
+    pub rotor_amplitude_deg: [f64; 2],
     /// Maximum joint angle |offset| + amplitude, degrees.
     pub angle_deg: f64,
-    /// Maximum joint rate (amplitude times omega), degrees/s.
+    /// Maximum rate of joints and rotors (amplitude times omega), degrees/s.
     pub rate_deg_s: f64,
     /// Maximum mean power of the actuators, W; `None` for no limit.
     #[serde(skip_serializing_if = "Option::is_none")]

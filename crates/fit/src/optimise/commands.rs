@@ -1,7 +1,6 @@
 //! Commands: frequency and gait parameters that an optimisation varies, and their bounds.
 
 use std::f64::consts::PI;
-use std::fmt;
 
 use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, ChainNumber, CommandNumber, JointNumber};
@@ -229,15 +228,18 @@ impl Command {
     pub(super) fn range(self, bounds: &Bounds) -> [f64; 2] {
         use CommandNumber as C;
         let torque_nm = bounds.torque_nm.unwrap_or(0.0);
+        let symmetric = |largest: f64| [-largest, largest];
         match self {
             Self::Omega => bounds.omega_rad_s,
             // The turn in which searches start, plus one more on each side.
             _ if self.is_phase() => [-3.0 * PI, 3.0 * PI],
-            _ if self.is_of(&[C::Amplitude]) => bounds.amplitude_rad,
-            _ if self.is_second() => [-bounds.amplitude_rad[1], bounds.amplitude_rad[1]],
+            Self::Number(ChainNumber::Rotor(_, C::Amplitude)) => bounds.rotor_amplitude_rad,
+            Self::Number(ChainNumber::Command(_, C::Amplitude)) => bounds.amplitude_rad,
+            Self::Number(ChainNumber::Rotor(..)) => symmetric(bounds.rotor_amplitude_rad[1]),
+            _ if self.is_second() => symmetric(bounds.amplitude_rad[1]),
             Self::Number(ChainNumber::Joint(_, JointNumber::TorqueAmplitude)) => [0.0, torque_nm],
-            Self::Number(ChainNumber::Joint(..)) => [-torque_nm, torque_nm],
-            Self::Number(_) => [-bounds.angle_rad, bounds.angle_rad],
+            Self::Number(ChainNumber::Joint(..)) => symmetric(torque_nm),
+            Self::Number(_) => symmetric(bounds.angle_rad),
         }
     }
 
@@ -299,6 +301,7 @@ fn unknown_command(name: &str, problem: &Problem) -> String {
 pub struct Bounds {
     pub omega_rad_s: [f64; 2],
     pub amplitude_rad: [f64; 2],
+    pub rotor_amplitude_rad: [f64; 2],
     /// Maximum absolute angle of every commanded joint, which is |offset| + amplitude without a second harmonic.
     pub angle_rad: f64,
     /// Maximum joint rate of every commanded joint, which is amplitude times omega without a second harmonic.
@@ -327,29 +330,31 @@ impl Bounds {
             _ => Ok(()),
         }
     }
-}
 
-impl fmt::Display for Bounds {
-    fn fmt(&self, to: &mut fmt::Formatter) -> fmt::Result {
+    /// Describes the bounds in words, those of rotors only if the robot has rotors that move.
+    pub(super) fn describe(&self, problem: &Problem) -> String {
         let Self { omega_rad_s: [slowest, fastest], amplitude_rad, .. } = self;
         let [low, high] = amplitude_rad.map(degrees);
         let [angle, rate] = [self.angle_rad, self.rate_rad_s].map(degrees);
-        write!(
-            to,
+        let mut words = format!(
             "omega {slowest} to {fastest} rad/s, amplitudes {low} to {high} degrees, angles up to {angle} degrees, \
              rates up to {rate} degrees/s"
-        )?;
+        );
+        if Drive::all(problem).iter().any(|drive| matches!(drive, Drive::Rotor(_))) {
+            let [low, high] = self.rotor_amplitude_rad.map(degrees);
+            words += &format!(", amplitudes of rotors {low} to {high} degrees");
+        }
         if let Some(power_w) = self.power_w {
-            write!(to, ", mean power up to {power_w} W")?;
+            words += &format!(", mean power up to {power_w} W");
         }
         if let Some(torque_nm) = self.torque_nm {
-            write!(to, ", torques up to {torque_nm} N m")?;
+            words += &format!(", torques up to {torque_nm} N m");
         }
         if let Some((objective, value)) = self.least {
             let side = if objective.is_minimised() { "at most" } else { "at least" };
-            write!(to, ", {objective} {side} {value} {}", objective.unit())?;
+            words += &format!(", {objective} {side} {value} {}", objective.unit());
         }
-        Ok(())
+        words
     }
 }
 

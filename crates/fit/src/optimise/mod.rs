@@ -156,7 +156,7 @@ impl Optimum {
             present_value: present.map_or(f64::NAN, |of| of.value),
             present_omega_rad_s: present.map_or(f64::NAN, |of| of.problem.omega_rad_s),
             free: search.free.iter().map(|command| command.name(robot)).collect(),
-            bounds: search.bounds.to_string(),
+            bounds: search.bounds.describe(&self.problem),
             ..OptimumRow::blank()
         }
     }
@@ -504,7 +504,7 @@ pub fn exceeded_bounds(problem: &Problem, bounds: &Bounds) -> Vec<String> {
             Some(_) => command.peak_angle_rad(),
             None => offset_rad.abs() + amplitude_rad.abs(),
         };
-        let [low, high] = bounds.amplitude_rad;
+        let [low, high] = drive.amplitude().range(bounds);
         if largest > bounds.angle_rad * (1.0 + 1e-9) && !matches!(drive, Drive::Rotor(_)) {
             messages.push(format!(
                 "{part} reaches {} degrees, but at most {} are allowed",
@@ -540,6 +540,7 @@ mod tests {
         let bounds = Bounds {
             omega_rad_s,
             amplitude_rad: [0.1, 0.8],
+            rotor_amplitude_rad: [0.1, 0.8],
             angle_rad: 1.2,
             rate_rad_s: 10.0,
             power_w: None,

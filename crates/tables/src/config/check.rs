@@ -18,7 +18,7 @@ use super::{
 /// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
 /// characters; the first matching key applies. More starts or bootstrap replicates than permitted would find nothing
 /// new and might not fit into memory.
-const RANGES: [(&str, f64, f64); 41] = [
+const RANGES: [(&str, f64, f64); 43] = [
     ("vicon.rate_hz", 1.0, 1e4),
     ("ingest.smoothing_window", 5.0, 30.0),
     ("ingest.max_gap_s", 0.0, 60.0),
@@ -34,6 +34,7 @@ const RANGES: [(&str, f64, f64); 41] = [
     ("report.font_pt", 3.0, 72.0),
     ("optimise.omega_rad_s", 1e-3, 1e3),
     ("optimise.amplitude_deg", 0.1, 179.0),
+    ("optimise.rotor_amplitude_deg", 0.1, 1e4),
     ("optimise.angle_deg", 0.1, 179.0),
     ("optimise.rate_deg_s", 1.0, 1e5),
     ("optimise.power_w", 1e-6, 1e6),
@@ -52,6 +53,7 @@ const RANGES: [(&str, f64, f64); 41] = [
     ("robot.*.rotor_inertia_kg_m2", 1e-9, 1e6),
     ("robot.*.rest_deg", -180.0, 180.0),
     ("gait.*.rotor.*.amplitude_deg", 0.1, 1e4),
+    ("gait.*.rotor.*.amplitude2_deg", 0.0, 1e4),
     ("gait.*.amplitude_deg", 0.1, 179.0),
     ("gait.*.amplitude2_deg", 0.0, 179.0),
     ("gait.*.torque_nm", 0.0, 1e4),
@@ -174,6 +176,8 @@ impl Config {
         }
         all.push(("optimise.omega_rad_s".to_owned(), self.optimise.omega_rad_s));
         all.push(("optimise.amplitude_deg".to_owned(), self.optimise.amplitude_deg));
+        let rotor_amplitude_deg = self.optimise.rotor_amplitude_deg;
+        all.push(("optimise.rotor_amplitude_deg".to_owned(), rotor_amplitude_deg));
         for (key, bounds) in all {
             let needed = "a lower bound below the upper one";
             check.that(bounds[0] < bounds[1], &key, &bounds, needed)?;
