@@ -81,6 +81,7 @@ fn of_chain(found: &ChainCalibration) -> Result<String, Failure> {
                 Direction::MeanAngle => "mean angle",
             },
             "direction_se_deg": link.direction_se_deg,
+            "skid_deg": link.skid_deg,
             "markers": lines(&link.markers),
         })
     });

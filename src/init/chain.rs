@@ -114,11 +114,13 @@ fn calibrate(
         None => wheel_distances_mm(&file, &groups, rate_hz).map_err(failed)?,
     };
     let [front_mm, rear_mm] = found_mm.map(|found_mm| found_mm.unwrap_or(DEFAULT_LEVER_MM));
-    // Of an inner link only the proportion of the two distances is used: its origin is halfway between the joints.
+    // Of an inner link only the proportion of the two distances is used: its origin is halfway between the joints. All
+    // wheels are taken to have the same skid coefficient.
     let inner = LinkPlaces {
         front_joint_mm: 1.0,
         rear_joint_mm: 1.0,
         wheel_mm: Some(0.0),
+        skid_kg_s: 1.0,
         turned_rad: 0.0,
     };
     let mut places = vec![inner; links.len()];

@@ -2,8 +2,8 @@
 //!
 //! The joints are located as for three links. A link between two joints points from one to the other. Of the first and
 //! last link only one joint is known: their direction is that in which the wheel skids least, at a given distance from
-//! the joint. The bias of this direction in gaits in which the wheel skids to one side on average is not corrected. A
-//! link without such a wheel is taken to have, on average, the mean angle that is configured for its joint.
+//! the joint, corrected for the mean skid that balances the measured skid of the wheels between them. A link without such
+//! a wheel is taken to have, on average, the mean angle that is configured for its joint.
 
 use trilink_mocap::Recording;
 use trilink_robot::{Chain, Link, Wheel, rotated};
@@ -14,7 +14,8 @@ use super::estimate::locate_joint;
 use super::links::{JointMisfits, command_misfit, rigid_groups};
 use super::shape::Body;
 use super::{
-    Jackknife, MIN_ROWS, MarkerPosition, Parts, check_turn, fit_body, labels, rolling, short_label,
+    Jackknife, MIN_ROWS, MarkerPosition, Parts, RATIO_ERROR, check_turn, fit_body, labels, rolling,
+    short_label,
 };
 use crate::error::Problem;
 use crate::geometry::Geometry;
@@ -38,6 +39,9 @@ pub struct LinkPlaces {
     pub rear_joint_mm: f64,
     /// Place of the wheel, positive ahead; `None` if the link has no wheel that rolls along it.
     pub wheel_mm: Option<f64>,
+    /// Skid coefficient of this wheel in proportion to those of the others; 0 if it is not known, in which case the mean
+    /// skid of the first and last link is not corrected.
+    pub skid_kg_s: f64,
     /// Mean heading relative to the only neighbour, rad, which is used for a link without such a wheel.
     pub turned_rad: f64,
 }
@@ -78,6 +82,9 @@ pub struct LinkCalibration {
     /// errors; as given, without a standard error, on the first and last link, and `None` where there is no joint.
     pub joints_mm: [Option<Estimate>; 2],
     pub direction: Direction,
+    /// Mean skid angle of the wheel of the first or last link that follows from the skid coefficients, degrees. It has
+    /// been removed from the direction of the link; 0 for other links.
+    pub skid_deg: f64,
     /// Standard error of the direction of the link, degrees.
     pub direction_se_deg: f64,
 }
@@ -87,6 +94,8 @@ struct ChainEstimate {
     positions_mm: Vec<Vec<[f64; 3]>>,
     joints_mm: Vec<[Option<f64>; 2]>,
     direction_rad: Vec<f64>,
+    /// Mean skid angles that have been removed from the directions.
+    skid_rad: Vec<f64>,
 }
 
 /// Rigid bodies of the links from front to rear with the positions of the joints in their frames.
@@ -131,6 +140,54 @@ impl<'b> Jointed<'b> {
         axis_rad + f64::atan2(sin, cos)
     }
 
+    /// Returns the mean skid angles of the wheels of the first and last link, rad; 0 for all other links. Over a cycle,
+    /// the lateral forces on the robot and, if both angles are unknown, their moments balance, given the angles from the
+    /// directions of the other links to those in which their wheels move. `None` if the rows do not determine the
+    /// latter. `velocities` returns the velocities of a point on a link.
+    fn end_skid_rad(
+        &self,
+        places: &[LinkPlaces],
+        joints_mm: &[[Option<f64>; 2]],
+        direction_rad: &[f64],
+        velocities: impl Fn(usize, [f64; 2]) -> Vec<rolling::Velocity>,
+    ) -> Option<Vec<f64>> {
+        let mut skid_rad = vec![0.0; places.len()];
+        let mut unknown = Vec::new();
+        let (mut force, mut moment) = (0.0, 0.0);
+        let mut origin_mm = 0.0;
+        for (link, places) in places.iter().enumerate() {
+            origin_mm -= joints_mm[link][0].unwrap_or(0.0);
+            let wheel = places.wheel_mm.filter(|_| places.skid_kg_s > 0.0);
+            if let Some(wheel_mm) = wheel {
+                let place_mm = origin_mm + wheel_mm;
+                match (self.joints[link], joints_mm[link]) {
+                    ([Some(ahead), Some(_)], [Some(front_mm), _]) => {
+                        let (sin, cos) = direction_rad[link].sin_cos();
+                        let back_mm = front_mm - wheel_mm;
+                        let wheel = [ahead[0] - back_mm * cos, ahead[1] - back_mm * sin];
+                        let moves_rad =
+                            rolling::direction(&velocities(link, wheel), 0.0, direction_rad[link])?;
+                        let lateral = places.skid_kg_s * wrap(moves_rad - direction_rad[link]);
+                        force += lateral;
+                        moment += lateral * place_mm;
+                    }
+                    _ => unknown.push((link, places.skid_kg_s, place_mm)),
+                }
+            }
+            origin_mm -= joints_mm[link][1].unwrap_or(0.0);
+        }
+        match unknown[..] {
+            [(link, skid_kg_s, _)] => skid_rad[link] = -force / skid_kg_s,
+            [(first, of_first, first_mm), (last, of_last, last_mm)] => {
+                let apart_mm = first_mm - last_mm;
+                skid_rad[first] = (force * last_mm - moment) / (of_first * apart_mm);
+                skid_rad[last] = (moment - force * first_mm) / (of_last * apart_mm);
+            }
+            _ => {}
+        }
+        Some(skid_rad)
+    }
+
     /// Returns the velocities of the only joint of the first or last link.
     fn end_velocities(
         &self,
@@ -158,11 +215,11 @@ impl ChainEstimate {
     ) -> Option<Self> {
         let bodies: Vec<Body> = bodies.iter().map(|body| body.refined(file, is_used)).collect();
         let jointed = Jointed::new(&bodies, is_used)?;
-        let mut found =
-            Self { positions_mm: Vec::new(), joints_mm: Vec::new(), direction_rad: Vec::new() };
-        for (link, (body, places)) in bodies.iter().zip(places).enumerate() {
+        let mut joints_mm = Vec::new();
+        let mut direction_rad = Vec::new();
+        for (link, places) in places.iter().enumerate() {
             let LinkPlaces { front_joint_mm, rear_joint_mm, .. } = *places;
-            let (direction_rad, joints_mm) = match jointed.joints[link] {
+            let (direction, joints) = match jointed.joints[link] {
                 [Some(ahead), Some(behind)] => {
                     let length_mm = (ahead[0] - behind[0]).hypot(ahead[1] - behind[1]);
                     let front_mm = length_mm * front_joint_mm / (front_joint_mm + rear_joint_mm);
@@ -185,21 +242,33 @@ impl ChainEstimate {
                     (direction_rad, joints_mm)
                 }
             };
-            let (joint, joint_mm) = match (jointed.joints[link], joints_mm) {
+            direction_rad.push(direction);
+            joints_mm.push(joints);
+        }
+        let velocities = |link: usize, point_mm: [f64; 2]| {
+            let mut found = rolling::velocities(&bodies[link], point_mm, &file.frames, rate_hz);
+            found.retain(|velocity| is_used(velocity.row));
+            found
+        };
+        let skid_rad = jointed.end_skid_rad(places, &joints_mm, &direction_rad, velocities)?;
+        for (direction, skid_rad) in direction_rad.iter_mut().zip(&skid_rad) {
+            *direction = wrap(*direction - skid_rad);
+        }
+        let mut positions_mm = Vec::new();
+        for (link, body) in bodies.iter().enumerate() {
+            let (joint, joint_mm) = match (jointed.joints[link], joints_mm[link]) {
                 ([Some(ahead), _], [Some(front_mm), _]) => (ahead, front_mm),
                 ([_, Some(behind)], [_, Some(rear_mm)]) => (behind, -rear_mm),
                 _ => return None,
             };
             let markers = body.markers.iter().map(|marker| {
                 let from_joint = [0, 1].map(|axis| marker.local_position_mm[axis] - joint[axis]);
-                let [x, y] = rotated(-direction_rad, from_joint);
+                let [x, y] = rotated(-direction_rad[link], from_joint);
                 [x + joint_mm, y, marker.height_mm]
             });
-            found.positions_mm.push(markers.collect());
-            found.joints_mm.push(joints_mm);
-            found.direction_rad.push(direction_rad);
+            positions_mm.push(markers.collect());
         }
-        Some(found)
+        Some(Self { positions_mm, joints_mm, direction_rad, skid_rad })
     }
 }
 
@@ -309,10 +378,34 @@ fn configured_places(chain: &Chain) -> Result<Vec<LinkPlaces>, Problem> {
             front_joint_mm: if i == 0 { 0.0 } else { 1e3 * front_joint_m },
             rear_joint_mm: if i == last { 0.0 } else { 1e3 * rear_joint_m },
             wheel_mm,
+            skid_kg_s: wheel.map_or(0.0, |wheel| wheel.friction.skid_kg_s),
             turned_rad,
         })
     });
-    places.collect()
+    let mut places: Vec<LinkPlaces> = places.collect::<Result<_, _>>()?;
+    // A balance of forces requires all of them.
+    if places.iter().any(|of| of.wheel_mm.is_none() && of.skid_kg_s > 0.0) {
+        places.iter_mut().for_each(|of| of.skid_kg_s = 0.0);
+    }
+    Ok(places)
+}
+
+impl Jackknife<ChainEstimate> {
+    /// Returns the position of a marker, mm, with standard errors. For the first and last link, these include the effect
+    /// of the uncertainty of the skid coefficients, which the jackknife does not show.
+    fn position_mm(&self, link: usize, marker: usize) -> [Estimate; 3] {
+        let [x, y, _] = self.whole.positions_mm[link][marker];
+        let joint_mm = match self.whole.joints_mm[link] {
+            [Some(front_mm), _] => front_mm,
+            [_, rear_mm] => -rear_mm.unwrap_or(0.0),
+        };
+        let turned_rad = RATIO_ERROR * self.whole.skid_rad[link];
+        let across_mm = [y, x - joint_mm, 0.0];
+        [0, 1, 2].map(|axis| {
+            let found = self.estimate(|part| part.positions_mm[link][marker][axis]);
+            Estimate { se: found.se.hypot(turned_rad * across_mm[axis]), ..found }
+        })
+    }
 }
 
 /// Finds the columns of the markers of the links from front to rear by their motion; the driven joints of the command
@@ -382,9 +475,7 @@ pub fn calibrate_chain(
     let links = bodies.iter().enumerate().map(|(link, body)| {
         let markers = body.markers.iter().enumerate().map(|(i, marker)| MarkerPosition {
             label: short_label(file, marker.column).to_owned(),
-            position_mm: [0, 1, 2].map(|axis| {
-                jackknife.estimate(|part: &ChainEstimate| part.positions_mm[link][i][axis])
-            }),
+            position_mm: jackknife.position_mm(link, i),
             configured_mm: None,
         });
         let is_inner = jackknife.whole.joints_mm[link].iter().all(Option::is_some);
@@ -396,6 +487,7 @@ pub fn calibrate_chain(
         });
         let direction_rad = jackknife.whole.direction_rad[link];
         let direction = jackknife.estimate(|part| wrap(part.direction_rad[link] - direction_rad));
+        let skid_rad = jackknife.whole.skid_rad[link];
         LinkCalibration {
             markers: markers.collect(),
             joints_mm,
@@ -404,7 +496,8 @@ pub fn calibrate_chain(
                 Some(_) => Direction::Wheel,
                 None => Direction::MeanAngle,
             },
-            direction_se_deg: direction.se.to_degrees(),
+            skid_deg: skid_rad.to_degrees(),
+            direction_se_deg: direction.se.hypot(RATIO_ERROR * skid_rad).to_degrees(),
         }
     });
     Ok(links.collect())

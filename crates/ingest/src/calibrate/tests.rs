@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use trilink_statistics::median;
 use trilink_synth::{Recipe, synthesise};
+use trilink_tables::config::{ChainGait, CommandConfig, JointKind};
 
 use super::*;
 
@@ -247,6 +248,52 @@ fn layouts_of_chains_are_found() {
     }
 }
 
+/// Returns the error of the direction of a link of a chain, degrees: the angle by which its markers are turned.
+fn turned_deg(link: &LinkCalibration) -> f64 {
+    let pairs = link.markers.iter().map(|marker| {
+        let [x, y, _] = marker.position_mm.map(|estimate| estimate.value);
+        let [own_x, own_y, _] = marker.configured_mm.expect("it is configured");
+        ([own_x, own_y], [x, y])
+    });
+    crate::fit_rigid(pairs).expect("markers apart").theta_rad.to_degrees()
+}
+
+#[test]
+fn mean_skid_to_one_side_does_not_bias_the_ends_of_chains() {
+    for (robot, offsets_deg) in [
+        ("elastic-snake", &[1.5, -1.5][..]),
+        ("passive-snake", &[2.0, 0.0, -2.0]),
+        ("driven-snake", &[2.0, 0.0, 0.0, 0.0, 0.0, -2.0]),
+    ] {
+        let mut config = gallery(robot);
+        let joints = config.chains.robot.values_mut().flat_map(|robot| &mut robot.joints);
+        for joint in joints {
+            joint.kind = JointKind::Driven;
+            (joint.stiffness_nm_rad, joint.damping_nm_s_rad) = (None, None);
+        }
+        let gait = config.chains.gait.values_mut().next().unwrap();
+        let ChainGait { joint1, joint2, joint3, joint4, joint5, joint6, .. } = gait;
+        let commands = [joint1, joint2, joint3, joint4, joint5, joint6];
+        for (n, (command, offset_deg)) in commands.into_iter().zip(offsets_deg).enumerate() {
+            let wave = CommandConfig {
+                amplitude_deg: Some(25.0),
+                phase_deg: Some(-80.0 * n as f64),
+                ..Default::default()
+            };
+            let command = command.get_or_insert(wave);
+            command.offset_deg = Some(*offset_deg);
+        }
+        let found = calibrated_chain(&config, &config, 4.0).unwrap();
+        let ends = found.links.iter().filter(|link| link.direction == Direction::Wheel);
+        for end in ends {
+            let (error_deg, skid_deg) = (turned_deg(end), end.skid_deg);
+            assert!(error_deg.abs() < 0.15, "{robot}: {error_deg} {skid_deg}");
+            assert!((error_deg - skid_deg).abs() > 0.4, "{robot}: {error_deg} {skid_deg}");
+            assert!(error_deg.abs() < end.direction_se_deg, "{robot}: {error_deg}");
+        }
+    }
+}
+
 #[test]
 fn links_of_chains_are_found_although_the_labels_differ() {
     let config = gallery("passive-snake");
@@ -261,7 +308,7 @@ fn links_of_chains_are_found_although_the_labels_differ() {
     assert_eq!(first.collect::<Vec<_>>(), ["H1", "B1", "T1", "N1"]);
     // Without a driven joint nothing shows which end is the front.
     for joint in &mut other.chains.robot.get_mut("passive").unwrap().joints {
-        joint.kind = trilink_tables::config::JointKind::Elastic;
+        joint.kind = JointKind::Elastic;
     }
     let error = calibrated_chain(&config, &other, 6.0).unwrap_err();
     assert!(error.contains("which end of the robot is the front"), "{error}");
