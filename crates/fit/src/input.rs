@@ -423,9 +423,22 @@ impl FitInput {
         }
     }
 
-    /// Returns whether the measured or the commanded gait drives the model.
+    /// Returns whether the measured or the commanded gait drives the model. Without a driven joint it is the commanded
+    /// one, because the commands of other joints and of rotors are not measured.
     pub fn gait_input(&self) -> GaitInput {
-        self.model.value.input.unwrap_or(self.fit.gait_input)
+        let configured = self.model.value.input.unwrap_or(self.fit.gait_input);
+        if self.has_driven_joint() { configured } else { GaitInput::Commanded }
+    }
+
+    /// Returns the gait that does not drive the model; `None` if the configuration of the model fixes the gait or no
+    /// joint is driven.
+    pub fn other_gait_input(&self) -> Option<GaitInput> {
+        let is_free = self.model.value.input.is_none() && self.has_driven_joint();
+        is_free.then(|| self.gait_input().other())
+    }
+
+    fn has_driven_joint(&self) -> bool {
+        self.setup().1.joints.iter().any(Option::is_some)
     }
 
     /// Returns the free parameters with their bounds: those that the campaign lists, or otherwise those of the model.
@@ -717,5 +730,7 @@ mod tests {
             assert!((0..2).all(|i| (change[i] - expected[i]).abs() < 1e-12), "{change:?}");
         }
         assert_eq!(perturbed.len(), 2);
+        // Without a driven joint there is no measured gait.
+        assert_eq!((input.gait_input(), input.other_gait_input()), (GaitInput::Commanded, None));
     }
 }

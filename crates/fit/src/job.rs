@@ -235,14 +235,12 @@ impl<'j> Job<'j> {
         (Fit { solves, ..self.fit_at(point, best.cost) }, motions)
     }
 
-    /// Returns the same job driven by the other gait (measured or commanded); `None` if the model's configuration fixes
-    /// the gait.
+    /// Returns the same job driven by the other gait (measured or commanded); `None` if there is no other.
     fn with_other_gait_input(&self) -> Option<Self> {
-        let gait_input = self.objective.gait_input.other();
-        self.input.model.value.input.is_none().then(|| Self {
+        Some(Self {
             input: self.input,
             free: self.free.clone(),
-            objective: self.objective.driven_as(gait_input),
+            objective: self.objective.driven_as(self.input.other_gait_input()?),
             measured: self.measured.clone(),
             perturbed_robots: self.perturbed_robots.clone(),
             unlike_repeats: self.unlike_repeats.clone(),
