@@ -383,19 +383,25 @@ impl Inputs<'_> {
         figures
     }
 
-    /// Adds the figure of the first successful joint release of each robot (Fig. 8 of the paper).
+    /// Adds the figure of the first successful release of each released joint of each robot (Fig. 8 of the paper).
     fn releases(self, campaigns: &[&str], found: &mut Figures) -> Result<(), StoreError> {
         let releases = self.tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
-        let robots: BTreeSet<&str> = releases.clone().map(|row| row.robot.as_str()).collect();
+        let joints: BTreeSet<(&str, i64)> =
+            releases.clone().map(|row| (row.robot.as_str(), row.joint)).collect();
         let mut taken = BTreeSet::new();
-        for robot in robots {
+        for &(robot, joint) in &joints {
             let campaigns: Vec<&str> = campaigns
                 .iter()
                 .filter(|of| self.config.robot_name(of) == Some(robot))
                 .copied()
                 .collect();
-            let stem = RELEASE.stem(&file_name(robot, &mut taken), &campaigns);
-            let rows = releases.clone().filter(|row| row.robot == robot);
+            let has_several = joints.iter().filter(|(other, _)| *other == robot).count() > 1;
+            let (name, campaigns) = match has_several {
+                true => (format!("{robot}-joint{joint}"), &[][..]),
+                false => (robot.to_owned(), &campaigns[..]),
+            };
+            let stem = RELEASE.stem(&file_name(&name, &mut taken), campaigns);
+            let rows = releases.clone().filter(|row| row.robot == robot && row.joint == joint);
             let Some(row) = rows.min_by_key(|row| !row.status.is_ok()) else { continue };
             let figure = if row.status.is_ok() {
                 self.recording(&row.trial)?.and_then(|recording| {

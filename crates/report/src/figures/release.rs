@@ -59,6 +59,7 @@ pub(super) fn figure(stem: &str, row: &RobotParameterRow, recording: &Recording)
     };
     let values = context! {
         robot => &row.robot,
+        joint => row.joint,
         trial => &row.trial,
         inertia => significant(row.inertia_kg_m2, 4),
         stiffness => text(row.stiffness_nm_rad),

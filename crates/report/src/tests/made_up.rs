@@ -160,7 +160,7 @@ impl Tables {
         }]
     }
 
-    fn robots(&self) -> Vec<RobotParameterRow> {
+    pub(crate) fn robots(&self) -> Vec<RobotParameterRow> {
         let release = RobotParameterRow {
             trial: RELEASE.to_owned(),
             joint: 1,

@@ -19,7 +19,8 @@ use std::sync::OnceLock;
 use trilink_mechanics::{FromRest, Model, MotionStatus};
 use trilink_tables::config::{Config, FigureWidth};
 use trilink_tables::{
-    CheckRow, Columns as _, ComparisonRow, FitStatus, Reader, Severity, TrialRow, TrialStatus,
+    CheckRow, Columns as _, ComparisonRow, FitStatus, Provenance, Reader, RobotParameterRow,
+    Severity, TrialRow, TrialStatus,
 };
 
 use super::tables::Tables;
@@ -233,6 +234,36 @@ fn the_error_names_a_missing_table_of_trials() {
     let folder = temporary();
     let error = report(&config(folder.path())).expect_err("nothing to report");
     assert!(error.to_string().contains("trials.parquet"), "{error}");
+}
+
+#[test]
+fn every_released_joint_of_a_robot_has_a_figure() {
+    let folder = temporary();
+    let derived = folder.path().join("derived");
+    let mut tables = MadeUp::of_the_paper();
+    tables.trials.retain(|row| row.campaign == SKEWED);
+    tables.predictions.clear();
+    tables.fits.clear();
+    tables.write(&derived);
+    let mut rows = tables.robots();
+    let of_joint2 = rows.iter().find(|row| row.joint == 1).map(|row| RobotParameterRow {
+        trial: "release-2".to_owned(),
+        joint: 2,
+        ..row.clone()
+    });
+    rows.extend(of_joint2);
+    recording::write_release(&derived, "release-2");
+    let provenance = Provenance { input: "made up".to_owned() };
+    let table = RobotParameterRow::to_table(&rows);
+    table.write(&derived.join("robot_parameters.parquet"), &provenance).expect("writes");
+    let reported = report(&config(folder.path())).expect("reports");
+    let page = read(&reported.page);
+    for joint in [1, 2] {
+        let stem = format!("semi-passive-joint{joint}-release");
+        assert!(reported.figures.contains(&stem), "{:?}", reported.figures);
+        assert!(page.contains(&format!("Release of joint {joint} of robot semi-passive")));
+        assert!(page.contains(&format!("<td>semi-passive, joint {joint}</td>")));
+    }
 }
 
 #[test]
