@@ -133,8 +133,8 @@ pub enum Problem {
     )]
     NoDirection { name: String },
     #[error(
-        "no joint is driven, so that the motion does not show which end of the robot is the front: use a file with the \
-         configured labels"
+        "the motion does not show which end of the robot is the front, because no joint is driven or because the \
+         commands of the driven joints look the same from both ends: use a file with the configured labels"
     )]
     NoFront,
     #[error(

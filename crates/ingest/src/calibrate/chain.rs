@@ -39,8 +39,8 @@ pub struct LinkPlaces {
     pub rear_joint_mm: f64,
     /// Place of the wheel, positive ahead; `None` if the link has no wheel that rolls along it.
     pub wheel_mm: Option<f64>,
-    /// Skid coefficient of this wheel in proportion to those of the others; 0 if it is not known, in which case the mean
-    /// skid of the first and last link is not corrected.
+    /// Skid coefficient of this wheel in proportion to those of the others; 0 if it is not known. If it is not for one of
+    /// the wheels, the mean skid of the first and last link is not corrected.
     pub skid_kg_s: f64,
     /// Mean heading relative to the only neighbour, rad, which is used for a link without such a wheel.
     pub turned_rad: f64,
@@ -178,7 +178,7 @@ impl<'b> Jointed<'b> {
         }
         match unknown[..] {
             [(link, skid_kg_s, _)] => skid_rad[link] = -force / skid_kg_s,
-            [(first, of_first, first_mm), (last, of_last, last_mm)] => {
+            [(first, of_first, first_mm), (last, of_last, last_mm)] if first_mm != last_mm => {
                 let apart_mm = first_mm - last_mm;
                 skid_rad[first] = (force * last_mm - moment) / (of_first * apart_mm);
                 skid_rad[last] = (moment - force * first_mm) / (of_last * apart_mm);
@@ -383,8 +383,8 @@ fn configured_places(chain: &Chain) -> Result<Vec<LinkPlaces>, Problem> {
         })
     });
     let mut places: Vec<LinkPlaces> = places.collect::<Result<_, _>>()?;
-    // A balance of forces requires all of them.
-    if places.iter().any(|of| of.wheel_mm.is_none() && of.skid_kg_s > 0.0) {
+    // A balance of forces requires the coefficients and directions of all wheels.
+    if places.iter().any(|of| of.wheel_mm.is_some() != (of.skid_kg_s > 0.0)) {
         places.iter_mut().for_each(|of| of.skid_kg_s = 0.0);
     }
     Ok(places)
@@ -409,13 +409,15 @@ impl Jackknife<ChainEstimate> {
 }
 
 /// Finds the columns of the markers of the links from front to rear by their motion; the driven joints of the command
-/// determine which end is the front.
+/// determine which end is the front, unless they look the same from both ends.
 fn found_groups(
     file: &Recording,
     links: usize,
     command: Option<&Command>,
     rate_hz: f64,
 ) -> Result<Vec<Vec<usize>>, Problem> {
+    /// Ratio of the misfits of both orders below which one is that of the command.
+    const MAX_MISFIT_RATIO: f64 = 0.5;
     let groups = rigid_groups(file);
     if groups.len() < links {
         let list: Vec<String> = groups.iter().map(|group| labels(file, group).join(" ")).collect();
@@ -444,7 +446,11 @@ fn found_groups(
         command_misfit(&command, &joints.collect::<Vec<_>>())
     };
     let reversed: Vec<usize> = chain.iter().rev().copied().collect();
-    if misfit(&reversed) < misfit(&chain) {
+    let [own, of_reversed] = [&chain, &reversed].map(|chain| misfit(chain));
+    if own.min(of_reversed) >= MAX_MISFIT_RATIO * own.max(of_reversed) {
+        return Err(Problem::NoFront);
+    }
+    if of_reversed < own {
         chain = reversed;
     }
     Ok(chain.into_iter().map(|body| groups[body].clone()).collect())
