@@ -117,7 +117,10 @@ impl CommandedGait<'_> {
     }
 
     /// Fits the phase of the command, which advances by `step` rad per frame, so that the first harmonics of the joint
-    /// angles have, on average, their commanded phases, or, if no joint is commanded, that of joint 1 has phase 0. Returns an error if a commanded joint does not move.
+    /// angles have, on average, their commanded phases, or, if no joint is commanded, that of joint 1 has phase 0.
+    ///
+    /// # Errors
+    /// Returns an error if a commanded joint does not move.
     fn phase(
         &self,
         joints: &[Joint],
@@ -231,14 +234,12 @@ fn frames_at_rest(phi_rad: &[f64], tolerance: f64) -> usize {
     const FIRST: usize = 5;
     const IN_A_ROW: usize = 3;
     let reference = mean(seen(phi_rad).take(FIRST));
-    let mut away = 0;
-    for (i, phi) in phi_rad.iter().enumerate().filter(|(_, phi)| !phi.is_nan()) {
-        away = if (phi - reference).abs() > tolerance { away + 1 } else { 0 };
-        if away == IN_A_ROW {
-            return i + 1 - IN_A_ROW;
-        }
-    }
-    phi_rad.len()
+    let visible: Vec<(usize, f64)> =
+        phi_rad.iter().copied().enumerate().filter(|(_, phi)| !phi.is_nan()).collect();
+    let is_away = |frames: &&[(usize, f64)]| {
+        frames.iter().all(|(_, phi)| (phi - reference).abs() > tolerance)
+    };
+    visible.windows(IN_A_ROW).find(is_away).map_or(phi_rad.len(), |frames| frames[0].0)
 }
 
 /// Measures the phase step per frame, rad, and its variance; `None` if the harmonics cannot be fitted. The search
@@ -281,8 +282,8 @@ pub fn strongest_line<'s>(
     let spacing = 0.5 * PI / range.len() as f64;
     let count = (reach / spacing).ceil() as i64;
     let steps = (-count..=count).map(|i| middle + spacing * i as f64);
-    let best = steps.map(|step| (step, power(step))).max_by(|a, b| a.1.total_cmp(&b.1));
-    best.map_or(middle, |(step, _)| step)
+    let powers = steps.map(|step| (step, power(step))).filter(|(_, power)| *power > 0.0);
+    powers.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(middle, |(step, _)| step)
 }
 
 /// Refines the phase step per frame, rad, by Gauss-Newton iterations in which the harmonics are eliminated. Also
