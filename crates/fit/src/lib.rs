@@ -84,7 +84,7 @@ use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_tables::config::{Config, GaitInput};
 use trilink_tables::{
     BootstrapRow, ComparisonRow, CycleRow, FitRow, PrecisionRow, PredictionRow, ProfileRow,
-    ResidualRow, RobotParameterRow, SharedFitRow, StartRow, TrialRow,
+    ResidualRow, RobotParameterRow, SharedFitRow, Sharing, StartRow, TrialRow,
 };
 
 use job::Job;
@@ -281,8 +281,10 @@ pub fn fit_except(
         let shared = all
             .shared
             .iter()
-            .find(|row| row.fit.model == fit.model && row.campaigns.contains(&fit.campaign));
-        fit.sharing = shared.and_then(|row| row.fit.sharing);
+            .filter(|row| row.fit.model == fit.model && row.campaigns.contains(&fit.campaign));
+        let verdicts: Vec<Sharing> = shared.filter_map(|row| row.fit.sharing).collect();
+        let refused = verdicts.iter().find(|verdict| **verdict == Sharing::Refused);
+        fit.sharing = refused.or(verdicts.first()).copied();
     }
     Ok(all)
 }

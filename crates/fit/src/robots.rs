@@ -54,11 +54,12 @@ impl Robots {
 
     /// Returns the value of a parameter; NaN if no robot has it.
     pub(crate) fn value(&self, parameter: Parameter) -> f64 {
-        let values = self.0.iter().filter_map(|CampaignRobot { robot, numbers }| {
+        let mut robots = self.0.iter();
+        let value = robots.find_map(|CampaignRobot { robot, numbers }| {
             let (own, ratio) = numbers.own(parameter)?;
             Some(robot.value(own) / ratio)
         });
-        values.into_iter().next().unwrap_or(f64::NAN)
+        value.unwrap_or(f64::NAN)
     }
 
     /// Returns the robots with the free parameters set to `values`.
@@ -98,10 +99,13 @@ impl Robots {
         let firsts = campaigns.clone().filter(|first| (0..*first).all(|of| !is_same(of, *first)));
         let perturbed = firsts.flat_map(|first| {
             let own: Vec<usize> = campaigns.clone().filter(|of| is_same(*of, first)).collect();
-            let of_each: Vec<Vec<AnyRobot>> = own
-                .iter()
-                .map(|campaign| inputs[first].perturbed_robots(self.of(*campaign), data))
-                .collect();
+            // Which errors matter depends on the gait: the stiffness of a joint that another campaign drives does not.
+            let with_errors =
+                |input: usize, robot: usize| inputs[input].perturbed_robots(self.of(robot), data);
+            let most = own.iter().copied().max_by_key(|input| with_errors(*input, first).len());
+            let most = most.unwrap_or(first);
+            let of_each: Vec<Vec<AnyRobot>> =
+                own.iter().map(|campaign| with_errors(most, *campaign)).collect();
             let with_error = |error: usize| {
                 let mut robots = self.clone();
                 for (campaign, perturbed) in own.iter().zip(&of_each) {

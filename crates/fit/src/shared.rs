@@ -65,7 +65,8 @@ impl SharedInput {
     /// Returns the numbers of the parameters of each campaign's robot.
     fn numbers(&self) -> Vec<GroupNumbers> {
         let own = |input: &FitInput| self.group.numbers_of(&input.robot.name).copied();
-        self.campaigns.iter().filter_map(own).collect()
+        let all = self.campaigns.iter().map(own);
+        all.map(|own| own.expect("the group has the robots of its campaigns")).collect()
     }
 
     /// Returns the parameters that are free in at least one of the campaigns.

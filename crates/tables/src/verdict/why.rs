@@ -153,7 +153,7 @@ reasons! {
         PartOfFree = "part-of-free": "a sum of coefficients is a free parameter in one campaign, and a term of this \
                                       sum is a free parameter in another: {of}",
         SumOfWheels = "sum-of-wheels": "{of} is the sum over the wheels of one robot, and the robots have different \
-                                        wheels: list the coefficients of the wheels ({of}0 and so on) in `free` instead",
+                                        wheels or loads: list the coefficients of the wheels ({of}0 and so on) in `free` instead",
         TooManyWheels = "too-many-wheels": "the robots together have more than 8 wheels, or more than 7 joints with \
                                             coefficients",
         NoWholeModel = "no-whole-model": "in one of the campaigns, no model yields a periodic motion for every trial",
