@@ -112,7 +112,11 @@ impl Wanted {
 }
 
 /// Returns the derivatives of the metrics of the solution `orbit` and, if wanted, of the work (J) with respect to numbers
-/// of the chain.
+/// of the chain, in SI units and in their order. They are NaN if the motion has no neighbouring ones
+/// ([`Differentiation::persists`]), and 0 if the laws do not use the number.
+///
+/// # Errors
+/// Returns an error if the chain does not have one of the numbers, or if the linearisation of the motion is singular.
 pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction>(
     model: &Model<N, C, D, F>,
     orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
@@ -552,10 +556,10 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             for body in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, length_m]] {
                 let mut slopes = vec![0.0; self.wanted.len()];
                 self.add_determined(&mut Power::new(), phase_rad, (&body, 1.0), &mut slopes);
-                sizes
-                    .iter_mut()
-                    .zip(slopes)
-                    .for_each(|(size, slope)| *size = size.max(slope.abs()));
+                for (size, slope) in sizes.iter_mut().zip(slopes) {
+                    // `max` would ignore NaN.
+                    *size = if slope.abs() <= *size { *size } else { slope.abs() };
+                }
             }
             sizes
         };

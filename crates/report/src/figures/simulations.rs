@@ -121,8 +121,9 @@ fn values(robot: &Robot, gait: &Gait, origin: &str) -> String {
         format!("α{driven} = {}°{offset}", list(&[DEG * command.amplitude_rad]))
     });
     format!(
-        "with k_τ = {stiffness_nm_rad} N m/rad and c_τ = {damping_nm_s_rad} N m s/rad, {origin}: {}, \
-         γ{free} = {}°; h = {} m, l = {} m, b = {} m; links 0, 1, 2: m = {} kg, I = {} kg m²",
+        "with k_τ = {} N m/rad and c_τ = {} N m s/rad, {origin}: {}, γ{free} = {}°; h = {} m, l = {} m, b = {} m; links 0, 1, 2: m = {} kg, I = {} kg m²",
+        number(*stiffness_nm_rad),
+        number(*damping_nm_s_rad),
         commands.collect::<Vec<_>>().join(", "),
         list(&[DEG * rest_angle_rad]),
         list(&robot.h_m),
@@ -440,10 +441,14 @@ fn reversal(d_m: &[(f64, f64)], advance: impl Fn(f64) -> Option<Advance>) -> Opt
 }
 
 /// Returns the position and value of the highest local maximum of a line, interpolated by a parabola through three
-/// points; `None` if there is no maximum between the end points.
+/// points; `None` if there is no maximum between the end points, or if the line is flat but for rounding.
 fn peak(points: &[(f64, f64)]) -> Option<(f64, f64)> {
-    let inside =
-        points.windows(3).filter(|three| three[1].1 >= three[0].1 && three[1].1 >= three[2].1);
+    const MIN_RANGE: f64 = 1e-4;
+    let [low, high] = extremes(points.iter().map(|(_, value)| *value));
+    let is_flat = high - low <= MIN_RANGE * high.abs();
+    let inside = points
+        .windows(3)
+        .filter(|three| !is_flat && three[1].1 >= three[0].1 && three[1].1 >= three[2].1);
     let three = inside.max_by(|a, b| a[1].1.total_cmp(&b[1].1))?;
     let [(x0, y0), (x1, y1), (x2, y2)] = [three[0], three[1], three[2]];
     let slope = (y2 - y0) / 2.0;

@@ -12,7 +12,7 @@ use super::super::ConfigError;
 use super::super::check::Checker;
 use super::super::robot::{Deviation, independent_errors};
 use super::check::{plain_table_of, table_of};
-use super::{ChainGait, ChainRobot, JointKind};
+use super::{ChainGait, ChainRobot};
 
 /// Link or joint, given by its index from front to rear.
 #[derive(Debug, Clone, Copy)]
@@ -23,14 +23,14 @@ enum Part {
 
 impl Part {
     /// Returns whether a value with this key can have a standard deviation.
-    fn has_deviation(self, key: &str) -> bool {
+    fn has_deviation(self, robot: &ChainRobot, key: &str) -> bool {
         let of_link = |number: LinkNumber| {
             // These speeds are keys of the robot.
             !matches!(number, LinkNumber::Stribeck | LinkNumber::Transition) && number.name() == key
         };
         match self {
             Self::Link(_) => key == "load_n" || LinkNumber::ALL.into_iter().any(of_link),
-            Self::Joint(_) => JointKind::Spring.keys().contains(&key),
+            Self::Joint(joint) => robot.joints[joint].kind.keys().contains(&key),
         }
     }
 }
@@ -150,7 +150,7 @@ impl ChainRobot {
     ) -> Result<(), ConfigError> {
         for (i, (name, link)) in self.names().iter().zip(&self.links).enumerate() {
             let uncertain = (&link.standard_deviation, &link.same);
-            let is_known = |key: &str| Part::Link(i).has_deviation(key);
+            let is_known = |key: &str| Part::Link(i).has_deviation(self, key);
             let table = plain_table_of(link);
             let value = |key: &str| table.get(key)?.as_float();
             let part = format!("robot.{robot}.links.{name}");
@@ -158,7 +158,7 @@ impl ChainRobot {
         }
         for (i, joint) in self.joints.iter().enumerate() {
             let uncertain = (&joint.standard_deviation, &joint.same);
-            let is_known = |key: &str| Part::Joint(i).has_deviation(key);
+            let is_known = |key: &str| Part::Joint(i).has_deviation(self, key);
             let table = plain_table_of(joint);
             let value = |key: &str| table.get(key)?.as_float();
             let part = format!("robot.{robot}.joint{}", i + 1);
