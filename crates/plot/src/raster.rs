@@ -4,7 +4,7 @@ use std::sync::{Arc, LazyLock};
 
 use flate2::Compression;
 use png::{BitDepth, ColorType, Encoder, EncodingError, PixelDimensions, Unit, chunk};
-use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{Options, Tree, fontdb};
 
 use crate::figure::PX_PER_INCH;
@@ -45,6 +45,8 @@ pub(crate) fn png(svg: &Tree, comment: Option<&str>) -> Result<Vec<u8>, String> 
         [svg.size().width(), svg.size().height()].map(|length| (length * scale).round() as u32);
     let mut pixels =
         Pixmap::new(width, height).ok_or("the width or height of the figure is zero")?;
+    // The figure's background covers the last column and row only in part.
+    pixels.fill(Color::WHITE);
     resvg::render(svg, Transform::from_scale(scale, scale), &mut pixels.as_mut());
     encode(&pixels, (scale * PX_PER_INCH * INCHES_PER_METRE).round() as u32, comment)
         .map_err(|error| error.to_string())
@@ -120,5 +122,16 @@ mod tests {
             let png = render(sign);
             assert!(png != blank && png != missing, "{sign}");
         }
+    }
+
+    #[test]
+    fn a_width_that_is_no_whole_number_of_pixels_leaves_no_line_at_the_edge() {
+        let text = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"21\" height=\"21\">\
+                    <rect width=\"21\" height=\"21\" fill=\"#ffffff\"/></svg>";
+        let png = parsed(text).and_then(|svg| png(&svg, None)).expect("draws");
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().expect("a PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("a small image")];
+        reader.next_frame(&mut pixels).expect("an image");
+        assert!(pixels.iter().all(|value| *value == 255));
     }
 }
