@@ -384,7 +384,8 @@ pub(super) fn print_parameters(context: &Context, rows: &[RobotParameterRow]) {
 }
 
 /// Prints a block for each campaign: the fitted parameters and the comparison of its models; then whether one set of
-/// coefficients describes all campaigns of each robot, or of robots with common wheels. With `--quiet`, prints only the preferred models.
+/// coefficients describes all campaigns of each robot, or of robots with common wheels. With `--quiet`, prints only the
+/// preferred models.
 pub(super) fn print_fitted(context: &Context, fitted: &Fitted) {
     if context.is_quiet() {
         return say_limited(context, "", verdicts(fitted), print);

@@ -1,4 +1,5 @@
-//! Tests of fits to several campaigns of one or several robots: made, retained and recomputed by commands.
+//! Tests of shared fits, to several campaigns of one or several robots: when commands compute them, keep them and compute
+//! them again.
 
 use trilink_robot::Quantity;
 use trilink_tables::{Columns as _, SharedFitRow, Table};

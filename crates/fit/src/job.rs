@@ -235,7 +235,8 @@ impl<'j> Job<'j> {
         (Fit { solves, ..self.fit_at(point, best.cost) }, motions)
     }
 
-    /// Returns the same job driven by the other gait (measured or commanded); `None` if there is no other.
+    /// Returns the same job driven by the other of the measured and the commanded gait; `None` if the model can be driven by
+    /// one of them only.
     fn with_other_gait_input(&self) -> Option<Self> {
         Some(Self {
             input: self.input,

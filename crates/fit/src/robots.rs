@@ -100,12 +100,12 @@ impl Robots {
         let perturbed = firsts.flat_map(|first| {
             let own: Vec<usize> = campaigns.clone().filter(|of| is_same(*of, first)).collect();
             // Which errors matter depends on the gait: the stiffness of a joint that another campaign drives does not.
-            let with_errors =
-                |input: usize, robot: usize| inputs[input].perturbed_robots(self.of(robot), data);
-            let most = own.iter().copied().max_by_key(|input| with_errors(*input, first).len());
-            let most = most.unwrap_or(first);
-            let of_each: Vec<Vec<AnyRobot>> =
-                own.iter().map(|campaign| with_errors(most, *campaign)).collect();
+            let with_errors_of = |input: &usize| -> Vec<Vec<AnyRobot>> {
+                let robots = own.iter().map(|campaign| self.of(*campaign));
+                robots.map(|robot| inputs[*input].perturbed_robots(robot, data)).collect()
+            };
+            let of_inputs = own.iter().map(with_errors_of);
+            let of_each = of_inputs.max_by_key(|of_each| of_each[0].len()).unwrap_or_default();
             let with_error = |error: usize| {
                 let mut robots = self.clone();
                 for (campaign, perturbed) in own.iter().zip(&of_each) {
@@ -113,7 +113,7 @@ impl Robots {
                 }
                 robots
             };
-            (0..of_each[0].len()).map(with_error).collect::<Vec<_>>()
+            (0..of_each.first().map_or(0, Vec::len)).map(with_error).collect::<Vec<_>>()
         });
         perturbed.collect()
     }

@@ -92,8 +92,8 @@ impl<const N: usize, R: Reduced<N>> Collocation<'_, N, R> {
     }
 
     /// Replaces the present solution by the attractor reached from rest. If `is_solved`, the present solution is tried first
-    /// as the attractor. Returns the attractor's measurements, the number of cycles to settle, and whether it is the
-    /// solution that was there before.
+    /// as the attractor. Returns the attractor's measurements, the number of cycles to settle, and whether the attractor is the
+    /// solution that it would have replaced.
     pub(super) fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<(Cycle, usize, bool)> {
         let (model, orbit) = (self.model, &mut *self.orbit);
         let (cycles, is_first) = find_attractor(model, orbit, is_solved, accuracy, MAX_CYCLES)?;

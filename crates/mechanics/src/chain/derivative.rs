@@ -74,8 +74,6 @@ impl Output {
 /// Number with respect to which derivatives are computed.
 struct Wanted {
     number: ChainNumber,
-    /// Link of the wheel and its number, if the number is one of the friction of a wheel.
-    friction: Option<(usize, LinkNumber)>,
     /// Derivative of the number's command with respect to it, if it is one of a command.
     wave: Option<Wave>,
 }
@@ -95,11 +93,15 @@ impl Wanted {
             }
             ChainNumber::Link(..) | ChainNumber::Joint(..) => None,
         };
-        let friction = match number {
+        Ok(Self { number, wave })
+    }
+
+    /// Returns the link of a wheel and its number, if the number is one of the friction of a wheel.
+    fn friction(&self) -> Option<(usize, LinkNumber)> {
+        match self.number {
             ChainNumber::Link(link, number) => number.is_of_friction().then_some((link, number)),
             _ => None,
-        };
-        Ok(Self { number, friction, wave })
+        }
     }
 
     /// Returns whether the motion can depend on the number.
@@ -243,7 +245,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         Self {
             model,
             wanted,
-            needs_power: wanted.iter().any(|one| one.friction.is_none()),
+            needs_power: wanted.iter().any(|one| one.friction().is_none()),
             needs_evaluate: wanted
                 .iter()
                 .any(|one| needs_evaluate(&model.problem.chain, one.number)),
@@ -475,7 +477,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     ) {
         let system = &self.model.system;
         for ((cluster, link, friction), wheel) in system.wheels.iter().zip(&node.wheels) {
-            let of_wheel = |one: &Wanted| one.friction.filter(|(of, _)| of == link);
+            let of_wheel = |one: &Wanted| one.friction().filter(|(of, _)| of == link);
             if self.wanted.iter().all(|one| of_wheel(one).is_none()) {
                 continue;
             }
@@ -514,10 +516,9 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         } else {
             power.set_velocities(at, &direct.virtual_motion, direct.resistance);
         }
-        for (sum, Wanted { number, friction, wave }) in sums.iter_mut().zip(self.wanted) {
-            if friction.is_none() {
-                *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
-            }
+        let others = sums.iter_mut().zip(self.wanted).filter(|(_, one)| one.friction().is_none());
+        for (sum, Wanted { number, wave }) in others {
+            *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
         }
     }
 

@@ -30,8 +30,8 @@ pub(crate) trait Steady: Debug + Send + Sync {
     fn solve_near(&mut self, accuracy: f64) -> Result<GaitMetrics>;
 
     /// Replaces the present solution by the attractor reached from rest. If `is_solved`, the present solution is tried first
-    /// as the attractor. Returns the attractor's metrics, the number of cycles to settle, and whether it is the solution
-    /// that was there before.
+    /// as the attractor. Returns the attractor's metrics, the number of cycles to settle, and whether the attractor is the
+    /// solution that it would have replaced.
     fn reach(&mut self, is_solved: bool, accuracy: f64) -> Result<(GaitMetrics, usize, bool)>;
 
     /// Returns the computational effort of the last solution.

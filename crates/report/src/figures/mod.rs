@@ -383,7 +383,7 @@ impl Inputs<'_> {
         figures
     }
 
-    /// Adds the figure of the first successful release of each released joint of each robot (Fig. 8 of the paper).
+    /// Adds, for each joint of a robot that was released, the figure of its first successful release (Fig. 8 of the paper).
     fn releases(self, campaigns: &[&str], found: &mut Figures) -> Result<(), StoreError> {
         let releases = self.tables.robots.iter().filter(|row| row.kind == TrialKind::JointRelease);
         let joints: BTreeSet<(&str, i64)> =

@@ -441,8 +441,9 @@ fn reversal(d_m: &[(f64, f64)], advance: impl Fn(f64) -> Option<Advance>) -> Opt
 }
 
 /// Returns the position and value of the highest local maximum of a line, interpolated by a parabola through three
-/// points; `None` if there is no maximum between the end points, or if the line is flat but for rounding.
+/// points; `None` if there is no maximum between the end points, or if the line is nearly flat.
 fn peak(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    /// Range of the values, relative to the largest, below which the line counts as flat.
     const MIN_RANGE: f64 = 1e-4;
     let [low, high] = extremes(points.iter().map(|(_, value)| *value));
     let is_flat = high - low <= MIN_RANGE * high.abs();

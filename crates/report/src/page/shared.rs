@@ -1,4 +1,4 @@
-//! Report-page sections on joint fits to all campaigns of a robot, or of robots with common wheels.
+//! Report-page sections on shared fits: to all campaigns of a robot, or of robots with common wheels.
 
 use std::collections::{BTreeMap, BTreeSet};
 

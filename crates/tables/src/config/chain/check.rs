@@ -12,10 +12,8 @@ use super::super::marker_layout::link_table;
 use super::super::{Config, ConfigError, LinkMarkers, toml_key};
 use super::{ChainCampaign, ChainGait, ChainJoint, ChainRobot, CommandConfig, JointKind};
 
-/// Keys of a link that describe its wheel, apart from its place.
-const WHEEL: [&str; 10] = [
-    "wheel",
-    "steer_deg",
+/// Keys of a link for the friction of its wheel.
+const FRICTION: [&str; 7] = [
     "skid_kg_s",
     "roll_kg_s",
     "skid_dry_n",
@@ -23,20 +21,9 @@ const WHEEL: [&str; 10] = [
     "skid_power_n",
     "skid_exponent",
     "roll_dry_n",
-    "load_n",
 ];
-/// Keys of the coefficients that wheels with the same name must have in common: those of the link and of the robot.
-const COEFFICIENTS: [&str; 9] = [
-    "skid_kg_s",
-    "roll_kg_s",
-    "skid_dry_n",
-    "skid_static_n",
-    "skid_power_n",
-    "skid_exponent",
-    "roll_dry_n",
-    "transition_m_s",
-    "stribeck_m_s",
-];
+/// Keys of a robot for the friction of all its wheels.
+const FRICTION_OF_ROBOT: [&str; 2] = ["transition_m_s", "stribeck_m_s"];
 /// Keys of a command that only angles have.
 const ANGLE: [&str; 4] = ["offset_deg", "amplitude_deg", "amplitude2_deg", "phase2_deg"];
 
@@ -118,18 +105,16 @@ impl Config {
             let same =
                 format!("as on link `{first_link}` of robot `{first}`, which has the same wheel");
             let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
-            for key in COEFFICIENTS {
+            let of_link = FRICTION.map(|key| (key, link_key(robot, link, key)));
+            let of_robot = FRICTION_OF_ROBOT.map(|key| (key, format!("robot.{robot}.{key}")));
+            for (key, full) in of_link.into_iter().chain(of_robot) {
                 let [found, expected] = [values.get(key), expected.get(key)];
-                let full = match WHEEL.contains(&key) {
-                    true => link_key(robot, link, key),
-                    false => format!("robot.{robot}.{key}"),
-                };
                 let needed = format!("{}, {same}", text(expected));
                 check.that(found == expected, &full, &format_args!("{}", text(found)), &needed)?;
             }
             let [found, expected] = [&values, expected].map(|of| of.get("load_n"));
-            let mut keys = COEFFICIENTS.iter();
-            let is_dry = keys.any(|key| key.ends_with("_n") && values.contains_key(*key));
+            let is_dry =
+                FRICTION.iter().any(|key| key.ends_with("_n") && values.contains_key(*key));
             let is_right = found.is_some() == expected.is_some() || !is_dry;
             let full = link_key(robot, link, "load_n");
             let needed = format!(
@@ -342,7 +327,8 @@ impl ChainRobot {
         }
         let needed = "wheel_m as well, the place of the wheel (0 for the link's origin)";
         let has_wheel = table.contains_key("wheel_m");
-        WHEEL.into_iter().filter(|_| !has_wheel).try_for_each(|key| {
+        let of_wheel = ["wheel", "steer_deg"].into_iter().chain(FRICTION).chain(["load_n"]);
+        of_wheel.filter(|_| !has_wheel).try_for_each(|key| {
             let is_right = !table.contains_key(key);
             let found = found(key);
             check.that(is_right, &link_key(robot, name, key), &format_args!("{found}"), needed)

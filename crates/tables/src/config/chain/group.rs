@@ -192,7 +192,7 @@ impl Config {
         singles.chain(self.connected(&robots)).collect()
     }
 
-    /// Returns the groups of several robots that wheels of the same names connect.
+    /// Returns the groups of two or more robots that wheels with common names connect, directly or through other robots.
     pub(in super::super) fn connected(&self, robots: &[&String]) -> Vec<RobotGroup> {
         let chains = robots.iter().filter_map(|name| self.chains.robot.get_key_value(*name));
         let chains: Vec<(&String, &ChainRobot)> = chains.collect();
