@@ -21,9 +21,7 @@ fn from_config(
 }
 
 pub(super) fn campaigns() -> ArgValueCandidates {
-    from_config(|config| {
-        config.campaign.keys().chain(config.chains.campaign.keys()).cloned().collect()
-    })
+    from_config(|config| config.campaign.keys().cloned().collect())
 }
 
 pub(super) fn models() -> ArgValueCandidates {

@@ -171,8 +171,9 @@ fn print_findings(rows: &Ingested) {
 /// Checks each marker file on its own; no list of trials (`trials.toml`) is needed.
 fn check_files(context: &Context, files: &[PathBuf], json: bool) -> Result<Outcome, Failure> {
     let config = &context.config;
-    let of_robots = config.layout.keys().chain(config.chains.layout.keys());
-    let of_robots = of_robots
+    let of_robots = config
+        .layout
+        .keys()
         .filter_map(|robot| config.marker_layout(robot))
         .map(|markers| IngestSettings { markers, ..IngestSettings::new(config) });
     let settings: Vec<IngestSettings> =

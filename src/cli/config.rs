@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use trilink_robot::Model;
-use trilink_tables::config::{CONFIG_FILE, Campaign, ChainCampaign, Config};
+use trilink_tables::config::{CONFIG_FILE, Campaign, Config, RobotConfig};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
 
 use super::output::{say, write_json};
@@ -106,18 +105,16 @@ fn check(context: &Context, file: &Path) -> Result<Outcome, Failure> {
         let name = trial.campaign.as_deref().unwrap_or_default();
         *by_campaign.entry(name).or_default() += 1;
     }
-    let say_campaign = |name: &str, robot: &str, gait: &str, models: &[Model]| {
-        let trials = by_campaign.get(name).copied().unwrap_or(0);
+    for (name, Campaign { robot, gait, models, .. }) in &config.campaign {
+        let chain = config.robot.get(robot).and_then(RobotConfig::chain);
+        let links = chain
+            .map_or(String::new(), |chain| format!(" (a chain of {} links)", chain.links.len()));
+        let trials = by_campaign.get(name.as_str()).copied().unwrap_or(0);
         let models: Vec<&str> = models.iter().map(|model| model.name()).collect();
         let models = models.join(", ");
-        say!("campaign {name}: robot {robot}, gait {gait}, {trials} trials; models {models}");
-    };
-    for (name, Campaign { robot, gait, models, .. }) in &config.campaign {
-        say_campaign(name, robot, gait, models);
-    }
-    for (name, ChainCampaign { robot, gait, models, .. }) in &config.chains.campaign {
-        let links = config.chains.robot.get(robot).map_or(0, |robot| robot.links.len());
-        say_campaign(name, &format!("{robot} (a chain of {links} links)"), gait, models);
+        say!(
+            "campaign {name}: robot {robot}{links}, gait {gait}, {trials} trials; models {models}"
+        );
     }
     let found = found?;
     found.ignored_sentence().iter().for_each(|sentence| say!("{sentence}"));

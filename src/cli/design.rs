@@ -168,15 +168,11 @@ impl Design {
     fn gaits(&self, config: &Config) -> Result<Vec<(String, AnyGait)>, Failure> {
         let own = [self.campaign.clone()];
         let names = if self.candidates.is_empty() { &own[..] } else { &self.candidates };
-        let robot = |name: &String| {
-            let of_chain = config.chains.campaign.get(name).map(|campaign| &campaign.robot);
-            config.campaign.get(name).map(|campaign| &campaign.robot).or(of_chain)
-        };
+        let robot = |name: &String| config.campaign.get(name).map(|campaign| &campaign.robot);
         let mut gaits = Vec::new();
         for name in names {
             let Some((_, gait)) = config.setup(name) else {
-                let known = config.campaign.keys().chain(config.chains.campaign.keys());
-                let hint = did_you_mean(name, known.map(String::as_str));
+                let hint = did_you_mean(name, config.campaign.keys().map(String::as_str));
                 return Err(format!("--candidates: no campaign `{name}`{hint}").into());
             };
             let own = config.setup(&self.campaign).map(|(_, gait)| gait);

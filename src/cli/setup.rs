@@ -106,9 +106,7 @@ pub(super) fn preferred(
     fits: &KnownFits,
     campaign: &str,
 ) -> Result<Model, Failure> {
-    if !config.chains.campaign.contains_key(campaign) {
-        campaign_of(config, campaign)?;
-    }
+    campaign_of(config, campaign)?;
     let model = fits.preferred(campaign)?;
     note!("{campaign}: {model}, the preferred model of the comparison");
     Ok(model)

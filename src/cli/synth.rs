@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use trilink_robot::Model;
 use trilink_synth::{Format, OMEGAS_RAD_S, Recipe, Servo, Slope, SynthError, synthesise};
-use trilink_tables::config::Config;
 
 use super::output::say;
 use super::parse::{NumberList, parse_omegas, positive, within};
@@ -110,9 +109,7 @@ pub(super) struct Synth {
 impl Synth {
     pub(super) fn run(self, context: Context) -> Result<Outcome, Failure> {
         let Self { folder, seed, omega, .. } = self;
-        let Config { campaign, chains, .. } = &context.config;
-        let robots = campaign.values().map(|campaign| &campaign.robot);
-        let robots = robots.chain(chains.campaign.values().map(|campaign| &campaign.robot));
+        let robots = context.config.campaign.values().map(|campaign| &campaign.robot);
         let mut laws = BTreeMap::new();
         for law in &self.law {
             match law.split_once('=') {

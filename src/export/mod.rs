@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use trilink_mocap::{ReadError, Recording, read_markers};
 use trilink_robot::{AnyRobot, Pose};
-use trilink_tables::config::{Config, ConfigError, nearest};
+use trilink_tables::config::{Config, ConfigError, GaitConfig, nearest};
 use trilink_tables::trial::{ListedTrial, TrialFolders};
 use trilink_tables::{Coordinates, Frames as _, Reader, StoreError, TrialRow, poses_path};
 
@@ -81,10 +81,9 @@ impl Motion {
         let robot = match &trial.campaign {
             Some(campaign) => config.setup(campaign).map(|(robot, _)| robot),
             None => trial
-                .robot
-                .as_ref()
+                .robot_name(config)
                 .and_then(|robot| config.robot.get(robot))
-                .map(|robot| robot.to_robot().into()),
+                .map(|robot| robot.to_robot(&GaitConfig::default())),
         };
         let (poses, without_poses) = match &robot {
             Some(robot) => match poses(config, &trial.id, robot, &markers.frames) {

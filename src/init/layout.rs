@@ -218,6 +218,6 @@ fn calibrate(
     let robot = Robot { l_m: [l_m; 2], ..Robot::kinematic() };
     let placeholder = JointCommand::new(0.0, 1.0, 0.0);
     let gait = (Gait { joints: [Some(placeholder); 2] }, *omega_rad_s);
-    calibrate_recording(&file, &markers, &robot, Some(&gait), rate_hz / stride as f64)
+    calibrate_recording(&file, &(&markers).into(), &robot, Some(&gait), rate_hz / stride as f64)
         .map_err(|problem| format!("{}: {problem}", path.display()))
 }

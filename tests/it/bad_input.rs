@@ -412,7 +412,7 @@ fn a_model_that_is_not_configured_or_wrongly_so_is_named() {
         folder.replace("pipeline.toml", line, own);
         folder.replace("pipeline.toml", "[fit]", model);
     };
-    let named = ["`robot.kinematic.roll_dry_n`: found \"nothing\"", "`ours` (skid = \"coulomb\""];
+    let named = ["`robot.kinematic.roll_dry_n`: found nothing", "`ours` (skid = \"coulomb\""];
     assert_nothing_done(change, "run", &named);
 }
 

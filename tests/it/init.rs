@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink_robot::Model;
-use trilink_tables::config::Config;
+use trilink_tables::config::{Config, RobotConfig};
 use trilink_tables::trial::{TrialKind, TrialList};
 use trilink_tables::{
     Columns as _, ComparisonRow, FitRow, FitStatus, Outcome, Table, TrialRow, TrialStatus,
@@ -207,7 +207,7 @@ fn from_marker_files_and_dimensions_to_a_coefficient_by_five_edits() {
     assert!((robot.h_m[0] - 0.2).abs() < 3e-4, "{:?}", robot.h_m);
     // Typical standard uncertainties are written, each marked for review.
     let laws = config.model[&Model::new("skid-roll")].laws();
-    let robots: Vec<_> = config.robot.values().collect();
+    let robots: Vec<_> = config.robot.values().filter_map(RobotConfig::three_links).collect();
     let deviations = robots[0].errors(laws, &gait).concat();
     let deviations: Vec<(&str, f64)> =
         deviations.iter().map(|(of, sd)| (of.name(), (1e7 * sd).round() / 1e7)).collect();
@@ -383,7 +383,7 @@ fn the_unit_of_files_that_do_not_say_theirs_is_given_once() {
     );
     edit(path, "pipeline.toml", &EDITED);
     let config = Config::load(&path.join("pipeline.toml")).unwrap();
-    let [h_m, _] = config.robot["snake"].to_robot().h_m;
+    let [h_m, _] = config.robot["snake"].three_links().unwrap().to_robot().h_m;
     assert!((h_m - 0.2).abs() < 1e-3, "{h_m}");
     succeed(path, &["-q", "check"]);
 

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 use tempfile::TempDir;
 use trilink_robot::Model;
-use trilink_tables::config::Config;
+use trilink_tables::config::{Config, RobotConfig};
 use trilink_tables::{Columns as _, Table, rows};
 
 use crate::common::{succeed, text, trilink};
@@ -195,7 +195,7 @@ fn a_singular_gait_has_no_numbers_but_a_reason() {
     let folder = empty_folder();
     let mut config = Config::default();
     let gait = config.gait.get_mut("symmetric").expect("the paper's gait");
-    gait.joint1.as_mut().expect("an actuated joint").amplitude_deg = 31.0;
+    gait.joint1.as_mut().expect("an actuated joint").amplitude_deg = Some(31.0);
     let text_of = toml::to_string(&config).expect("the configuration can be written");
     std::fs::write(folder.path().join("pipeline.toml"), text_of).expect("the file is writable");
     let simulate = ["simulate", "kinematic-symmetric", "--model", "no-skid", "--omega", "2"];
@@ -323,7 +323,11 @@ fn a_second_harmonic_is_one_in_the_file_and_in_settings_and_counts() {
 fn a_robot_with_standard_deviations_can_be_set_too() {
     let folder = empty_folder();
     let mut config = Config::default();
-    let robot = config.robot.get_mut("kinematic").expect("the paper's robot");
+    let robot = config
+        .robot
+        .get_mut("kinematic")
+        .and_then(RobotConfig::three_links_mut)
+        .expect("the paper's robot");
     robot.set_deviation(trilink_robot::Quantity::H, [0.001]);
     let text_of = toml::to_string(&config).expect("the configuration can be written");
     std::fs::write(folder.path().join("pipeline.toml"), text_of).expect("the file is writable");

@@ -8,7 +8,7 @@ use serde_json::Value;
 use trilink_mechanics::{Laws, Problem, REFERENCE_ACCURACY};
 use trilink_robot::Model;
 use trilink_synth::Recipe;
-use trilink_tables::config::Config;
+use trilink_tables::config::{Config, RobotConfig};
 use trilink_tables::trial::TrialList;
 use trilink_tables::{Columns as _, Table, TrialRow, TrialStatus};
 
@@ -463,7 +463,7 @@ fn the_demo_has_a_dry_robot_in_an_untidy_laboratory_and_a_tidy_viscous_one() {
     assert_eq!(recipe.tidy, BTreeSet::from(["semi-passive".to_owned()]));
     // 13 frequencies, three of them with three trials in two of the campaigns, and three trials that are not gaits.
     assert_eq!(recipe.trials(&config), 3 * 13 + 2 * 6 + 3);
-    for robot in config.robot.values_mut() {
+    for robot in config.robot.values_mut().filter_map(RobotConfig::three_links_mut) {
         robot.clear(trilink_robot::Quantity::SkidDry);
     }
     let plain = Recipe::demo(&config, 1);

@@ -8,8 +8,8 @@ use trilink_robot::decay::DecayLaw;
 use trilink_robot::{AnyGait, AnyRobot, Chain, ChainNumber, Model, Parameter, Quantity, RollLaw};
 use trilink_statistics::{Estimate, mean};
 use trilink_tables::config::{
-    Campaign, ChainCampaign, ChainGait, ChainRobot, Config, Fit, Free, GaitConfig, GaitInput,
-    ModelConfig, NamedEntry, ParameterSource, RobotConfig, Weights,
+    Campaign, Config, Fit, Free, GaitConfig, GaitInput, ModelConfig, NamedEntry, ParameterSource,
+    RobotConfig, Weights,
 };
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{
@@ -33,28 +33,11 @@ pub struct FitInput {
     pub campaign: NamedEntry<FitCampaign>,
     /// Model to fit; its own list of free parameters is cleared if the campaign has one.
     pub model: NamedEntry<ModelConfig, Model>,
-    pub robot: NamedEntry<FitRobot>,
-    pub gait: NamedEntry<FitGait>,
+    pub robot: NamedEntry<RobotConfig>,
+    pub gait: NamedEntry<GaitConfig>,
     /// Settings of the fit. Settings that the fit does not read, such as the bounds of fixed parameters, have their
     /// default values.
     pub fit: Fit,
-}
-
-/// Configuration of a robot.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum FitRobot {
-    ThreeLinks(RobotConfig),
-    Chain(ChainRobot),
-}
-
-/// Configuration of the gait of a robot of the same kind.
-#[expect(clippy::large_enum_variant, reason = "there is one for each fit")]
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum FitGait {
-    ThreeLinks(GaitConfig),
-    Chain(ChainGait),
 }
 
 /// Configuration keys of a campaign that a fit reads.
@@ -118,32 +101,18 @@ impl MeasuredParameter {
 impl FitInput {
     /// Returns the inputs for all models of all campaigns, in the order of the configuration.
     pub fn all(config: &Config) -> Vec<Self> {
-        let of_chains = config.chains.campaign.iter().map(|(name, of)| (name, &of.models));
-        let campaigns = config.campaign.iter().map(|(name, of)| (name, &of.models));
-        let fits = campaigns.chain(of_chains);
-        let fits = fits.flat_map(|(name, models)| models.iter().map(move |&model| (name, model)));
+        let campaigns = config.campaign.iter();
+        let fits =
+            campaigns.flat_map(|(name, of)| of.models.iter().map(move |&model| (name, model)));
         fits.filter_map(|(campaign, model)| Self::new(config, campaign, model)).collect()
     }
 
     /// Returns the input for one model of one campaign; `None` if the configuration has no such campaign or model.
     pub fn new(config: &Config, campaign: &str, model: Model) -> Option<Self> {
-        let (robot, gait, weights, free) = match config.campaign.get(campaign) {
-            Some(Campaign { robot, gait, weights, free, .. }) => {
-                let robot = NamedEntry::find(&config.robot, robot)?.map(FitRobot::ThreeLinks);
-                let gait = NamedEntry::find(&config.gait, gait)?.map(FitGait::ThreeLinks);
-                (robot, gait, *weights, free)
-            }
-            None => {
-                let ChainCampaign { robot, gait, weights, free, .. } =
-                    config.chains.campaign.get(campaign)?;
-                let robot = NamedEntry::find(&config.chains.robot, robot)?;
-                let robot = robot.map(ChainRobot::without_wheel_names).map(FitRobot::Chain);
-                let value = FitGait::Chain(config.chain_gait(gait)?);
-                let gait = NamedEntry { name: gait.clone(), value };
-                (robot, gait, weights.unwrap_or(ChainCampaign::WEIGHTS), free)
-            }
-        };
-        let value = FitCampaign { weights, free: free.get(&model).cloned() };
+        let Campaign { robot, gait, weights, free, .. } = config.campaign.get(campaign)?;
+        let robot = NamedEntry::find(&config.robot, robot)?.map(RobotConfig::without_wheel_names);
+        let gait = NamedEntry::find(&config.gait, gait)?;
+        let value = FitCampaign { weights: *weights, free: free.get(&model).cloned() };
         let mut input = Self {
             campaign: NamedEntry { name: campaign.to_owned(), value },
             model: NamedEntry::find(&config.model, &model)?,
@@ -179,18 +148,10 @@ impl FitInput {
     /// Returns an error if there is no such campaign or model, or if the robot lacks a parameter that the model needs.
     pub fn find(config: &Config, campaign: &str, model: &str) -> Result<Self, SetupError> {
         let path = Path::new("--model");
-        let of_chain = config.chains.campaign.get(campaign);
-        let robot = match of_chain {
-            Some(campaign) => campaign.robot.clone(),
-            None => campaign_of(config, campaign)?.robot,
-        };
+        let robot = campaign_of(config, campaign)?.robot;
         let input = Self::new(config, campaign, Model::new(model));
         let input = input.ok_or_else(|| unknown_model(config, model))?;
-        if of_chain.is_some() {
-            config.check_chain_laws(path, &robot, input.model.name)?;
-        } else {
-            config.check_laws(path, &robot, input.model.name)?;
-        }
+        config.check_laws(path, &robot, input.model.name)?;
         Ok(input)
     }
 
@@ -275,17 +236,7 @@ impl FitInput {
 
     /// Returns the robot with its configured parameters, and the commanded gait.
     pub fn setup(&self) -> (AnyRobot, AnyGait) {
-        match (&self.robot.value, &self.gait.value) {
-            (FitRobot::ThreeLinks(robot), FitGait::ThreeLinks(gait)) => {
-                (robot.to_robot().into(), gait.to_gait().into())
-            }
-            (FitRobot::Chain(robot), FitGait::Chain(gait)) => {
-                let chain = robot.to_chain(gait);
-                let gait = chain.gait();
-                (chain.into(), gait)
-            }
-            _ => unreachable!("robot and gait are of the same kind"),
-        }
+        self.robot.value.setup(&self.gait.value)
     }
 
     /// Returns the robot, and the list of those of its parameters that have measured values. If the configuration asks
@@ -385,16 +336,16 @@ impl FitInput {
             perturbed
         };
         let mut robots: Vec<AnyRobot> = match (&self.robot.value, robot) {
-            (FitRobot::ThreeLinks(config), _) => {
+            (RobotConfig::ThreeLinks(config), _) => {
                 let (_, gait) = self.setup();
                 let errors = config.errors(self.model.value.laws(), &gait.into());
                 errors.into_iter().map(increased).collect()
             }
-            (FitRobot::Chain(config), AnyRobot::Chain(chain)) => {
+            (RobotConfig::Chain(config), AnyRobot::Chain(chain)) => {
                 let errors = config.errors().into_iter();
                 errors.map(|error| perturbed_chain(chain, &error).into()).collect()
             }
-            (FitRobot::Chain(_), AnyRobot::ThreeLinks(_)) => Vec::new(),
+            (RobotConfig::Chain(_), AnyRobot::ThreeLinks(_)) => Vec::new(),
         };
         if self.fit.robot_parameters == ParameterSource::Measured {
             for of in MeasuredParameter::all(robot) {
@@ -566,7 +517,11 @@ mod tests {
     fn only_parameters_of_the_model_are_uncertain() {
         let campaign = "kinematic-symmetric";
         let mut config = Config::default();
-        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        let robot = config
+            .robot
+            .get_mut("kinematic")
+            .and_then(RobotConfig::three_links_mut)
+            .expect("the paper's");
         robot.set_load_n([8.0, 4.0, 4.0]);
         robot.set_deviation(Quantity::Transition, [0.002]);
         robot.set_deviation(Quantity::SkidDry, [0.0, 0.05, 0.0]);
@@ -595,7 +550,11 @@ mod tests {
     #[test]
     fn parameters_measured_with_one_instrument_are_changed_together() {
         let mut config = Config::default();
-        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        let robot = config
+            .robot
+            .get_mut("kinematic")
+            .and_then(RobotConfig::three_links_mut)
+            .expect("the paper's");
         robot.set_deviation(Quantity::H, [0.0005]);
         robot.set_deviation(Quantity::B, [0.001]);
         robot.set_deviation(Quantity::Mass, [0.01, 0.002, 0.002]);

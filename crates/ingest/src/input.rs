@@ -5,10 +5,9 @@ use std::path::Path;
 
 use serde::Serialize;
 use trilink_mocap::Recording;
-use trilink_robot::{Gait, Joint, Robot};
+use trilink_robot::{AnyRobot, Gait, Robot};
 use trilink_tables::config::{
-    ChainCampaign, ChainGait, ChainRobot, Config, GaitConfig, Ingest, MarkerLayout, NamedEntry,
-    RobotConfig, Vicon,
+    Config, GaitConfig, Ingest, MarkerLayout, NamedEntry, RobotConfig, Vicon,
 };
 use trilink_tables::trial::{Trial, TrialError, TrialKind};
 
@@ -30,34 +29,19 @@ pub struct IngestSettings {
 pub struct IngestInput {
     #[serde(flatten)]
     pub settings: IngestSettings,
-    #[serde(flatten)]
-    setup: Setup,
+    robot: NamedEntry<RobotConfig>,
+    /// `None` unless the trial's kind is `gait`.
+    gait: Option<NamedEntry<GaitConfig>>,
     /// Labels of the layout by the labels that replace them in the file.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     aliases: BTreeMap<String, String>,
-}
-
-/// Robot of a trial and its commanded gait.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-enum Setup {
-    ThreeLinks {
-        robot: NamedEntry<RobotConfig>,
-        /// `None` unless the trial's kind is `gait`.
-        gait: Option<NamedEntry<GaitConfig>>,
-    },
-    Chain {
-        robot: NamedEntry<ChainRobot>,
-        /// `None` unless the trial's kind is `gait`.
-        gait: Option<Box<NamedEntry<ChainGait>>>,
-    },
 }
 
 impl IngestSettings {
     /// Selects the settings, with the marker layout of robots that have none of their own.
     pub fn new(config: &Config) -> Self {
         let Config { vicon, ingest, markers, .. } = config;
-        Self { vicon: vicon.clone(), ingest: ingest.clone(), markers: markers.clone().into() }
+        Self { vicon: vicon.clone(), ingest: ingest.clone(), markers: markers.into() }
     }
 
     /// Returns the frame rate of a file, Hz: the rate that the file states, or `vicon.rate_hz` if it states none. The
@@ -97,29 +81,18 @@ impl IngestInput {
     fn select(config: &Config, trial: &Trial) -> Option<Self> {
         let name = trial.robot_name(config)?.to_owned();
         let markers = config.marker_layout(&name)?;
-        let campaign = trial.campaign.as_ref();
-        let setup = if let Some(robot) = NamedEntry::find(&config.chains.robot, &name) {
-            let robot = robot.map(ChainRobot::without_wheel_names);
-            let gait = match campaign.and_then(|of| config.chains.campaign.get(of)) {
-                Some(ChainCampaign { gait, .. }) => Some(Box::new(NamedEntry {
-                    name: gait.clone(),
-                    value: config.chain_gait(gait)?,
-                })),
-                None => None,
-            };
-            Setup::Chain { robot, gait }
-        } else {
-            let mut robot = NamedEntry::find(&config.robot, &name)?;
-            // Parameter deviations are read only by fits.
-            robot.value.clear_deviations();
-            let gait = match campaign.and_then(|of| config.campaign.get(of)) {
-                Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
-                None => None,
-            };
-            Setup::ThreeLinks { robot, gait }
+        let mut robot =
+            NamedEntry::find(&config.robot, &name)?.map(RobotConfig::without_wheel_names);
+        // Parameter deviations are read only by fits.
+        if let Some(robot) = robot.value.three_links_mut() {
+            robot.clear_deviations();
+        }
+        let gait = match trial.campaign.as_ref().and_then(|of| config.campaign.get(of)) {
+            Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
+            None => None,
         };
         let settings = IngestSettings { markers, ..IngestSettings::new(config) };
-        Some(Self { settings, setup, aliases: trial.aliases.clone() })
+        Some(Self { settings, robot, gait, aliases: trial.aliases.clone() })
     }
 
     /// Checks that a file has the markers of the configured layout; nothing else is checked.
@@ -142,39 +115,22 @@ impl IngestInput {
     /// Returns the robot of three links, and its commanded gait with its frequency, rad/s, unless the trial's kind is
     /// other than `gait`; `None` for a chain.
     pub(super) fn three_links(&self, trial: &Trial) -> Option<(Robot, Option<(Gait, f64)>)> {
-        let Setup::ThreeLinks { robot, gait } = &self.setup else { return None };
-        let gait = gait.as_ref().map(|gait| gait.value.to_gait());
-        Some((robot.value.to_robot(), gait.zip(trial.omega_rad_s)))
+        let robot = self.robot.value.three_links()?.to_robot();
+        let gait = self.gait.as_ref().map(|gait| gait.value.to_gait());
+        Some((robot, gait.zip(trial.omega_rad_s)))
     }
 
     /// Returns the robot of the trial with the commands of its joints.
     pub(super) fn subject(&self, trial: &Trial) -> Subject {
-        match &self.setup {
-            Setup::ThreeLinks { robot, gait } => {
-                let robot = robot.value.to_robot();
-                let joints = gait.as_ref().map(|gait| gait.value.to_gait().joints.to_vec());
-                Subject {
-                    geometry: Geometry::of_robot(&robot),
-                    command: joints
-                        .zip(trial.omega_rad_s)
-                        .map(|(joints, omega_rad_s)| Command { joints, omega_rad_s }),
-                    robot: robot.into(),
-                }
-            }
-            Setup::Chain { robot, gait } => {
-                let at_rest = ChainGait::default();
-                let gait = gait.as_ref().map(|gait| &gait.value);
-                let chain = robot.value.to_chain(gait.unwrap_or(&at_rest));
-                let command = gait.map(|_| {
-                    let joints = chain.joints.iter().map(|joint| match joint {
-                        Joint::Driven(command) => Some(*command),
-                        Joint::Free(_) => None,
-                    });
-                    let omega_rad_s = trial.omega_rad_s.unwrap_or(f64::NAN);
-                    Command { joints: joints.collect(), omega_rad_s }
-                });
-                Subject { geometry: Geometry::new(&chain), command, robot: chain.into() }
-            }
-        }
+        let gait = self.gait.as_ref().map_or_else(GaitConfig::default, |gait| gait.value.clone());
+        let (robot, gait) = self.robot.value.setup(&gait);
+        let omega_rad_s = trial.omega_rad_s.filter(|_| self.gait.is_some());
+        let joints = gait.joints[..robot.joints()].to_vec();
+        let geometry = match &robot {
+            AnyRobot::ThreeLinks(robot) => Geometry::of_robot(robot),
+            AnyRobot::Chain(chain) => Geometry::new(chain),
+        };
+        let command = omega_rad_s.map(|omega_rad_s| Command { joints, omega_rad_s });
+        Subject { geometry, command, robot }
     }
 }

@@ -8,12 +8,11 @@ use trilink_plot::Print;
 use trilink_robot::metrics::Metric;
 use trilink_robot::{AnyGait, AnyRobot, Gait, Model, Robot};
 use trilink_tables::config::{
-    Campaign, ChainCampaign, ChainGait, Compare, Config, MarkerLayout, Models, Paths, Report,
-    RobotConfig, RobotGroup, SigmaKind, Smoothing,
+    Campaign, Compare, Config, GaitConfig, MarkerLayout, Models, Paths, Report, RobotConfig,
+    RobotGroup, SigmaKind, Smoothing,
 };
 
 use super::looks::ModelLook;
-use super::parameters::WHEELS;
 
 /// Returns the configured width and font size of printed figures.
 pub fn print_of(report: &Report) -> Print {
@@ -47,8 +46,7 @@ impl ReportInput {
 
     /// Returns the names of the campaigns of all robots.
     pub(crate) fn campaigns(&self) -> impl Iterator<Item = &str> {
-        let Config { campaign, chains, .. } = &self.shown;
-        campaign.keys().chain(chains.campaign.keys()).map(String::as_str)
+        self.shown.campaign.keys().map(String::as_str)
     }
 
     pub fn models(&self) -> &Models {
@@ -92,13 +90,13 @@ impl ReportInput {
 
     /// Returns whether the robot of a campaign is a chain.
     pub(crate) fn is_chain(&self, campaign: &str) -> bool {
-        self.shown.chains.campaign.contains_key(campaign)
+        self.shown.robot_of(campaign).is_some_and(|robot| robot.chain().is_some())
     }
 
     /// Returns the names of the links of a campaign's robot by number.
     pub(crate) fn links(&self, campaign: &str) -> Vec<String> {
         match self.shown.chain_setup(campaign) {
-            None => WHEELS.map(str::to_owned).into(),
+            None => RobotConfig::THREE_LINKS.map(str::to_owned).into(),
             Some(chain) => chain.names_by_number(),
         }
     }
@@ -121,23 +119,14 @@ impl ReportInput {
         joints.collect()
     }
 
-    /// Returns a robot of three links in SI units, or `None` if there is none with this name.
-    pub fn robot(&self, name: &str) -> Option<Robot> {
-        self.shown.robot.get(name).map(RobotConfig::to_robot)
+    /// Returns a robot in SI units, or `None` if it is not configured. The commands of a chain are zero.
+    pub(crate) fn robot(&self, name: &str) -> Option<AnyRobot> {
+        self.shown.robot.get(name).map(|robot| robot.to_robot(&GaitConfig::default()))
     }
 
-    /// Returns a robot in SI units, whatever the number of links, or `None` if it is not configured. The commands of a
-    /// chain are zero.
-    pub(crate) fn any_robot(&self, name: &str) -> Option<AnyRobot> {
-        let chain = self.shown.chains.robot.get(name);
-        let chain = chain.map(|chain| chain.to_chain(&ChainGait::default()).into());
-        chain.or_else(|| Some(self.robot(name)?.into()))
-    }
-
-    /// Returns the configuration of a campaign's robot of three links, or `None` if the campaign or its robot is not
-    /// configured.
+    /// Returns the configuration of a campaign's robot, or `None` if it is not configured.
     pub(crate) fn configured_robot(&self, campaign: &str) -> Option<&RobotConfig> {
-        self.shown.robot.get(self.robot_name(campaign)?)
+        self.shown.robot_of(campaign)
     }
 
     /// Returns the name of a campaign's robot, or `None` if the campaign is not configured.
@@ -153,14 +142,8 @@ impl ReportInput {
 
     /// Returns the names of a campaign's robot and gait, or `None` if the campaign is not configured.
     pub(crate) fn names(&self, campaign: &str) -> Option<(&str, &str)> {
-        let Config { campaign: of_three_links, chains, .. } = &self.shown;
-        match of_three_links.get(campaign) {
-            Some(Campaign { robot, gait, .. }) => Some((robot, gait)),
-            None => {
-                let ChainCampaign { robot, gait, .. } = chains.campaign.get(campaign)?;
-                Some((robot, gait))
-            }
-        }
+        let Campaign { robot, gait, .. } = self.shown.campaign.get(campaign)?;
+        Some((robot, gait))
     }
 
     /// Returns the marker layout of a robot; `None` for a robot without one.

@@ -4,12 +4,10 @@ use serde::Serialize;
 use trilink_base::numbers::place;
 use trilink_robot::{Parameter, Per};
 use trilink_tables::FitRow;
+use trilink_tables::config::RobotConfig;
 
 /// Mark for a parameter that is neither fitted nor measured.
 pub(crate) const HELD: &str = "held";
-
-/// Names of wheels 0, 1 and 2.
-pub(crate) const WHEELS: [&str; 3] = ["middle", "front", "rear"];
 
 /// Returns the label of a parameter, with the name of its wheel's link in place of the number; `links` are the names by
 /// number.
@@ -88,7 +86,7 @@ impl FittedParameter {
         let uncertainty = if combined > 0.0 { combined } else { half };
         Self {
             parameter,
-            label: label(parameter, &WHEELS),
+            label: label(parameter, &RobotConfig::THREE_LINKS),
             unit: parameter.unit(),
             value,
             free,

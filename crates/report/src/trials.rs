@@ -76,7 +76,7 @@ fn skid_scales<'t>(input: &'t ReportInput, tables: &'t Tables) -> BTreeMap<&'t s
     let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
     for trial in &tables.trials {
         let Some(name) = robot_of(trial, input, tables) else { continue };
-        let Some(robot) = input.any_robot(name) else { continue };
+        let Some(robot) = input.robot(name) else { continue };
         let sigma = trial.metrics.sigma.into_iter().fold(0.0, f64::max);
         // The skid ratio is the RMS of the velocity over l omega (eq. 20 of the paper).
         let amplitude_m_s = SQRT_2 * sigma * skid_length_m(&robot) * trial.omega_rad_s;
@@ -131,14 +131,12 @@ pub(crate) fn parts(
             let name = trial.trial.as_str();
             let checks = checks.get(name).map_or(&[][..], Vec::as_slice);
             let robots = robots.get(name).map_or(&[][..], Vec::as_slice);
-            let setup = input.campaign_setup(&trial.campaign);
-            let chain = input.setup(&trial.campaign).and_then(|(robot, _)| robot.chain());
+            let setup = input.setup(&trial.campaign);
             let robot = robots.first().and_then(|row| input.robot(&row.robot));
             let markers = robot_of(trial, input, tables).and_then(|name| input.marker_layout(name));
             let neighbours = page::neighbours(trial, tables, pages);
             let scale = robot_of(trial, input, tables).and_then(|name| scales.get(name));
             let is_synthetic = truth.is_some_and(|truth| truth.is_synthetic(trial));
-            let setup = (setup, chain);
             let rows =
                 (trial, checks, robots, setup, robot, markers, neighbours, is_synthetic, scale);
             let own = [poses_path, wheels_path, cycles_path].map(|path| path(derived, name));

@@ -11,7 +11,7 @@ use super::{
     clippy::large_enum_variant,
     reason = "a robot of three links is copied without allocation"
 )]
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub enum AnyRobot {
     ThreeLinks(Robot),
     /// Chain, with the commands of its elastic joints, torques and rotors. The gait of a problem replaces the commands of

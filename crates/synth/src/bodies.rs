@@ -52,7 +52,7 @@ impl Placement {
 
 /// Returns the layout in which each link is the rigid body that [`tracked`] gives it.
 pub fn body_layout(layout: &Markers) -> Markers {
-    let named = MarkerLayout::from(layout.clone());
+    let named = MarkerLayout::from(layout);
     let [link0, link1, link2] = [0, 1, 2].map(|link| {
         let placement = Placement::new(named.name(link), layout.links()[link]);
         placement.labels().zip(placement.points()).collect()

@@ -217,7 +217,7 @@ impl Recipe {
     /// Returns the number of trials that the recipe generates for a configuration.
     pub fn trials(&self, config: &Config) -> usize {
         let mut trials = plan::decays(config, self).len();
-        for robot in campaigns(config).map(|(_, robot)| robot) {
+        for robot in config.campaign.values().map(|campaign| &campaign.robot) {
             for omega_rad_s in &self.omegas_rad_s {
                 trials += self.repeats_of(robot, *omega_rad_s);
             }
@@ -231,12 +231,6 @@ impl Recipe {
             self.repeated_rad_s.is_empty() || self.repeated_rad_s.contains(&omega_rad_s);
         if is_repeated && !self.tidy.contains(robot) { self.repeats } else { 1 }
     }
-}
-
-/// Iterates over all campaigns, each with the name of its robot.
-fn campaigns(config: &Config) -> impl Iterator<Item = (&String, &String)> {
-    let of_chains = config.chains.campaign.iter().map(|(name, one)| (name, &one.robot));
-    config.campaign.iter().map(|(name, one)| (name, &one.robot)).chain(of_chains)
 }
 
 /// Returns whether any campaign of a robot leaves a joint passive, or names a robot or gait that is missing from the
@@ -301,7 +295,7 @@ pub fn synthesise(
             robots.insert(plan.trial.id.clone(), decay.truth.clone());
         }
     }
-    let tidy = self::campaigns(config).filter(|(_, robot)| recipe.tidy.contains(*robot));
+    let tidy = config.campaign.iter().filter(|(_, one)| recipe.tidy.contains(&one.robot));
     let tidy = tidy.map(|(name, _)| name.clone()).collect();
     let truth = Truth {
         synthetic: true,
@@ -336,7 +330,7 @@ fn write_trial(
 ) -> Result<Option<TrialTruth>, SynthError> {
     let rate_hz = config.vicon.rate_hz;
     let layout = trial.robot_name(config).and_then(|robot| config.marker_layout(robot));
-    let layout = layout.unwrap_or_else(|| config.markers.clone().into());
+    let layout = layout.unwrap_or_else(|| (&config.markers).into());
     let scene = Scene {
         layout: &layout,
         rate_hz,
@@ -396,7 +390,7 @@ fn encoded(format: Format, trial: &str, markers: &Recording, layout: &MarkerLayo
 /// and rad.
 pub fn export(config: &Config, robot: &Robot, coordinates: &[[f64; 5]], seed: u64) -> Vec<u8> {
     let scene = Scene {
-        layout: &config.markers.clone().into(),
+        layout: &(&config.markers).into(),
         rate_hz: config.vicon.rate_hz,
         misplaced: 0.0,
         tilt: Tilt::default(),

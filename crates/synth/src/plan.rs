@@ -1,6 +1,6 @@
 //! Plans the trials, with robots and laws drawn from the seed.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use rand::SeedableRng;
@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal, StandardNormal};
 use trilink_mechanics::{Laws, Problem};
 use trilink_robot::{AnyRobot, Joint, Model};
-use trilink_tables::config::{ChainCampaign, ChainGait, Config, one_of};
+use trilink_tables::config::{Campaign, Config, GaitConfig, one_of};
 use trilink_tables::trial::{Trial, TrialKind};
 
 use super::decay::{self, Decay};
@@ -69,11 +69,8 @@ pub(super) struct Drive {
 /// those of the recipe.
 pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> {
     for (robot, model) in &recipe.laws {
-        let is_chain = config.chains.robot.contains_key(robot);
-        if !is_chain && !config.robot.contains_key(robot) {
-            let known = config.robot.keys().chain(config.chains.robot.keys());
-            let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
-            let needed = one_of(robot, &known, "");
+        if !config.robot.contains_key(robot) {
+            let needed = one_of(robot, &config.robot, "");
             return Err(SynthError::Law(format!("found robot `{robot}`, needed {needed}")));
         }
         match config.model.get(model) {
@@ -83,7 +80,6 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
                      a model without input = \"measured\""
                 )));
             }
-            Some(_) if is_chain => config.check_chain_laws(Path::new("--law"), robot, *model)?,
             Some(_) => config.check_laws(Path::new("--law"), robot, *model)?,
             None => {
                 let needed = one_of(model.name(), &config.model, "");
@@ -91,15 +87,14 @@ pub(super) fn check(config: &Config, recipe: &Recipe) -> Result<(), SynthError> 
             }
         }
     }
-    for (campaign, ChainCampaign { robot, .. }) in &config.chains.campaign {
+    for (campaign, Campaign { robot, .. }) in &config.campaign {
         if config.marker_layout(robot).is_none() {
             let needed = config.needed_layout(robot);
             return Err(SynthError::NoLayout { campaign: campaign.clone(), needed });
         }
     }
     if recipe.format.has_bodies() {
-        let robots = config.campaign.values().map(|campaign| &campaign.robot);
-        for robot in robots.chain(config.chains.campaign.values().map(|campaign| &campaign.robot)) {
+        for robot in config.campaign.values().map(|campaign| &campaign.robot) {
             let Some(layout) = config.marker_layout(robot) else { continue };
             let sizes = layout.links().into_iter().map(BTreeMap::len).enumerate();
             let mut sizes = sizes.filter(|(_, markers)| *markers > 0);
@@ -126,7 +121,6 @@ pub(super) fn with_declared_errors(config: &Config, seed: u64) -> Config {
         move || normal.next().unwrap_or_default()
     };
     config.robot.values_mut().for_each(|robot| *robot = robot.with_errors(draws()));
-    config.chains.robot.values_mut().for_each(|robot| *robot = robot.with_errors(draws()));
     config
 }
 
@@ -225,63 +219,57 @@ pub(super) fn gaits(
     let mut campaigns = BTreeMap::new();
     // There is one random-number stream for the campaign and one for each of its trials.
     let first = |number: usize| (number * (recipe.omegas_rad_s.len() + 1)) as u64;
-    let robot_stream = |index: usize| ROBOT_STREAMS + index as u64;
     for (number, (name, campaign)) in config.campaign.iter().enumerate() {
-        let Some((robot, gait)) = config.campaign_setup(name) else { continue };
+        let Some((configured, gait)) = config.setup(name) else { continue };
         let law = named_laws(config, recipe, &campaign.robot);
         let laws = law.map_or(Laws::SKID_ROLL, |(_, laws)| laws);
         let first = first(number);
-        let (viscous, gait) = planted::planted(name, &robot, gait, &mut random(seed, first));
-        // Viscous coefficients differ between campaigns, as those fitted in the paper do; other coefficients belong to
-        // the robot.
-        let mut robot = if laws.are_linear() {
-            viscous
-        } else {
-            let index = config.robot.keys().position(|known| *known == campaign.robot);
-            planted::vary_coefficients(robot, &mut random(seed, robot_stream(index.unwrap_or(0))))
-        };
-        for (parameter, wheel) in planted::skid_resistances() {
-            let value = parameter.value_in(&robot) * recipe.skid_factors[wheel];
-            parameter.set(&mut robot, value);
-        }
-        campaigns.insert(name.clone(), CampaignTruth::new(unusual(law), laws, &robot, &gait));
-        let schedule =
-            Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
-        plans.extend(schedule.plans(|omega_rad_s, friction| {
-            let robot = robot.with_friction_scaled(friction);
-            Problem::new(robot, gait, laws, omega_rad_s)
-        }));
-    }
-    for (index, (name, campaign)) in config.chains.campaign.iter().enumerate() {
-        let Some(configured) = config.chain_setup(name) else { continue };
-        let law = named_laws(config, recipe, &campaign.robot);
-        let laws = law.map_or(Laws::SKID_ROLL, |(_, laws)| laws);
-        let first = first(config.campaign.len() + index);
         let mut of_campaign = random(seed, first);
-        let mut robot = if laws.are_linear() {
-            chain::planted(configured, &mut of_campaign)
-        } else {
-            let index = config.chains.robot.keys().position(|known| *known == campaign.robot);
-            let stream = robot_stream(config.robot.len() + index.unwrap_or(0));
-            chain::planted_dry(configured, &mut random(seed, stream), &mut of_campaign)
-        };
-        chain::change_friction(&mut robot, |link, friction| {
-            let factor = recipe.skid_factors.get(link).copied().unwrap_or(1.0);
-            for resistance in
-                [&mut friction.skid_kg_s, &mut friction.skid_dry_n, &mut friction.skid_static_n]
-            {
-                *resistance *= factor;
-            }
-        });
-        campaigns.insert(name.clone(), CampaignTruth::of_chain(unusual(law), laws, &robot));
+        let index = config.robot.keys().position(|known| *known == campaign.robot);
+        let mut of_robot = random(seed, ROBOT_STREAMS + index.unwrap_or(0) as u64);
         let schedule =
             Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
-        plans.extend(schedule.plans(|omega_rad_s, factor| {
-            let mut chain = robot.clone();
-            chain::change_friction(&mut chain, |_, friction| *friction = friction.scaled(factor));
-            let gait = chain.gait();
-            Problem::new(chain, gait, laws, omega_rad_s)
-        }));
+        match configured {
+            AnyRobot::ThreeLinks(robot) => {
+                let (viscous, gait) = planted::planted(name, &robot, gait.into(), &mut of_campaign);
+                // Viscous coefficients differ between campaigns, as those fitted in the paper do; other coefficients
+                // belong to the robot.
+                let mut robot = match laws.are_linear() {
+                    true => viscous,
+                    false => planted::vary_coefficients(robot, &mut of_robot),
+                };
+                for (parameter, wheel) in planted::skid_resistances() {
+                    let value = parameter.value_in(&robot) * recipe.skid_factors[wheel];
+                    parameter.set(&mut robot, value);
+                }
+                let truth = CampaignTruth::new(unusual(law), laws, &robot, &gait);
+                campaigns.insert(name.clone(), truth);
+                plans.extend(schedule.plans(|omega_rad_s, friction| {
+                    let robot = robot.with_friction_scaled(friction);
+                    Problem::new(robot, gait, laws, omega_rad_s)
+                }));
+            }
+            AnyRobot::Chain(configured) => {
+                let mut robot = match laws.are_linear() {
+                    true => chain::planted(configured, &mut of_campaign),
+                    false => chain::planted_dry(configured, &mut of_robot, &mut of_campaign),
+                };
+                chain::change_friction(&mut robot, |link, friction| {
+                    let factor = recipe.skid_factors.get(link).copied().unwrap_or(1.0);
+                    friction.skid_kg_s *= factor;
+                    friction.skid_dry_n *= factor;
+                    friction.skid_static_n *= factor;
+                });
+                let truth = CampaignTruth::of_chain(unusual(law), laws, &robot);
+                campaigns.insert(name.clone(), truth);
+                plans.extend(schedule.plans(|omega_rad_s, factor| {
+                    let mut chain = robot.clone();
+                    chain::change_friction(&mut chain, |_, of| *of = of.scaled(factor));
+                    let gait = chain.gait();
+                    Problem::new(chain, gait, laws, omega_rad_s)
+                }));
+            }
+        }
     }
     (plans, campaigns, days)
 }
@@ -311,38 +299,32 @@ fn decaying_robots<'c>(config: &'c Config, recipe: &Recipe) -> Vec<DecayRobot<'c
         let known = robots.entry(&campaign.robot).or_default();
         *known = known.or(passive);
     }
-    let release = TrialKind::JointRelease.name();
     let laws = |name: &str| named_laws(config, recipe, name).map(|(_, laws)| laws);
-    let of_three = robots.into_iter().filter_map(|(name, passive)| {
-        let robot = config.robot.get(name)?.to_robot();
-        let robot = laws(name).map_or(robot.clone(), |laws| laws.effective(&robot));
-        let released = passive.map(|joint| (joint, release.to_owned()));
-        Some(DecayRobot {
-            name,
-            robot: robot.into(),
-            released: released.into_iter().collect(),
-            is_coasting: true,
-        })
+    let robots = robots.into_iter().filter_map(|(name, passive)| {
+        let configured = config.robot.get(name)?;
+        let (robot, released) = match configured.to_robot(&GaitConfig::default()) {
+            AnyRobot::ThreeLinks(robot) => {
+                let robot = laws(name).map_or(robot.clone(), |laws| laws.effective(&robot));
+                let release = TrialKind::JointRelease.to_string();
+                let released = passive.map(|joint| (joint, release));
+                (robot.into(), released.into_iter().collect())
+            }
+            AnyRobot::Chain(mut chain) => {
+                if let Some(laws) = laws(name) {
+                    chain::change_friction(&mut chain, |_, of| *of = of.effective(laws));
+                }
+                let free = chain.joints.iter().enumerate();
+                let free = free.filter(|(_, joint)| matches!(joint, Joint::Free(_)));
+                let released =
+                    free.map(|(joint, _)| (joint, format!("joint{}-release", joint + 1)));
+                let released = released.collect();
+                (chain.into(), released)
+            }
+        };
+        let is_coasting = configured.check_kind(TrialKind::CoastDown).is_ok();
+        Some(DecayRobot { name, robot, released, is_coasting })
     });
-    let chains: BTreeSet<&str> =
-        config.chains.campaign.values().map(|campaign| campaign.robot.as_str()).collect();
-    let chains = chains.into_iter().filter_map(|name| {
-        let configured = config.chains.robot.get(name)?;
-        let mut chain = configured.to_chain(&ChainGait::default());
-        if let Some(laws) = laws(name) {
-            chain::change_friction(&mut chain, |_, friction| *friction = friction.effective(laws));
-        }
-        let free = chain.joints.iter().enumerate();
-        let free = free.filter(|(_, joint)| matches!(joint, Joint::Free(_)));
-        let released = free.map(|(joint, _)| (joint, format!("joint{}-release", joint + 1)));
-        Some(DecayRobot {
-            name,
-            released: released.collect(),
-            is_coasting: configured.check_kind(TrialKind::CoastDown).is_ok(),
-            robot: chain.into(),
-        })
-    });
-    of_three.chain(chains).collect()
+    robots.collect()
 }
 
 /// Returns the plans of the trials without a gait: for every robot named by a campaign, a release of each passive joint

@@ -10,7 +10,7 @@ use trilink_robot::{
     AnyRobot, Chain, Gait, JointCommand, Laws, Model, Parameter, Per, Quantity, Robot, RollLaw,
     SkidLaw,
 };
-use trilink_tables::config::{ChainGait, Config};
+use trilink_tables::config::{Config, GaitConfig};
 use trilink_tables::trial::TRUTH_FILE;
 
 use super::cameras::LabelError;
@@ -72,24 +72,28 @@ pub(super) fn off_configured(
     configured: &Config,
     truth: &Config,
 ) -> BTreeMap<String, BTreeMap<String, f64>> {
-    let of_three_links = truth.robot.iter().map(|(name, robot)| {
-        let (own, other) = (robot.to_robot(), configured.robot[name].to_robot());
-        let parameters = Quantity::ALL.into_iter().flat_map(|one| one.parameters_of(&own));
-        let changed = parameters.filter(|of| of.value_in(&own) != of.value_in(&other));
-        let value = |of: &Parameter| of.value_in(&own) / of.quantity().definition().unit.in_si();
-        let values = changed.map(|of| (of.name().to_owned(), value(&of)));
-        (name.clone(), values.collect::<BTreeMap<_, _>>())
+    let robots = truth.robot.iter().map(|(name, robot)| {
+        let [own, other] =
+            [robot, &configured.robot[name]].map(|robot| robot.to_robot(&GaitConfig::default()));
+        let values: BTreeMap<String, f64> = match &own {
+            AnyRobot::ThreeLinks(robot) => {
+                let parameters = Quantity::ALL.into_iter().flat_map(|of| of.parameters_of(robot));
+                let changed = parameters.filter(|of| own.value(*of) != other.value(*of));
+                let in_unit =
+                    |of: Parameter| own.value(of) / of.quantity().definition().unit.in_si();
+                changed.map(|of| (of.name().to_owned(), in_unit(of))).collect()
+            }
+            AnyRobot::Chain(chain) => {
+                let configured = |of| other.as_chain().and_then(|other| other.number(of));
+                let numbers = chain.numbers().into_iter();
+                let changed = numbers.filter(|of| chain.number(*of) != configured(*of));
+                let in_unit = |of| Some((chain.number_name(of), chain.number(of)? / of.in_si()));
+                changed.filter_map(in_unit).collect()
+            }
+        };
+        (name.clone(), values)
     });
-    let chains = truth.chains.robot.iter().map(|(name, robot)| {
-        let [own, other] = [robot, &configured.chains.robot[name]]
-            .map(|robot| robot.to_chain(&ChainGait::default()));
-        let numbers = own.numbers().into_iter();
-        let changed = numbers.filter(|of| own.number(*of) != other.number(*of));
-        let values =
-            changed.filter_map(|of| Some((own.number_name(of), own.number(of)? / of.in_si())));
-        (name.clone(), values.collect())
-    });
-    of_three_links.chain(chains).filter(|(_, values)| !values.is_empty()).collect()
+    robots.filter(|(_, values)| !values.is_empty()).collect()
 }
 
 /// Model that generated a campaign's trials, with the model's laws.

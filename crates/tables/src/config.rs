@@ -7,15 +7,16 @@ mod chain;
 mod check;
 mod compare;
 mod error;
+mod gait;
 mod key;
 mod link_layout;
 mod marker_layout;
 mod model;
 mod paths;
 mod robot;
-mod serialize;
 mod settings;
 mod strict;
+mod three_links;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -25,25 +26,22 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-pub use chain::{
-    ChainCampaign, ChainGait, ChainJoint, ChainRobot, Chains, CommandConfig, GroupNumbers,
-    JointKind, LinkConfig, RobotGroup,
-};
+pub use chain::{ChainJoint, ChainRobot, GroupNumbers, JointKind, LinkConfig, RobotGroup};
 pub use check::one_of;
 pub use compare::{Compare, Tolerance, Tolerances, tolerance};
 pub use error::ConfigError;
 pub use error::{did_you_mean, nearest, parse_toml};
+pub use gait::{CommandConfig, GaitConfig};
 pub use key::toml_key;
-pub use marker_layout::{ChainMarkers, LinkMarkers, MarkerLayout};
+pub use marker_layout::{LinkMarkers, MarkerLayout};
 pub use model::{Free, GaitInput, ModelConfig, Models};
 pub use paths::{Paths, is_pattern};
 pub use robot::RobotConfig;
 pub use settings::Setting;
+pub use three_links::ThreeLinkRobot;
 use trilink_base::LengthUnit;
 use trilink_robot::metrics::{Metric, WeightKey};
-use trilink_robot::{
-    AnyGait, AnyRobot, Gait, JointCommand, Model, Quantity, Robot, SecondHarmonic, Unit,
-};
+use trilink_robot::{AnyGait, AnyRobot, Chain, Gait, Model, Quantity, Robot, Unit};
 
 use strict::Strict;
 
@@ -53,7 +51,7 @@ pub const CONFIG_FILE: &str = "pipeline.toml";
 /// Configuration read from `pipeline.toml`. A key that is left out has its default value. Any entry of
 /// `robot`, `gait`, `campaign` or `markers` replaces the whole default table of that name, whereas entries of
 /// `model` are added to the default models.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     pub paths: Paths,
@@ -65,16 +63,13 @@ pub struct Config {
     pub model: Models,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
-    /// Marker layouts of robots of three links that have another one than `markers`, by the name of the robot.
-    #[serde(default)]
-    pub layout: BTreeMap<String, Markers>,
+    /// Marker layouts of chains, and of robots of three links that have another one than `markers`, by the name of the
+    /// robot and that of the link (`link0`, `link1`, `link2` of three links).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub layout: BTreeMap<String, BTreeMap<String, LinkMarkers>>,
     pub report: Report,
     pub compare: Compare,
     pub optimise: Optimise,
-    /// Robots that are chains, with their gaits, campaigns and marker layouts. These entries of the tables `robot`,
-    /// `gait`, `campaign` and `layout` are not in the fields of these names, but serialized with them.
-    #[serde(skip)]
-    pub chains: Chains,
 }
 
 /// Search space of `trilink optimise`, and limits on the motions that it accepts.
@@ -290,48 +285,6 @@ pub enum SigmaKind {
     Debiased,
 }
 
-/// Gait in the configuration: the commands of the joints; a joint without a command is passive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GaitConfig {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub joint1: Option<JointConfig>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub joint2: Option<JointConfig>,
-}
-
-/// Command of a joint in the configuration: `phi = offset + amplitude cos(omega t + phase) + amplitude2 cos(2
-/// omega t + phase2)`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct JointConfig {
-    #[serde(default)]
-    pub offset_deg: f64,
-    pub amplitude_deg: f64,
-    #[serde(default)]
-    pub phase_deg: f64,
-    /// Amplitude of the second harmonic, degrees; `None` if the command has no second harmonic.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub amplitude2_deg: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub phase2_deg: Option<f64>,
-}
-
-impl JointConfig {
-    /// Converts the command to radians.
-    fn to_command(&self) -> JointCommand {
-        let phase2_rad = self.phase2_deg.unwrap_or(0.0).to_radians();
-        JointCommand {
-            offset_rad: self.offset_deg.to_radians(),
-            amplitude_rad: self.amplitude_deg.to_radians(),
-            phase_rad: self.phase_deg.to_radians(),
-            second: self
-                .amplitude2_deg
-                .map(|deg| SecondHarmonic::new(deg.to_radians(), phase2_rad)),
-        }
-    }
-}
-
 /// Campaign: all trials of one robot and gait, over a range of frequencies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -341,8 +294,10 @@ pub struct Campaign {
     /// Name of the gait, an entry `[gait.NAME]` of the configuration.
     pub gait: String,
     /// Names of the models that are compared, entries `[model.NAME]` of the configuration.
+    #[serde(default)]
     pub models: Vec<Model>,
     /// Weights of the metrics in the objective (Table III of the paper).
+    #[serde(default = "Weights::equal")]
     pub weights: Weights,
     /// Free parameters by model, which replace those given in `[model.NAME]` for this campaign.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -360,6 +315,11 @@ pub struct Weights {
 }
 
 impl Weights {
+    /// Weights if none are configured.
+    const fn equal() -> Self {
+        Self { d: 1.0, v: 1.0, sigma: 1.0, alpha: 1.0 }
+    }
+
     /// Returns the weight of a metric's term in the objective; 0 if the metric has no term.
     pub fn for_metric(self, metric: Metric) -> f64 {
         match metric.definition().weight {
@@ -388,6 +348,9 @@ pub struct Markers {
 }
 
 impl Markers {
+    /// Keys of the links by their numbers.
+    pub const KEYS: [&str; 3] = ["link0", "link1", "link2"];
+
     /// Returns the marker layouts of links 0, 1, 2.
     pub fn links(&self) -> [&BTreeMap<String, [f64; 3]>; 3] {
         [&self.link0, &self.link1, &self.link2]
@@ -463,9 +426,15 @@ fn parse_with_defaults(text: &str) -> Result<Spanned<DeTable<'_>>, toml::de::Err
 impl Config {
     fn parse(text: &str) -> Result<Self, toml::de::Error> {
         let mut table = parse_with_defaults(text)?;
-        let chains = chain::take_chains(table.get_mut())?;
-        let config = Self::deserialize(Strict(toml::Deserializer::from(table)))?;
-        Ok(Self { chains, ..config })
+        let robots = table.get_mut().get_mut("robot").map(Spanned::get_mut);
+        if let Some(DeValue::Table(robots)) = robots {
+            for (_, robot) in robots.iter_mut() {
+                if let DeValue::Table(robot) = robot.get_mut() {
+                    chain::spread(robot)?;
+                }
+            }
+        }
+        Self::deserialize(Strict(toml::Deserializer::from(table)))
     }
 
     /// Reads and checks a configuration file. Paths in the file are relative to its folder.
@@ -520,7 +489,7 @@ impl Config {
     pub fn of_simulations() -> Self {
         let mut config = Self::default();
         let simulated = Robot::semi_passive();
-        for robot in config.robot.values_mut() {
+        for robot in config.robot.values_mut().filter_map(RobotConfig::three_links_mut) {
             if robot.get(Quantity::Stiffness).is_some() {
                 robot.set(Quantity::Stiffness, [simulated.stiffness_nm_rad]);
                 robot.set(Quantity::Damping, [simulated.damping_nm_s_rad]);
@@ -532,20 +501,16 @@ impl Config {
     /// Returns the campaigns of one or several robots, and the models that all these campaigns list and that have a free
     /// parameter in at least one of them.
     pub fn common(&self, robots: &[String]) -> (Vec<&String>, Vec<Model>) {
-        let of_chains = self.chains.campaign.iter();
-        let of_chains = of_chains.map(|(name, of)| (name, &of.robot, &of.models, &of.free));
-        let campaigns = self.campaign.iter();
-        let campaigns = campaigns.map(|(name, of)| (name, &of.robot, &of.models, &of.free));
-        let campaigns: Vec<_> =
-            campaigns.chain(of_chains).filter(|(_, own, ..)| robots.contains(own)).collect();
-        let mut models = campaigns.first().map_or(Vec::new(), |(_, _, models, _)| models.to_vec());
+        let campaigns = self.campaign.iter().filter(|(_, of)| robots.contains(&of.robot));
+        let campaigns: Vec<_> = campaigns.collect();
+        let mut models = campaigns.first().map_or(Vec::new(), |(_, of)| of.models.clone());
         models.retain(|model| {
-            campaigns.iter().all(|(_, _, models, _)| models.contains(model))
-                && campaigns.iter().any(|(name, _, _, free)| {
-                    self.has_free_parameter(name, free.get(model), *model)
-                })
+            campaigns.iter().all(|(_, of)| of.models.contains(model))
+                && campaigns
+                    .iter()
+                    .any(|(name, of)| self.has_free_parameter(name, of.free.get(model), *model))
         });
-        (campaigns.into_iter().map(|(name, ..)| name).collect(), models)
+        (campaigns.into_iter().map(|(name, _)| name).collect(), models)
     }
 
     /// Returns whether a model has a free parameter in a campaign, which may list its own.
@@ -557,37 +522,37 @@ impl Config {
         })
     }
 
-    /// Returns the robot and the commanded gait of a campaign, whatever the number of links; `None` if there is no
-    /// campaign with this name.
+    /// Returns the robot and the commanded gait of a campaign in SI units; `None` if there is no campaign with this name.
     pub fn setup(&self, campaign: &str) -> Option<(AnyRobot, AnyGait)> {
-        if let Some((robot, gait)) = self.campaign_setup(campaign) {
-            return Some((robot.into(), gait.into()));
-        }
-        let chain = self.chain_setup(campaign)?;
-        let gait = chain.gait();
-        Some((chain.into(), gait))
-    }
-
-    /// Returns the marker layout of a robot of three links.
-    pub fn markers_of(&self, robot: &str) -> &Markers {
-        self.layout.get(robot).unwrap_or(&self.markers)
+        let Campaign { robot, gait, .. } = self.campaign.get(campaign)?;
+        Some(self.robot.get(robot)?.setup(self.gait.get(gait)?))
     }
 
     /// Returns the robot of three links and the gait of a campaign, in SI units; `None` if there is no campaign with this
     /// name, or if its robot is a chain.
     pub fn campaign_setup(&self, campaign: &str) -> Option<(Robot, Gait)> {
-        let campaign = self.campaign.get(campaign)?;
-        let robot = self.robot.get(&campaign.robot)?.to_robot();
-        let gait = self.gait.get(&campaign.gait)?.to_gait();
-        Some((robot, gait))
+        let (robot, gait) = self.setup(campaign)?;
+        Some((robot.three_links()?.clone(), gait.into()))
     }
-}
 
-impl GaitConfig {
-    /// Converts the gait to radians.
-    pub fn to_gait(&self) -> Gait {
-        let joints = [&self.joint1, &self.joint2];
-        Gait { joints: joints.map(|joint| joint.as_ref().map(JointConfig::to_command)) }
+    /// Returns the robot of a campaign, if it is a chain, with its gait, in SI units.
+    pub fn chain_setup(&self, campaign: &str) -> Option<Chain> {
+        self.setup(campaign)?.0.chain()
+    }
+
+    /// Returns the configuration of a campaign's robot; `None` if there is no campaign with this name.
+    pub fn robot_of(&self, campaign: &str) -> Option<&RobotConfig> {
+        self.robot.get(&self.campaign.get(campaign)?.robot)
+    }
+
+    /// Returns why a campaign cannot be used by a command that knows only the robot with three links; `None` if its
+    /// robot is not a chain.
+    pub fn chain_notice(&self, campaign: &str) -> Option<String> {
+        self.robot_of(campaign)?.chain().map(|_| {
+            format!(
+                "campaign {campaign}: its robot is a chain, which this command does not support"
+            )
+        })
     }
 }
 

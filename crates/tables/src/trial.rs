@@ -216,9 +216,7 @@ impl Trial {
     /// Returns the name of the trial's robot; `None` if its campaign is not configured.
     pub fn robot_name<'t>(&'t self, config: &'t Config) -> Option<&'t str> {
         let Some(campaign) = &self.campaign else { return self.robot.as_deref() };
-        let of_chain = || Some(&config.chains.campaign.get(campaign)?.robot);
-        let robot = config.campaign.get(campaign).map(|campaign| &campaign.robot);
-        robot.or_else(of_chain).map(String::as_str)
+        config.campaign.get(campaign).map(|campaign| campaign.robot.as_str())
     }
 
     /// Checks the trial's entry against the configuration.
@@ -252,26 +250,20 @@ impl Trial {
         let name = if is_gait { &self.campaign } else { &self.robot };
         let name = name.as_deref().unwrap_or_default();
         let found = if name.is_empty() { "nothing".to_owned() } else { format!("`{name}`") };
-        if let Some(campaign) = config.chains.campaign.get(name).filter(|_| is_gait) {
-            if !config.chains.layout.contains_key(&campaign.robot) {
-                return error("campaign", found, &config.needed_layout(&campaign.robot));
-            }
-        } else if is_gait && !config.campaign.contains_key(name) {
-            let known = config.campaign.keys().chain(config.chains.campaign.keys());
-            let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
-            return error("campaign", found, &one_of(name, &known, PIPELINE));
+        let key = if is_gait { "campaign" } else { "robot" };
+        let robot = match config.campaign.get(name) {
+            Some(campaign) if is_gait => &campaign.robot,
+            None if is_gait => return error(key, found, &one_of(name, &config.campaign, PIPELINE)),
+            _ => name,
+        };
+        let Some(configured) = config.robot.get(robot) else {
+            return error(key, found, &one_of(robot, &config.robot, PIPELINE));
+        };
+        if config.marker_layout(robot).is_none() {
+            return error(key, found, &config.needed_layout(robot));
         }
-        if let Some(robot) = config.chains.robot.get(name).filter(|_| !is_gait) {
-            if !config.chains.layout.contains_key(name) {
-                return error("robot", found, &config.needed_layout(name));
-            }
-            if let Err(needed) = robot.check_kind(self.kind) {
-                return error("robot", found, needed);
-            }
-        } else if !is_gait && !config.robot.contains_key(name) {
-            let known = config.robot.keys().chain(config.chains.robot.keys());
-            let known: BTreeMap<&String, ()> = known.map(|name| (name, ())).collect();
-            return error("robot", found, &one_of(name, &known, PIPELINE));
+        if let Err(needed) = configured.check_kind(self.kind) {
+            return error(key, found, needed);
         }
         match self.omega_rad_s {
             Some(omega) if !OMEGA_RAD_S.contains(&omega) => {

@@ -28,7 +28,7 @@ pub fn fitted(error: f64) -> TempDir {
     config.campaign.get_mut(CAMPAIGN).unwrap().models = vec![Model::SKID_ROLL];
     (config.fit.starts, config.fit.bootstrap, config.fit.profiles) = (1, 40, false);
     config.fit.gait_input = GaitInput::Commanded;
-    let robot = config.robot.get_mut("kinematic").unwrap();
+    let robot = config.robot.get_mut("kinematic").unwrap().three_links_mut().unwrap();
     robot.set_deviation(Quantity::L, [0.0005]);
     robot.set_deviation(Quantity::Mass, [0.01, 0.0, 0.0]);
     let write = |config: &Config| {

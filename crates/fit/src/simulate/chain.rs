@@ -1,13 +1,11 @@
 //! Setups of campaigns whose robot is a chain of links.
 
-use std::path::Path;
-
 use trilink_robot::{Chain, ChainNumber, Model};
 use trilink_tables::config::{Config, did_you_mean};
 
 use super::fitted::{FittedSetup, KnownFits};
 use super::sensitivity::InputUncertainty;
-use super::{Setup, SetupError, keys_of, known_laws};
+use super::{Setup, SetupError, keys_of, laws_of};
 
 impl Setup {
     /// Sets up a campaign, given its name, whose robot is a chain.
@@ -21,15 +19,10 @@ impl Setup {
         settings: &[String],
         fits: Option<&KnownFits>,
     ) -> Result<Self, SetupError> {
-        let laws = known_laws(config, model)?;
+        let laws = laws_of(config, campaign, model)?;
         let model = Model::new(model);
-        let names = &config.chains.campaign[campaign];
-        config.check_chain_laws(Path::new("--model"), &names.robot, model)?;
-        let robot = &config.chains.robot[&names.robot];
-        // As TOML, in which keys without a value are left out.
-        let parameters = toml::Table::try_from(robot);
-        let gait = toml::Table::try_from(config.chain_gait(&names.gait));
-        let [parameters, gait] = [parameters, gait].map(|table| keys_of(&table.ok()));
+        let names = &config.campaign[campaign];
+        let robot = &config.robot[&names.robot];
         let fitted =
             fits.map(|fits| FittedSetup::new(config, campaign, model, fits)).transpose()?;
         for (parameter, value) in fitted.iter().flat_map(FittedSetup::coefficients) {
@@ -42,9 +35,9 @@ impl Setup {
             laws,
             model,
             short_form: None,
-            parameters: parameters?,
-            commands: gait?,
-            uncertainty: InputUncertainty::of_chain(robot),
+            parameters: keys_of(robot)?,
+            commands: keys_of(&config.gait[&names.gait])?,
+            uncertainty: robot.chain().map(InputUncertainty::of_chain).unwrap_or_default(),
             fitted,
         })
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, Model, Parameter};
-use trilink_tables::config::{Config, GaitInput};
+use trilink_tables::config::{Config, GaitInput, RobotConfig};
 use trilink_tables::{
     BootstrapRow, ComparisonRow, Extrapolation, FitRow, Misfit, NoInterval, NoIntervalReason,
     Reader, StoreError,
@@ -290,7 +290,8 @@ impl FittedSetup {
         campaign: &str,
     ) -> Result<Config, SetupError> {
         let name = campaign_of(&config, campaign)?.robot;
-        let robot = config.robot.get_mut(&name).ok_or_else(|| "no such robot".to_owned())?;
+        let robot = config.robot.get_mut(&name).and_then(RobotConfig::three_links_mut);
+        let robot = robot.ok_or_else(|| "no such robot of three links".to_owned())?;
         let mut fitted = robot.to_robot();
         for (parameter, value) in self.known.row.parameters.iter() {
             if !parameter.is_sum() && value.is_finite() {

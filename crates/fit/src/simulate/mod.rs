@@ -14,7 +14,9 @@ use serde_json::{Map, Value};
 use trilink_base::cancel::{CancelToken, Cancelled};
 use trilink_mechanics::{MotionError, Problem, Sample};
 use trilink_robot::{AnyGait, AnyRobot, Joint, Laws, Model};
-use trilink_tables::config::{Config, ConfigError, GaitConfig, RobotConfig, one_of};
+use trilink_tables::config::{
+    Config, ConfigError, GaitConfig, RobotConfig, ThreeLinkRobot, one_of,
+};
 use trilink_tables::{
     Columns as _, Extrapolation, NoInterval, NoIntervalReason, SENSITIVE_METRICS, SensitivityRow,
 };
@@ -69,7 +71,7 @@ pub struct Setup {
     pub laws: Laws,
     pub model: Model,
     /// Configuration of the robot and the gait, if the robot has the short form for three links.
-    short_form: Option<(RobotConfig, GaitConfig)>,
+    short_form: Option<(ThreeLinkRobot, GaitConfig)>,
     /// Keys and values of the robot in the configuration, as shown in answers.
     parameters: Map<String, Value>,
     /// Keys and values of the gait in the configuration, as shown in answers.
@@ -114,8 +116,13 @@ impl Setup {
         let (robot, gait) = setup.ok_or_else(|| "no such campaign".to_owned())?;
         let laws = laws_of(config, campaign, model)?;
         let names = &config.campaign[campaign];
-        let robot_config = config.robot[&names.robot].clone();
-        let gait_config = config.gait[&names.gait].clone();
+        let robot_config = config.robot[&names.robot].three_links().cloned();
+        let robot_config = robot_config.ok_or_else(|| "no robot of three links".to_owned())?;
+        let mut gait_config = config.gait[&names.gait].clone();
+        for command in gait_config.joints_mut().into_iter().flatten() {
+            command.offset_deg.get_or_insert(0.0);
+            command.phase_deg.get_or_insert(0.0);
+        }
         Ok(Self {
             robot: robot.into(),
             gait: gait.into(),
@@ -169,7 +176,7 @@ impl Setup {
             return Ok(());
         };
         let mut config = config.clone();
-        config.robot.insert(names.robot.clone(), robot.clone());
+        config.robot.insert(names.robot.clone(), RobotConfig::ThreeLinks(robot.clone()));
         config.gait.insert(names.gait.clone(), gait.clone());
         Ok(config.check(Path::new(option))?)
     }
@@ -342,8 +349,9 @@ impl Setup {
 
 /// Returns the keys and values of a configuration table.
 fn keys_of(table: &impl serde::Serialize) -> Result<Map<String, Value>, SetupError> {
-    match serde_json::to_value(table) {
-        Ok(Value::Object(keys)) => Ok(keys),
+    // As TOML, in which keys without a value are left out.
+    match toml::Table::try_from(table).map(serde_json::to_value) {
+        Ok(Ok(Value::Object(keys))) => Ok(keys),
         _ => Err("the configuration cannot be converted to keys and values".to_owned().into()),
     }
 }

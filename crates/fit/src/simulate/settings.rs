@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use trilink_tables::config::{
-    Config, ConfigError, GaitConfig, JointConfig, RobotConfig, did_you_mean, nearest, parse_toml,
+    CommandConfig, Config, ConfigError, GaitConfig, RobotConfig, ThreeLinkRobot, did_you_mean,
+    nearest, parse_toml,
 };
 
 use super::SetupError;
@@ -16,7 +17,8 @@ pub(crate) fn with_settings(
     settings: &[String],
 ) -> Result<Config, SetupError> {
     let found = campaign_of(&config, campaign)?;
-    let robot = config.robot.get_mut(&found.robot).ok_or_else(|| "no such robot".to_owned())?;
+    let robot = config.robot.get_mut(&found.robot).and_then(RobotConfig::three_links_mut);
+    let robot = robot.ok_or_else(|| "no such robot of three links".to_owned())?;
     let gait = config.gait.get_mut(&found.gait).ok_or_else(|| "no such gait".to_owned())?;
     for setting in settings.iter().flat_map(|setting| setting.split_whitespace()) {
         let (key, value) = setting
@@ -42,15 +44,12 @@ pub(crate) fn with_settings(
 /// Returns the campaign with the given name.
 ///
 /// # Errors
-/// Returns an error that lists the known names if there is no such campaign, or says that its robot is a chain.
+/// Returns an error that lists the known names if there is no such campaign.
 pub fn campaign_of(
     config: &Config,
     campaign: &str,
 ) -> Result<trilink_tables::config::Campaign, SetupError> {
     config.campaign.get(campaign).cloned().ok_or_else(|| {
-        if let Some(notice) = config.chain_notice(campaign) {
-            return notice.into();
-        }
         let names: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
         let hint = did_you_mean(campaign, names.iter().copied());
         let known = names.join("`, `");
@@ -58,13 +57,13 @@ pub fn campaign_of(
     })
 }
 
-type JointNumber = (&'static str, fn(&mut JointConfig) -> &mut f64);
+type JointNumber = (&'static str, fn(&mut CommandConfig) -> &mut f64);
 
 /// Names of the parameters of a joint's command, with accessors for their values.
 const JOINT_NUMBERS: [JointNumber; 5] = [
-    ("offset", |joint| &mut joint.offset_deg),
-    ("amplitude", |joint| &mut joint.amplitude_deg),
-    ("phase", |joint| &mut joint.phase_deg),
+    ("offset", |joint| joint.offset_deg.get_or_insert(0.0)),
+    ("amplitude", |joint| joint.amplitude_deg.get_or_insert(0.0)),
+    ("phase", |joint| joint.phase_deg.get_or_insert(0.0)),
     ("second_amplitude", |joint| joint.amplitude2_deg.get_or_insert(0.0)),
     ("second_phase", |joint| joint.phase2_deg.get_or_insert(0.0)),
 ];
@@ -99,10 +98,10 @@ fn gait_keys(gait: &GaitConfig) -> Vec<String> {
 
 /// Returns the robot with one parameter, or one key of its configuration, set to a value.
 fn with_robot_setting(
-    robot: &RobotConfig,
+    robot: &ThreeLinkRobot,
     key: &str,
     value: &str,
-) -> Result<RobotConfig, ConfigError> {
+) -> Result<ThreeLinkRobot, ConfigError> {
     let source = Path::new("--set");
     let value = if value.contains(',') { format!("[{value}]") } else { value.to_owned() };
     if robot.with(key, 0.0).is_some() {
@@ -112,23 +111,24 @@ fn with_robot_setting(
     }
     let mut keys = toml::Table::try_from(robot).expect("a configuration can be serialised");
     keys.extend(parse_toml::<toml::Table>(source, &format!("{key} = {value}\n"))?);
-    parse_toml(source, &keys.to_string())
+    let changed: RobotConfig = parse_toml(source, &keys.to_string())?;
+    Ok(changed.three_links().unwrap_or(robot).clone())
 }
 
 /// Returns the names of all scalar quantities of a robot and a gait, which include the index of the link, wheel or
 /// joint. These are the quantities of `simulate --sensitivities` except the frequency.
-pub(super) fn number_names(robot: &RobotConfig, gait: &GaitConfig) -> Vec<String> {
+pub(super) fn number_names(robot: &ThreeLinkRobot, gait: &GaitConfig) -> Vec<String> {
     robot.names().into_iter().chain(gait_keys(gait)).collect()
 }
 
 /// Returns the robot and the gait with one of the quantities listed by [`number_names`] set to `value`; `None` if the
 /// name is unknown.
 pub(super) fn with_number(
-    robot: &RobotConfig,
+    robot: &ThreeLinkRobot,
     gait: &GaitConfig,
     name: &str,
     value: f64,
-) -> Option<(RobotConfig, GaitConfig)> {
+) -> Option<(ThreeLinkRobot, GaitConfig)> {
     let mut changed = gait.clone();
     match set_gait(&mut changed, name, &value.to_string()) {
         Ok(true) => Some((robot.clone(), changed)),
@@ -167,7 +167,11 @@ mod tests {
     /// Returns the campaigns of the paper, with the optional parameters set for one robot and one gait.
     fn config() -> Config {
         let mut config = Config::default();
-        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        let robot = config
+            .robot
+            .get_mut("kinematic")
+            .and_then(RobotConfig::three_links_mut)
+            .expect("the paper's");
         robot.set_load_n([8.0, 3.0, 7.0]);
         robot.set(Quantity::SkidStatic, [0.3, 0.2, 0.1]);
         robot.set(Quantity::Stribeck, [0.02]);
@@ -183,7 +187,7 @@ mod tests {
     fn every_number_of_a_robot_and_a_gait_can_be_changed_and_nothing_else() {
         let config = config();
         for campaign in config.campaign.values() {
-            let robot = &config.robot[&campaign.robot];
+            let robot = config.robot[&campaign.robot].three_links().expect("the paper's");
             let gait = &config.gait[&campaign.gait];
             let known = number_names(robot, gait);
             for name in
@@ -201,7 +205,7 @@ mod tests {
                 assert_eq!(with_number(robot, gait, name, 1.0), None, "{name}");
             }
         }
-        let robot = &config.robot["semi-passive"];
+        let robot = config.robot["semi-passive"].three_links().expect("the paper's");
         let gait = &config.gait["passive-symmetric"];
         assert_eq!(gait.to_gait(), Gait::passive_symmetric());
         assert_eq!(with_number(robot, gait, "offset1_deg", 1.0), None);
@@ -212,7 +216,7 @@ mod tests {
         let set = |setting: &str| {
             let settings = [setting.to_owned()];
             let config = with_settings(config(), "kinematic-symmetric", &settings).expect(setting);
-            config.robot["kinematic"].clone()
+            config.robot["kinematic"].three_links().expect("the paper's").clone()
         };
         let robot = |setting: &str| set(setting).to_robot();
         assert_eq!(robot("mass0_kg=1.05").mass_kg[0], 1.05);
@@ -222,9 +226,9 @@ mod tests {
         assert_eq!(robot("roll_sum_kg_s=2.4").roll_kg_s, [1.2, 0.6, 0.6]);
         // In newtons, which is possible because the load is known; the other wheels keep their values.
         assert_eq!(robot("skid_dry1_n=1.5").skid_dry_n[1], 1.5);
-        let known = config().robot["kinematic"].clone();
+        let known = config().robot["kinematic"].three_links().expect("the paper's").clone();
         let changed = set("skid_dry1_n=1.5");
-        let others = |of: &RobotConfig| of.get(Quantity::SkidDry).map(|dry| [dry[0], dry[2]]);
+        let others = |of: &ThreeLinkRobot| of.get(Quantity::SkidDry).map(|dry| [dry[0], dry[2]]);
         assert_eq!(others(&changed), others(&known));
         assert_eq!(changed.get(Quantity::RollDry), known.get(Quantity::RollDry));
         // The key for all wheels is relative to the load.

@@ -258,7 +258,7 @@ fn the_uncertainty_of_robot_parameters_is_part_of_the_interval() {
     let trials = trials(CAMPAIGN, &viscous(CAMPAIGN), 1);
     let mut config = config(CAMPAIGN, &[Model::SKID_ROLL]);
     let exact = fitted(&config, trials.clone()).fits.remove(0);
-    let robot = config.robot.get_mut("kinematic").unwrap();
+    let robot = config.robot.get_mut("kinematic").unwrap().three_links_mut().unwrap();
     robot.set_deviation(Quantity::Roll, [0.06, 0.03, 0.03]);
     let uncertain = fitted(&config, trials).fits.remove(0);
     for of in Quantity::Skid.of_each() {

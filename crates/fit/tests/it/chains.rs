@@ -9,9 +9,7 @@ use trilink_fit::{Fitted, fit};
 use trilink_mechanics::{Model, Problem, REFERENCE_ACCURACY, Solver};
 use trilink_robot::metrics::{GaitMetrics, Metric};
 use trilink_robot::{AnyRobot, Laws, Parameter, Quantity};
-use trilink_tables::config::{
-    ChainCampaign, Config, Free, GaitInput, Robots, SharedFits, SigmaKind,
-};
+use trilink_tables::config::{Campaign, Config, Free, GaitInput, Robots, SharedFits, SigmaKind};
 use trilink_tables::{Columns as _, FitRow, TrialRow};
 
 /// Relative standard deviation of the noise of a trial's metrics.
@@ -39,7 +37,7 @@ impl Case {
     fn config(&self, bootstrap: usize) -> Config {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/robots");
         let mut config = Config::load(&folder.join(self.file).with_extension("toml")).unwrap();
-        let campaign = config.chains.campaign.get_mut(self.campaign).unwrap();
+        let campaign = config.campaign.get_mut(self.campaign).unwrap();
         campaign.models = vec![Model::SKID_ROLL];
         let free = toml::Value::from(self.free.to_vec()).try_into::<Free>().unwrap();
         campaign.free.insert(Model::SKID_ROLL, free);
@@ -124,13 +122,16 @@ fn fits_without_noise_recover_the_coefficients_of_every_robot_of_the_gallery() {
 fn campaigns_of_one_robot_that_are_fitted_together_keep_their_own_commands() {
     let mut config = CASES[5].config(0);
     let (gait, campaign) = ("wobble", "rotor-car-2");
-    let own = config.chains.campaign[CASES[5].campaign].clone();
-    let mut other = config.chains.gait[&own.gait].clone();
-    other.rotor.values_mut().for_each(|rotor| rotor.amplitude_deg *= 1.4);
-    config.chains.gait.insert(gait.to_owned(), other);
-    let own = ChainCampaign { gait: gait.to_owned(), ..own };
+    let own = config.campaign[CASES[5].campaign].clone();
+    let mut other = config.gait[&own.gait].clone();
+    other
+        .rotor
+        .values_mut()
+        .for_each(|rotor| rotor.amplitude_deg = rotor.amplitude_deg.map(|deg| 1.4 * deg));
+    config.gait.insert(gait.to_owned(), other);
+    let own = Campaign { gait: gait.to_owned(), ..own };
     let robot = own.robot.clone();
-    config.chains.campaign.insert(campaign.to_owned(), own);
+    config.campaign.insert(campaign.to_owned(), own);
     config.fit.shared = Some(SharedFits { robot: Robots(vec![robot]) });
     let mut trials = CASES[5].trials(&config, 0.0, 0);
     trials.extend(super::chains::trials(&config, campaign, Laws::SKID_ROLL, 0.0, 0));

@@ -4,7 +4,7 @@ use trilink_fit::{Fitted, fit};
 use trilink_mechanics::{Model, Problem, REFERENCE_ACCURACY};
 use trilink_robot::{Laws, Parameter, Quantity, RollLaw, SkidLaw};
 use trilink_synth::OMEGAS_RAD_S;
-use trilink_tables::config::{Config, Free, GaitInput, ModelConfig, SigmaKind};
+use trilink_tables::config::{Config, Free, GaitInput, ModelConfig, RobotConfig, SigmaKind};
 use trilink_tables::{Columns as _, FitRow, LawKind, TrialRow};
 
 const CAMPAIGNS: [&str; 3] = ["kinematic-symmetric", "kinematic-skewed", "semi-passive-symmetric"];
@@ -103,7 +103,8 @@ fn fitted_with(
     config.model.insert(model, planted_model);
     config.campaign.retain(|name, _| name == campaign);
     config.campaign.get_mut(campaign).unwrap().models = vec![model];
-    let robot = config.robot.get_mut(&config.campaign[campaign].robot).unwrap();
+    let robot = config.robot.get_mut(&config.campaign[campaign].robot);
+    let robot = robot.and_then(RobotConfig::three_links_mut).unwrap();
     robot.set(Quantity::SkidStatic, [2.0, 1.0, 1.0]);
     robot.set(Quantity::Stribeck, [0.03]);
     robot.set(Quantity::RollDry, [0.1, 0.05, 0.05]);
@@ -158,7 +159,13 @@ fn a_law_that_is_viscous_in_all_of_its_motions_is_reported_as_viscous() {
     ];
     let case = Case { laws: Laws::COULOMB, planted: &PLANTED };
     let mut config = Config::default();
-    config.robot.get_mut("kinematic").unwrap().set(Quantity::Transition, [0.8]);
+    config
+        .robot
+        .get_mut("kinematic")
+        .unwrap()
+        .three_links_mut()
+        .unwrap()
+        .set(Quantity::Transition, [0.8]);
     let fit = fitted_with(CAMPAIGNS[0], &case, 1, config);
     assert!(max_error(&fit, case.planted) < 1e-3, "{:?}", fit.parameters);
     let like = fit.law_is_like.expect("another law");

@@ -5,7 +5,9 @@ use std::path::Path;
 use trilink_fit::fit;
 use trilink_mechanics::{Laws, Model};
 use trilink_robot::{Parameter, Quantity};
-use trilink_tables::config::{Config, Free, GaitInput, LinkConfig, Robots, SharedFits, SigmaKind};
+use trilink_tables::config::{
+    Config, Free, GaitInput, LinkConfig, RobotConfig, Robots, SharedFits, SigmaKind,
+};
 use trilink_tables::{FitRow, NotTested, NotTestedReason, SharedFitRow, Sharing, TrialRow};
 
 use crate::chains::trials;
@@ -17,26 +19,26 @@ const SKID_KG_S: [f64; 3] = [50.0, 100.0, 130.0];
 
 /// Returns a link of a robot: 0 is the first.
 fn link<'c>(config: &'c mut Config, robot: &str, number: usize) -> &'c mut LinkConfig {
-    &mut config.chains.robot.get_mut(robot).unwrap().links[number]
+    &mut config.robot.get_mut(robot).unwrap().chain_mut().unwrap().links[number]
 }
 
 /// Returns the configuration of the twistcar and the roller racer of the gallery, which have a front wheel in common, and
 /// of a second twistcar (`copy`) whose rear wheel is that of the racer's seat.
 fn config(robots: &[&str]) -> Config {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/robots");
-    let load = |file: &str| Config::load(&folder.join(file)).unwrap().chains;
+    let load = |file: &str| Config::load(&folder.join(file)).unwrap();
     let mut config = Config::load(&folder.join("twistcar.toml")).unwrap();
     let racer = load("roller-racer.toml");
-    config.chains.robot.extend(racer.robot);
-    config.chains.gait.extend(racer.gait);
-    config.chains.campaign.extend(racer.campaign);
-    let twistcar = config.chains.robot["twistcar"].clone();
-    config.chains.robot.insert("copy".to_owned(), twistcar);
-    let mut campaign = config.chains.campaign["twistcar"].clone();
+    config.robot.extend(racer.robot);
+    config.gait.extend(racer.gait);
+    config.campaign.extend(racer.campaign);
+    let twistcar = config.robot["twistcar"].clone();
+    config.robot.insert("copy".to_owned(), twistcar);
+    let mut campaign = config.campaign["twistcar"].clone();
     campaign.robot = "copy".to_owned();
-    config.chains.campaign.insert("copy".to_owned(), campaign);
-    config.chains.campaign.retain(|name, _| robots.contains(&name.as_str()));
-    for campaign in config.chains.campaign.values_mut() {
+    config.campaign.insert("copy".to_owned(), campaign);
+    config.campaign.retain(|name, _| robots.contains(&name.as_str()));
+    for campaign in config.campaign.values_mut() {
         campaign.models = vec![Model::SKID_ROLL];
     }
     for (robot, number, wheel) in
@@ -57,21 +59,22 @@ fn config(robots: &[&str]) -> Config {
 
 fn set_free(config: &mut Config, model: Model, free: &[&str]) {
     let free = toml::Value::from(free.to_vec()).try_into::<Free>().unwrap();
-    for campaign in config.chains.campaign.values_mut() {
+    for campaign in config.campaign.values_mut() {
         campaign.free.insert(model, free.clone());
     }
 }
 
 /// Returns trials of all campaigns with the configured coefficients.
 fn all_trials(config: &Config, laws: Laws, noise: f64) -> Vec<TrialRow> {
-    let campaigns = config.chains.campaign.keys().zip(7..);
+    let campaigns = config.campaign.keys().zip(7..);
     campaigns.flat_map(|(campaign, seed)| trials(config, campaign, laws, noise, seed)).collect()
 }
 
 /// Returns the rows of the shared fits with a configuration that starts from other coefficients than those of the trials.
 fn shared(config: &Config, trials: Vec<TrialRow>) -> Vec<SharedFitRow> {
     let mut config = config.clone();
-    for link in config.chains.robot.values_mut().flat_map(|robot| &mut robot.links) {
+    let chains = config.robot.values_mut().filter_map(RobotConfig::chain_mut);
+    for link in chains.flat_map(|chain| &mut chain.links) {
         link.skid_kg_s = link.skid_kg_s.map(|skid| 1.3 * skid);
     }
     fit(&config, &trials.into(), &|_| {}).shared
@@ -144,11 +147,11 @@ fn three_robots_in_a_row_are_one_group() {
 fn wheels_under_different_loads_share_coefficients_of_friction() {
     let mut config = config(&PAIR);
     let coulomb = Model::new("coulomb");
-    for campaign in config.chains.campaign.values_mut() {
+    for campaign in config.campaign.values_mut() {
         campaign.models = vec![coulomb];
     }
     for (robot, loads_n) in PAIR.into_iter().zip([[3.0, 10.0], [6.0, 12.0]]) {
-        config.chains.robot.get_mut(robot).unwrap().transition_m_s = Some(0.02);
+        config.robot.get_mut(robot).unwrap().chain_mut().unwrap().transition_m_s = Some(0.02);
         for (number, load_n) in loads_n.into_iter().enumerate() {
             let link = link(&mut config, robot, number);
             (link.load_n, link.skid_dry_n) = (Some(load_n), Some(0.3));
@@ -168,11 +171,11 @@ fn wheels_under_different_loads_share_coefficients_of_friction() {
 fn joints_of_later_robots_have_numbers_after_those_of_the_first() {
     let mut config = config(&["twistcar"]);
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/robots");
-    let rotor_car = Config::load(&folder.join("rotor-car.toml")).unwrap().chains;
-    config.chains.robot.extend(rotor_car.robot);
-    config.chains.gait.extend(rotor_car.gait);
-    config.chains.campaign.extend(rotor_car.campaign);
-    let campaign = config.chains.campaign.get_mut("rotor-car").unwrap();
+    let rotor_car = Config::load(&folder.join("rotor-car.toml")).unwrap();
+    config.robot.extend(rotor_car.robot);
+    config.gait.extend(rotor_car.gait);
+    config.campaign.extend(rotor_car.campaign);
+    let campaign = config.campaign.get_mut("rotor-car").unwrap();
     campaign.models = vec![Model::SKID_ROLL];
     link(&mut config, "rotor-car", 0).wheel = Some("front".to_owned());
     let robots = ["twistcar", "rotor-car"].map(str::to_owned);

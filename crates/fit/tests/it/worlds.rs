@@ -11,7 +11,7 @@ use trilink_fit::{FitData, Fitted, fit};
 use trilink_robot::metrics::{GaitMetrics, padded};
 use trilink_robot::{Gait, Model, Quantity, Robot};
 use trilink_statistics::{HALF_WIDTH_95, student};
-use trilink_tables::config::{Config, GaitInput, SigmaKind};
+use trilink_tables::config::{Config, GaitInput, RobotConfig, SigmaKind};
 use trilink_tables::{Columns as _, CycleRow, TrialRow, UndecidedReason};
 
 use super::laboratory::{Floor, steady_metrics};
@@ -102,7 +102,11 @@ fn setup() -> (Config, Robot, Gait) {
 /// Returns the configuration with the standard uncertainties of the robot parameters.
 fn declare(config: &mut Config) {
     let (_, robot, _) = setup();
-    let declared = config.robot.get_mut("kinematic").expect("the robot of the campaign");
+    let declared = config
+        .robot
+        .get_mut("kinematic")
+        .and_then(RobotConfig::three_links_mut)
+        .expect("the robot of the campaign");
     declared.set_deviation(Quantity::Inertia, robot.inertia_kg_m2.map(|value| INERTIA_SD * value));
     declared.set_deviation(Quantity::Roll, robot.roll_kg_s.map(|value| ROLL_SD * value));
     for quantity in [Quantity::H, Quantity::L, Quantity::B] {

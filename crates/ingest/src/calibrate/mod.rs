@@ -29,7 +29,7 @@ use trilink_base::body;
 use trilink_mocap::Recording;
 use trilink_robot::{Gait, Quantity, Robot};
 use trilink_statistics::{Estimate, quantiles_low, wrap};
-use trilink_tables::config::{Config, ConfigError, MarkerLayout, Markers, nearest};
+use trilink_tables::config::{Config, ConfigError, MarkerLayout, nearest};
 use trilink_tables::trial::TrialList;
 
 use super::error::{Problem, TrialFailure};
@@ -140,13 +140,13 @@ pub fn calibrate(config: &Config, folder: &Path, id: &str) -> Result<Calibrated,
     let file = trilink_mocap::read_markers(&path, vicon.unit).map_err(TrialFailure::from)?;
     let file = input.with_layout_labels(file);
     let calibrated = settings.frame_rate(&file).and_then(|rate_hz| {
-        match (markers, input.three_links(trial), input.subject(trial)) {
-            (MarkerLayout::ThreeLinks(markers), Some((robot, gait)), _) => {
+        match (input.three_links(trial), input.subject(trial)) {
+            (Some((robot, gait)), _) => {
                 let found = calibrate_recording(&file, markers, &robot, gait.as_ref(), rate_hz)?;
                 let found = found.require_straight_links()?;
                 Ok(Calibrated::ThreeLinks(Calibration { trial: trial.id.clone(), ..found }))
             }
-            (_, _, subject) => {
+            (None, subject) => {
                 let found = chain::calibrate(&file, markers, subject, rate_hz)?;
                 let robot = trial.robot_name(config).unwrap_or_default().to_owned();
                 let trial = trial.id.clone();
@@ -224,12 +224,12 @@ impl Calibration {
 /// Returns an error if the markers do not form three rigid groups or if a joint turns too little.
 pub fn calibrate_recording(
     file: &Recording,
-    markers: &Markers,
+    markers: &MarkerLayout,
     robot: &Robot,
     gait: Option<&(Gait, f64)>,
     rate_hz: f64,
 ) -> Result<Calibration, Problem> {
-    let configured = locate(&markers.clone().into(), file).ok();
+    let configured = locate(markers, file).ok();
     let is_grouped = configured.is_none();
     let groups = match configured {
         Some(layout) => {

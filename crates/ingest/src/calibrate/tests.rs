@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use trilink_statistics::median;
 use trilink_synth::{Recipe, synthesise};
-use trilink_tables::config::{ChainGait, CommandConfig, JointKind};
+use trilink_tables::config::{CommandConfig, GaitConfig, JointKind, RobotConfig};
 
 use super::*;
 
@@ -72,8 +72,8 @@ fn layouts_and_h_are_found_to_a_fifth_of_a_millimetre() {
 fn directions(seeds: std::ops::RangeInclusive<u64>, oblique_deg: f64) -> Vec<[f64; 2]> {
     let mut config = Config::default();
     let gait = config.gait.get_mut("symmetric").unwrap();
-    gait.joint1.as_mut().unwrap().offset_deg += oblique_deg;
-    gait.joint2.as_mut().unwrap().offset_deg -= oblique_deg;
+    gait.joint1.as_mut().unwrap().offset_deg = Some(oblique_deg);
+    gait.joint2.as_mut().unwrap().offset_deg = Some(-oblique_deg);
     config.campaign.retain(|name, _| name == "kinematic-symmetric");
     let of_seed = |seed: u64| {
         let folder = tempfile::tempdir().unwrap();
@@ -183,7 +183,7 @@ fn a_trial_that_does_not_determine_the_layout_gives_the_reason() {
     let mut silent = config.clone();
     let gait = silent.gait.get_mut("skewed").unwrap();
     for joint in [&mut gait.joint1, &mut gait.joint2] {
-        joint.as_mut().unwrap().offset_deg = 0.0;
+        joint.as_mut().unwrap().offset_deg = None;
     }
     let bent = message(&silent, "kinematic-skewed-3.90-r1");
     assert!(bent.contains("the gait's mean joint angle is "), "{bent}");
@@ -266,13 +266,14 @@ fn mean_skid_to_one_side_does_not_bias_the_ends_of_chains() {
         ("driven-snake", &[2.0, 0.0, 0.0, 0.0, 0.0, -2.0]),
     ] {
         let mut config = gallery(robot);
-        let joints = config.chains.robot.values_mut().flat_map(|robot| &mut robot.joints);
+        let chains = config.robot.values_mut().filter_map(RobotConfig::chain_mut);
+        let joints = chains.flat_map(|chain| &mut chain.joints);
         for joint in joints {
             joint.kind = JointKind::Driven;
             (joint.stiffness_nm_rad, joint.damping_nm_s_rad) = (None, None);
         }
-        let gait = config.chains.gait.values_mut().next().unwrap();
-        let ChainGait { joint1, joint2, joint3, joint4, joint5, joint6, .. } = gait;
+        let gait = config.gait.values_mut().next().unwrap();
+        let GaitConfig { joint1, joint2, joint3, joint4, joint5, joint6, .. } = gait;
         let commands = [joint1, joint2, joint3, joint4, joint5, joint6];
         for (n, (command, offset_deg)) in commands.into_iter().zip(offsets_deg).enumerate() {
             let wave = CommandConfig {
@@ -298,7 +299,7 @@ fn mean_skid_to_one_side_does_not_bias_the_ends_of_chains() {
 fn links_of_chains_are_found_although_the_labels_differ() {
     let config = gallery("passive-snake");
     let mut other = config.clone();
-    for markers in other.chains.layout.get_mut("passive").unwrap().values_mut() {
+    for markers in other.layout.get_mut("passive").unwrap().values_mut() {
         let renamed = markers.0.iter().map(|(label, at)| (format!("other-{label}"), *at));
         markers.0 = renamed.collect();
     }
@@ -307,7 +308,7 @@ fn links_of_chains_are_found_although_the_labels_differ() {
     let first = found.links.iter().map(|link| link.markers[0].label.as_str());
     assert_eq!(first.collect::<Vec<_>>(), ["H1", "B1", "T1", "N1"]);
     // Without a driven joint nothing shows which end is the front.
-    for joint in &mut other.chains.robot.get_mut("passive").unwrap().joints {
+    for joint in &mut other.robot.get_mut("passive").unwrap().chain_mut().unwrap().joints {
         joint.kind = JointKind::Elastic;
     }
     let error = calibrated_chain(&config, &other, 6.0).unwrap_err();

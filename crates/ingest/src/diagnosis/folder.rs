@@ -6,8 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 use serde_json::Value;
 use trilink_base::Named as _;
-use trilink_robot::{AnyRobot, JointCommand};
-use trilink_tables::config::{ChainGait, Config};
+use trilink_robot::JointCommand;
+use trilink_tables::config::{Config, GaitConfig};
 use trilink_tables::trial::{ListedTrial, Trial, TrialFolder, TrialFolders, TrialKind};
 use trilink_tables::{CheckRow, Severity, TrialRow, TrialStatus, UnlikeRepeats, without_file};
 
@@ -54,24 +54,15 @@ struct IgnoredTrial {
 
 impl FolderInput {
     pub fn new(config: &Config, TrialFolders { folders, ignored, .. }: &TrialFolders) -> Self {
-        let of_robots = config.campaign.iter().filter_map(|(name, campaign)| {
-            let joints = config.gait.get(&campaign.gait)?.to_gait().joints.to_vec();
-            Some((name.clone(), CampaignGait { joints, is_of_chain: false }))
+        let gaits = config.campaign.keys().filter_map(|name| {
+            let (robot, gait) = config.setup(name)?;
+            let joints = gait.joints[..robot.joints()].to_vec();
+            Some((name.clone(), CampaignGait { joints, is_of_chain: robot.as_chain().is_some() }))
         });
-        let of_chains = config.chains.campaign.keys().filter_map(|name| {
-            let chain = config.chain_setup(name)?;
-            let joints = chain.gait().joints[..chain.joints.len()].to_vec();
-            Some((name.clone(), CampaignGait { joints, is_of_chain: true }))
-        });
-        let gaits = of_robots.chain(of_chains);
         let unlisted = folders.iter().map(|folder| (folder.name.clone(), unlisted_files(folder)));
-        let of_three = config.robot.iter().map(|(name, robot)| (name, robot.to_robot().into()));
-        let chains = config.chains.robot.iter();
-        let chains =
-            chains.map(|(name, robot)| (name, robot.to_chain(&ChainGait::default()).into()));
-        let roll_kg_s = of_three
-            .chain(chains)
-            .map(|(name, robot): (_, AnyRobot)| (name.clone(), robot.roll_kg_s()));
+        let roll_kg_s = config.robot.iter().map(|(name, robot)| {
+            (name.clone(), robot.to_robot(&GaitConfig::default()).roll_kg_s())
+        });
         let ignored = ignored.iter().map(|ListedTrial { folder, id, trial }| IgnoredTrial {
             folder: folders[*folder].name.clone(),
             id: id.clone(),

@@ -213,7 +213,7 @@ mod tests {
         let file = read_markers(path, LengthUnit::Mm).unwrap();
         let link0 = link0.into_iter().map(|label| (label.to_owned(), [0.0; 3])).collect();
         let markers = Markers { link0, link1: BTreeMap::new(), link2: BTreeMap::new() };
-        locate(&markers.into(), &file).map_err(|problem| problem.in_file(Path::new("a.csv")))
+        locate(&(&markers).into(), &file).map_err(|problem| problem.in_file(Path::new("a.csv")))
     }
 
     #[test]

@@ -279,13 +279,15 @@ fn check(fitted: &[(usize, &TrialRow)], cells: &Cells, config: &Config, problems
     }
     // Rows with wrong cells are not checked any further.
     let known_wrong: BTreeSet<usize> = problems.iter().filter_map(|(row, _)| *row).collect();
-    let campaigns: Vec<&str> = config.campaign.keys().map(String::as_str).collect();
+    let campaigns = config.campaign.keys().map(String::as_str);
+    let campaigns: Vec<&str> =
+        campaigns.filter(|name| config.chain_notice(name).is_none()).collect();
     let mut unknown: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
     let mut names: BTreeMap<&str, usize> = BTreeMap::new();
     for &(row, trial) in fitted {
         let TrialRow { trial: name, campaign, omega_rad_s, metrics, .. } = trial;
         let mut add = |problem: String| problems.push((Some(row), problem));
-        if cells.has_column("campaign") && !config.campaign.contains_key(campaign) {
+        if cells.has_column("campaign") && !campaigns.contains(&campaign.as_str()) {
             unknown.entry(campaign).or_insert((row, 0)).1 += 1;
         }
         if let Some(first) = names.insert(name, row) {

@@ -10,7 +10,7 @@ use trilink_robot::{
     WheelFriction, in_world,
 };
 use trilink_synth::{Recipe, synthesise};
-use trilink_tables::config::Smoothing;
+use trilink_tables::config::{RobotConfig, Smoothing};
 use trilink_tables::trial::TrialKind;
 
 use super::*;
@@ -302,7 +302,7 @@ fn releases_and_coast_downs_of_chains_give_back_the_planted_numbers() {
     let mut released = BTreeSet::new();
     for robot in ["twistcar", "elastic-snake", "passive-snake", "driven-snake", "rotor-car"] {
         let mut config = gallery(robot);
-        if let Some(chain) = config.chains.robot.get_mut("passive") {
+        if let Some(chain) = config.robot.get_mut("passive").and_then(RobotConfig::chain_mut) {
             // The last joint swings as well.
             chain.joints[2].damping_nm_s_rad = Some(0.002);
         }
@@ -317,7 +317,7 @@ fn releases_and_coast_downs_of_chains_give_back_the_planted_numbers() {
                     assert!((value / truth - 1.0).abs() < 0.03, "{name}: {what} {value} {truth}");
                     deviations.push((format!("{name} {seed}: {what}"), (value - truth) / se));
                 };
-                let chain = &config.chains.robot[trial.robot.as_ref().unwrap()];
+                let chain = config.robot[trial.robot.as_ref().unwrap()].chain().unwrap();
                 if trial.kind == TrialKind::JointRelease {
                     assert!(trial.id.contains(&format!("joint{joint}")), "{name}: joint {joint}");
                     released.insert((robot, joint));
@@ -346,7 +346,7 @@ fn releases_and_coast_downs_of_chains_give_back_the_planted_numbers() {
 #[test]
 fn a_slope_is_told_from_the_dry_friction_of_a_chain() {
     let mut config = gallery("driven-snake");
-    for link in &mut config.chains.robot.get_mut("snake").unwrap().links {
+    for link in &mut config.robot.get_mut("snake").unwrap().chain_mut().unwrap().links {
         link.roll_dry_n = Some(0.02);
     }
     let folder = tempfile::tempdir().unwrap();
@@ -360,10 +360,9 @@ fn a_slope_is_told_from_the_dry_friction_of_a_chain() {
         all.checks.extend(checks);
         all.parameters.extend(parameters);
     }
-    let robots = config.chains.robot.iter();
-    let roll_kg_s = robots.map(|(name, robot)| {
-        (name.clone(), AnyRobot::from(robot.to_chain(&Default::default())).roll_kg_s())
-    });
+    let robots = config.robot.iter();
+    let roll_kg_s =
+        robots.map(|(name, robot)| (name.clone(), robot.to_robot(&Default::default()).roll_kg_s()));
     estimate_slopes(&mut all, &roll_kg_s.collect());
     let row = &all.parameters[0];
     assert_eq!((row.law, row.pooled_trials), (Some(DecayLaw::CoulombViscous), 4));
@@ -385,7 +384,7 @@ fn a_slope_is_told_from_the_dry_friction_of_a_chain() {
 #[test]
 fn a_release_of_a_driven_joint_is_refused() {
     let mut config = gallery("passive-snake");
-    for joint in &mut config.chains.robot.get_mut("passive").unwrap().joints[1..] {
+    for joint in &mut config.robot.get_mut("passive").unwrap().chain_mut().unwrap().joints[1..] {
         joint.stiffness_nm_rad = Some(5.0);
     }
     let folder = tempfile::tempdir().unwrap();

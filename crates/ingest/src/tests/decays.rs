@@ -14,7 +14,7 @@ const RATE_HZ: f64 = 120.0;
 const STEPS: usize = 400;
 
 fn robot() -> Robot {
-    Config::default().robot["semi-passive"].to_robot()
+    Config::default().robot["semi-passive"].three_links().unwrap().to_robot()
 }
 
 /// Integrates a motion from `begin`, a position and a velocity, by the classical Runge-Kutta method and returns the

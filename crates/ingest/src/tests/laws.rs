@@ -77,7 +77,8 @@ fn measured_with(
     seed: u64,
 ) -> Result<ProcessedTrial, TrialFailure> {
     let robot = "semi-passive";
-    let bytes = trilink_synth::export(config, &config.robot[robot].to_robot(), coordinates, seed);
+    let own = config.robot[robot].three_links().unwrap().to_robot();
+    let bytes = trilink_synth::export(config, &own, coordinates, seed);
     let trial = Trial {
         kind,
         campaign: None,
@@ -141,7 +142,11 @@ fn viscous_rolling_is_rejected_however_small_the_share_of_dry_friction() {
 fn rolling_is_judged_by_the_law_that_the_robot_is_configured_with() {
     let law_check = |roll_kg_s: [f64; 3], roll_dry_n: [f64; 3], coasting: &[[f64; 5]]| {
         let mut config = Config::default();
-        let robot = config.robot.get_mut("semi-passive").expect("the paper's");
+        let robot = config
+            .robot
+            .get_mut("semi-passive")
+            .and_then(RobotConfig::three_links_mut)
+            .expect("the paper's");
         robot.set(Quantity::Roll, roll_kg_s);
         robot.set(Quantity::RollDry, roll_dry_n);
         let ProcessedTrial { row, checks, .. } =

@@ -15,7 +15,7 @@ use trilink_robot::{Quantity, Robot};
 use trilink_statistics::Estimate;
 use trilink_statistics::mean;
 use trilink_synth::{Recipe, Tilt, synthesise};
-use trilink_tables::config::Poses;
+use trilink_tables::config::{Poses, RobotConfig};
 use trilink_tables::trial::TrialFolders;
 use trilink_tables::{Columns as _, Coordinates, Provenance, Severity};
 
@@ -509,7 +509,7 @@ fn an_impossible_value_fails_the_trial_with_the_check_that_found_it() {
 
     let (row, _) = failed(&|config| {
         let joint = config.gait.get_mut("symmetric").unwrap().joint2.as_mut().unwrap();
-        joint.phase_deg = -joint.phase_deg;
+        joint.phase_deg = joint.phase_deg.map(|deg| -deg);
     });
     let phase = "a.csv: W009 gait: joint 2: measured phase -90.6 deg, configured 90: is the sign";
     assert!(row.message.starts_with(phase), "{}", row.message);
@@ -926,7 +926,7 @@ fn h_and_l_that_are_wrong_by_a_millimetre_are_flagged_and_do_not_bend_the_joints
     let recipe = Recipe { omegas_rad_s: vec![3.9], ..Recipe::new(3) };
     let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut wrong = Config::default();
-    for robot in wrong.robot.values_mut() {
+    for robot in wrong.robot.values_mut().filter_map(RobotConfig::three_links_mut) {
         let Robot { h_m, l_m, .. } = robot.to_robot();
         robot.set(Quantity::H, h_m.map(|h_m| h_m + 0.001));
         robot.set(Quantity::L, l_m.map(|l_m| l_m - 0.001));
@@ -963,7 +963,7 @@ fn masses_and_moments_of_inertia_in_grams_are_found_from_the_measured_parameters
     let recipe = Recipe { omegas_rad_s: Vec::new(), ..Recipe::new(4) };
     let trials = synthesise(&Config::default(), folder.path(), &recipe, &|_| Ok(())).unwrap();
     let mut in_grams = Config::default();
-    for robot in in_grams.robot.values_mut() {
+    for robot in in_grams.robot.values_mut().filter_map(RobotConfig::three_links_mut) {
         let Robot { mass_kg, inertia_kg_m2, .. } = robot.to_robot();
         robot.set(Quantity::Mass, mass_kg.map(|mass| 1e3 * mass));
         robot.set(Quantity::Inertia, inertia_kg_m2.map(|inertia| 1e3 * inertia));
@@ -995,7 +995,7 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
         change(&mut config);
         let trials = synthesise(&config, folder.path(), &recipe, &|_| Ok(())).unwrap();
         let mut configured = Config::default();
-        for robot in configured.robot.values_mut() {
+        for robot in configured.robot.values_mut().filter_map(RobotConfig::three_links_mut) {
             robot.set(Quantity::Roll, [0.5, 1.0, 1.5]);
             robot.set(Quantity::Stiffness, [0.25]);
             robot.set(Quantity::Damping, [0.01]);
@@ -1003,7 +1003,8 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
         for trial in trials {
             let processed = process_trial(folder.path(), &trial, &configured).unwrap();
             assert_eq!(processed.row.message, "", "{}", trial.id);
-            let truth = config.robot[trial.robot.as_ref().unwrap()].to_robot();
+            let truth =
+                config.robot[trial.robot.as_ref().unwrap()].three_links().unwrap().to_robot();
             found.push((truth, processed.parameters.unwrap()));
         }
     }
@@ -1013,7 +1014,7 @@ fn measured_parameters(change: &dyn Fn(&mut Config)) -> Vec<(Robot, RobotParamet
 #[test]
 fn a_release_gives_stiffness_and_damping_and_a_coast_down_the_roll_resistance() {
     let stiff = |config: &mut Config| {
-        let robot = config.robot.get_mut("semi-passive").unwrap();
+        let robot = config.robot.get_mut("semi-passive").unwrap().three_links_mut().unwrap();
         robot.set(Quantity::Stiffness, [0.3]);
         robot.set(Quantity::Damping, [0.004]);
         robot.set(Quantity::RestAngle, [45.0]);

@@ -18,7 +18,7 @@ const STEPS: usize = 50;
 const NOISE_M: f64 = 2e-4;
 
 fn robot() -> Robot {
-    Config::default().robot["semi-passive"].to_robot()
+    Config::default().robot["semi-passive"].three_links().unwrap().to_robot()
 }
 
 /// A coast-down on a plane that rises by `slope_deg` along x and y.

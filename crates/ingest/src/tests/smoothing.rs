@@ -63,7 +63,7 @@ impl Truth {
 /// Records the markers with white noise, without tilt, vibration or occlusions.
 fn recording(truth: &Truth, config: &Config, noise_mm: f64) -> trilink_mocap::Recording {
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    let layout = config.markers_of(config.campaign[truth.campaign].robot.as_str());
+    let layout = config.marker_layout(&config.campaign[truth.campaign].robot).unwrap();
     let markers: Vec<(usize, &String, [f64; 3])> = layout
         .links()
         .into_iter()

@@ -24,6 +24,7 @@ pub(crate) use texts::texts;
 
 use trilink_plot::Figure;
 use trilink_robot::{AnyGait, AnyRobot, Gait, JointCommand, Quantity};
+use trilink_tables::config::RobotConfig;
 use trilink_tables::trial::TrialKind;
 use trilink_tables::{Reader, RobotParameterRow, StoreError, TrialRow};
 
@@ -32,7 +33,7 @@ use super::tables::Tables;
 use super::truth::Truth;
 use crate::series::Source;
 use crate::simulated;
-use crate::{ReportInput, optimum, parameters};
+use crate::{ReportInput, optimum};
 
 pub(crate) const SKEWED: &str = "kinematic-skewed";
 pub(crate) const SYMMETRIC: &str = "kinematic-symmetric";
@@ -158,9 +159,9 @@ pub(crate) fn decay(
 ) -> Option<Figure> {
     match row.kind {
         TrialKind::CoastDown => {
-            let robot = input.any_robot(&row.robot)?;
+            let robot = input.robot(&row.robot)?;
             let names = match &robot {
-                AnyRobot::ThreeLinks(_) => parameters::WHEELS.map(str::to_owned).into(),
+                AnyRobot::ThreeLinks(_) => RobotConfig::THREE_LINKS.map(str::to_owned).into(),
                 AnyRobot::Chain(chain) => chain.names_by_number(),
             };
             let transition_m_s = robot.value(Quantity::Transition.one());

@@ -468,6 +468,7 @@ mod tests {
         config
             .robot
             .get_mut("semi-passive")
+            .and_then(trilink_tables::config::RobotConfig::three_links_mut)
             .expect("the paper's")
             .set(trilink_robot::Quantity::Stiffness, [0.2]);
         for (config, joint) in [

@@ -8,7 +8,7 @@ use trilink_mechanics::{FromRest, MotionStatus};
 use trilink_plot::Scale;
 use trilink_robot::metrics::Metric;
 use trilink_robot::{Parameter, Quantity};
-use trilink_tables::config::RobotConfig;
+use trilink_tables::config::{RobotConfig, ThreeLinkRobot};
 use trilink_tables::{FitRow, PredictionSource, Reason, Sharing};
 
 use super::{Drawn, image, images, optima};
@@ -152,13 +152,9 @@ fn fits_with_intervals<'t>(tables: &'t Tables, name: &str) -> impl Iterator<Item
     fits.filter(|fit| !fit.free.is_empty() && fit.no_interval.is_none())
 }
 
-/// Returns whether confidence intervals of a campaign take all parameters of its robot as exact. Those of a chain have no
-/// standard deviations.
+/// Returns whether confidence intervals of a campaign take all parameters of its robot as exact.
 fn is_exact(input: &ReportInput, tables: &Tables, name: &str) -> bool {
-    if input.is_chain(name) {
-        return fits_with_intervals(tables, name).next().is_some();
-    }
-    !taken_as_exact(input, tables, name).is_empty()
+    fits_with_intervals(tables, name).next().is_some()
         && input.configured_robot(name).is_some_and(RobotConfig::is_exact)
 }
 
@@ -168,8 +164,8 @@ fn is_exact(input: &ReportInput, tables: &Tables, name: &str) -> bool {
 /// A quantity that can be fitted is listed only if a fit with confidence intervals holds it fixed.
 fn taken_as_exact(input: &ReportInput, tables: &Tables, name: &str) -> Vec<&'static str> {
     let fits: Vec<&FitRow> = fits_with_intervals(tables, name).collect();
-    let robot = input.configured_robot(name).filter(|_| !fits.is_empty());
-    let exact = robot.into_iter().flat_map(RobotConfig::exact);
+    let robot = input.configured_robot(name).and_then(RobotConfig::three_links);
+    let exact = robot.filter(|_| !fits.is_empty()).into_iter().flat_map(ThreeLinkRobot::exact);
     exact
         .filter(|quantity| {
             let mut held = fits.iter().flat_map(|fit| {

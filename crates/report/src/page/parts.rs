@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use minijinja::context;
 use minijinja::value::{Serde, Value};
 use trilink_robot::metrics::GaitMetrics;
+use trilink_tables::config::RobotConfig;
 use trilink_tables::{CycleRow, TrialRow};
 
 use crate::ReportInput;
 use crate::figures::subscripted;
-use crate::parameters::WHEELS;
 use crate::recording::Recording;
 
 /// Wheels and joints for which a table has columns: the numbers of the links of the wheels, and the indices of the joints.
@@ -116,7 +116,7 @@ impl<'t> WheelNames<'t> {
             campaigns.map(|campaign| (campaign, input.links(campaign))).collect();
         let distinct: BTreeSet<&Vec<String>> = links.values().collect();
         let in_head = match distinct.len() {
-            0 => Some(WHEELS.map(str::to_owned).into()),
+            0 => Some(RobotConfig::THREE_LINKS.map(str::to_owned).into()),
             1 => distinct.into_iter().next().cloned(),
             _ => None,
         };

@@ -32,7 +32,7 @@ pub(crate) fn of_trial(
     skid_scale_m_s: Option<f64>,
 ) -> Option<Replay> {
     let layout = input.marker_layout(robot);
-    let robot = input.any_robot(robot).filter(|of| of.joints() == recording.phi_rad.len())?;
+    let robot = input.robot(robot).filter(|of| of.joints() == recording.phi_rad.len())?;
     let window = window(trial, recording);
     let stride = window.len().div_ceil(MAX_FRAMES).max(1);
     let frames: Vec<usize> = window.clone().step_by(stride).collect();

@@ -17,7 +17,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use trilink_mechanics::{FromRest, Model, MotionStatus};
-use trilink_tables::config::{Config, FigureWidth};
+use trilink_tables::config::{Config, FigureWidth, RobotConfig};
 use trilink_tables::{
     CheckRow, Columns as _, ComparisonRow, FitStatus, Provenance, Reader, RobotParameterRow,
     Severity, TrialRow, TrialStatus,
@@ -48,7 +48,11 @@ fn config(folder: &Path) -> Config {
     config.paths.raw = vec!["raw".into()];
     config.paths.start_at(folder);
     // One robot has a parameter with a standard deviation, and the other has none.
-    let robot = config.robot.get_mut("kinematic").expect("the robot");
+    let robot = config
+        .robot
+        .get_mut("kinematic")
+        .and_then(RobotConfig::three_links_mut)
+        .expect("the robot");
     robot.set_deviation(trilink_robot::Quantity::H, [0.0005]);
     config
 }

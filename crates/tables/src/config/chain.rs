@@ -1,41 +1,27 @@
-//! Robots that are chains of two to eight links: `[robot.NAME]` with the key `links`, and the gaits, campaigns and marker
-//! layouts of these robots.
+//! Robots that are chains of two to eight links: `[robot.NAME]` with the key `links`.
 
 mod check;
 mod deviation;
 mod group;
-mod split;
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use trilink_base::named;
 use trilink_robot::{
-    Chain, Drag, FreeJoint, Joint, JointCommand, Link, Model, Quantity, Rotor, TorqueCommand,
-    Wheel, WheelFriction,
+    Chain, Drag, FreeJoint, Joint, JointCommand, Link, Quantity, Rotor, TorqueCommand, Wheel,
+    WheelFriction,
 };
 
+pub(super) use deviation::spread;
 pub use group::{GroupNumbers, RobotGroup};
-pub(super) use split::take_chains;
 
-use super::robot::Deviation;
-use super::{Config, Free, GaitConfig, JointConfig, LinkMarkers, Weights};
+use super::three_links::Deviation;
+use super::{CommandConfig, GaitConfig};
 use crate::trial::TrialKind;
 
-/// Chains in the configuration, with the gaits, campaigns and marker layouts that belong to chains alone.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Chains {
-    pub robot: BTreeMap<String, ChainRobot>,
-    pub gait: BTreeMap<String, ChainGait>,
-    pub campaign: BTreeMap<String, ChainCampaign>,
-    /// Marker layouts by the name of the robot and the name of the link.
-    pub layout: BTreeMap<String, BTreeMap<String, LinkMarkers>>,
-}
-
 /// Robot whose links form a chain.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ChainRobot {
     /// Links from front to rear.
     pub links: Vec<LinkConfig>,
@@ -119,110 +105,6 @@ named! {
     }
 }
 
-/// Gait of a chain: commands of its joints, and of its rotors by the name of the link.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ChainGait {
-    pub joint1: Option<CommandConfig>,
-    pub joint2: Option<CommandConfig>,
-    pub joint3: Option<CommandConfig>,
-    pub joint4: Option<CommandConfig>,
-    pub joint5: Option<CommandConfig>,
-    pub joint6: Option<CommandConfig>,
-    pub joint7: Option<CommandConfig>,
-    pub rotor: BTreeMap<String, JointConfig>,
-}
-
-/// Command of a joint of a chain: an angle (see [`JointConfig`]), or the torque `mean + torque cos(omega t + phase)`.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CommandConfig {
-    pub offset_deg: Option<f64>,
-    pub amplitude_deg: Option<f64>,
-    pub phase_deg: Option<f64>,
-    pub amplitude2_deg: Option<f64>,
-    pub phase2_deg: Option<f64>,
-    pub torque_nm: Option<f64>,
-    pub mean_nm: Option<f64>,
-}
-
-/// Campaign of a chain.
-#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct ChainCampaign {
-    pub robot: String,
-    pub gait: String,
-    #[serde(default)]
-    pub models: Vec<Model>,
-    pub weights: Option<Weights>,
-    /// Free parameters by model, as in [`Campaign`](super::Campaign).
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub free: BTreeMap<Model, Free>,
-}
-
-impl ChainCampaign {
-    /// Weights of the metrics in the objective if none are configured.
-    pub const WEIGHTS: Weights = Weights { d: 1.0, v: 1.0, sigma: 1.0, alpha: 1.0 };
-}
-
-impl CommandConfig {
-    fn is_torque(&self) -> bool {
-        self.torque_nm.is_some() || self.mean_nm.is_some()
-    }
-
-    /// Returns the command of an angle; the angle is constantly zero if the command is of a torque.
-    fn angle(&self) -> JointCommand {
-        let config = JointConfig {
-            offset_deg: self.offset_deg.unwrap_or_default(),
-            amplitude_deg: self.amplitude_deg.unwrap_or_default(),
-            phase_deg: self.phase_deg.unwrap_or_default(),
-            amplitude2_deg: self.amplitude2_deg,
-            phase2_deg: self.phase2_deg,
-        };
-        config.to_command()
-    }
-
-    fn torque(&self) -> TorqueCommand {
-        TorqueCommand {
-            mean_nm: self.mean_nm.unwrap_or_default(),
-            amplitude_nm: self.torque_nm.unwrap_or_default(),
-            phase_rad: self.phase_deg.unwrap_or_default().to_radians(),
-        }
-    }
-}
-
-impl From<&JointConfig> for CommandConfig {
-    fn from(joint: &JointConfig) -> Self {
-        Self {
-            offset_deg: Some(joint.offset_deg),
-            amplitude_deg: Some(joint.amplitude_deg),
-            phase_deg: Some(joint.phase_deg),
-            amplitude2_deg: joint.amplitude2_deg,
-            phase2_deg: joint.phase2_deg,
-            ..Self::default()
-        }
-    }
-}
-
-/// A gait of the robot with three links, which a chain can have as well.
-impl From<&GaitConfig> for ChainGait {
-    fn from(gait: &GaitConfig) -> Self {
-        Self {
-            joint1: gait.joint1.as_ref().map(Into::into),
-            joint2: gait.joint2.as_ref().map(Into::into),
-            ..Self::default()
-        }
-    }
-}
-
-impl ChainGait {
-    /// Returns the commands of the joints from front to rear; `None` for a joint without a command.
-    pub fn joints(&self) -> [Option<&CommandConfig>; trilink_robot::MAX_JOINTS] {
-        let Self { joint1, joint2, joint3, joint4, joint5, joint6, joint7, .. } = self;
-        [joint1, joint2, joint3, joint4, joint5, joint6, joint7].map(Option::as_ref)
-    }
-}
-
 impl ChainJoint {
     fn to_joint(&self, command: &CommandConfig) -> Joint {
         let mut joint = FreeJoint {
@@ -242,7 +124,7 @@ impl ChainJoint {
 }
 
 impl LinkConfig {
-    fn to_link(&self, name: String, robot: &ChainRobot, rotor: Option<&JointConfig>) -> Link {
+    fn to_link(&self, name: String, robot: &ChainRobot, rotor: Option<&CommandConfig>) -> Link {
         let default = |quantity: Quantity| quantity.definition().default.unwrap_or_default();
         // With a load, forces of dry friction are given relative to it.
         let force_n = |value: Option<f64>| value.unwrap_or_default() * self.load_n.unwrap_or(1.0);
@@ -276,7 +158,7 @@ impl LinkConfig {
             },
             rotor: self.rotor_inertia_kg_m2.map(|inertia_kg_m2| Rotor {
                 inertia_kg_m2,
-                angle: rotor.map_or(JointCommand::new(0.0, 0.0, 0.0), JointConfig::to_command),
+                angle: rotor.map_or(JointCommand::new(0.0, 0.0, 0.0), CommandConfig::angle),
             }),
         }
     }
@@ -328,7 +210,7 @@ impl ChainRobot {
     }
 
     /// Converts the robot and its gait to SI units. A joint or rotor without a command stands still.
-    pub fn to_chain(&self, gait: &ChainGait) -> Chain {
+    pub fn to_chain(&self, gait: &GaitConfig) -> Chain {
         let names = self.names();
         let named = |name: &String| names.iter().position(|other| other == name);
         let middle = self.links.len().saturating_sub(1) / 2;
@@ -348,32 +230,13 @@ impl ChainRobot {
     }
 }
 
-impl Config {
-    /// Returns the gait of a chain, which may also be one of the robot with three links; `None` if there is none with
-    /// this name.
-    pub fn chain_gait(&self, name: &str) -> Option<ChainGait> {
-        let own = self.chains.gait.get(name).cloned();
-        own.or_else(|| self.gait.get(name).map(Into::into))
-    }
-
-    /// Returns why a campaign cannot be used by a command that knows only the robot with three links; `None` if its
-    /// robot is not a chain.
-    pub fn chain_notice(&self, campaign: &str) -> Option<String> {
-        self.chains.campaign.contains_key(campaign).then(|| {
-            format!(
-                "campaign {campaign}: its robot is a chain, which this command does not support"
-            )
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use trilink_robot::{ChainNumber, CommandNumber, LinkNumber};
 
-    use super::super::ConfigError;
+    use super::super::{Config, ConfigError, RobotConfig};
     use super::*;
 
     /// Robot of four links, with a joint of each kind that needs no drive and a rotor.
@@ -433,7 +296,6 @@ mod tests {
     #[test]
     fn a_chain_has_the_values_of_its_keys_in_si_units() {
         let config = load(SNAKE).unwrap();
-        assert!(config.robot.is_empty() && config.gait.is_empty() && config.campaign.is_empty());
         let chain = config.chain_setup("swim").unwrap();
         assert_eq!(chain.check(), Ok(()));
         let names: Vec<&str> = chain.links.iter().map(|link| link.name.as_str()).collect();
@@ -468,9 +330,13 @@ mod tests {
 
         let default = toml::to_string(&Config::default()).unwrap();
         let both = load(&format!("{default}{SNAKE}")).unwrap();
-        assert_eq!(both.chains, load(SNAKE).unwrap().chains);
+        assert_eq!(both.robot["snake"], load(SNAKE).unwrap().robot["snake"]);
         assert_eq!(load(&toml::to_string(&both).unwrap()), Ok(both.clone()));
-        assert_eq!(Config { chains: Chains::default(), ..both }, Config::default());
+        let mut others = both;
+        others.robot.remove("snake");
+        others.gait.remove("swim");
+        others.campaign.remove("swim");
+        assert_eq!(others, Config::default());
     }
 
     #[test]
@@ -513,16 +379,17 @@ mod tests {
             )
             .replacen("rest_deg = -5", "rest_deg = -5, standard_deviation = { rest_deg = 0.5 }", 1);
         let [beside, apart] = [beside, apart].map(|text| load(&text).unwrap());
-        assert_eq!(beside.chains, apart.chains);
-        let [masses, rest] = &beside.chains.robot["snake"].errors()[..] else { panic!("two") };
+        assert_eq!(beside.robot, apart.robot);
+        let snake = beside.robot["snake"].chain().unwrap();
+        let [masses, rest] = &snake.errors()[..] else { panic!("two") };
         let mass = |link| ChainNumber::Link(link, LinkNumber::Mass);
         assert_errors(masses, &[(mass(0), 0.02 * 0.5), (mass(1), 0.002)]);
         let number = ChainNumber::Command(2, CommandNumber::Offset);
         assert_errors(rest, &[(number, 0.5_f64.to_radians())]);
         assert_eq!(beside.chain_setup("swim"), load(SNAKE).unwrap().chain_setup("swim"));
         // A configuration that is written is read again.
-        let written = toml::to_string(&beside.chains.robot["snake"]).unwrap();
-        assert_eq!(toml::from_str::<ChainRobot>(&written).unwrap(), beside.chains.robot["snake"]);
+        let written = toml::to_string(&beside.robot["snake"]).unwrap();
+        assert_eq!(toml::from_str::<RobotConfig>(&written).unwrap(), beside.robot["snake"]);
     }
 
     /// Asserts that numbers of a chain share an error with these standard deviations.
@@ -539,14 +406,14 @@ mod tests {
             .replacen("load_n = 4", "load_n = { value = 4, sd = 0.1 }\nroll_dry_n = 0.05", 1)
             .replacen("skid_dry_n = 0.5", "skid_dry_n = { value = 0.5, sd = \"4 %\" }", 1);
         let config = load(&text).unwrap();
-        let robot = &config.chains.robot["snake"];
+        let robot = config.robot["snake"].chain().unwrap();
         let number = |number| ChainNumber::Link(0, number);
         let [load, coefficient] = &robot.errors()[..] else { panic!("two") };
         let of_load = [(LinkNumber::SkidDry, 0.5 * 0.1), (LinkNumber::RollDry, 0.05 * 0.1)];
         assert_errors(load, &of_load.map(|(of, sd)| (number(of), sd)));
         assert_errors(coefficient, &[(number(LinkNumber::SkidDry), 0.04 * 0.5 * 4.0)]);
         // Both values off by one standard deviation.
-        let off = robot.with_errors(|| 1.0).to_chain(&ChainGait::default());
+        let off = robot.with_errors(|| 1.0).to_chain(&GaitConfig::default());
         let force_n = off.number(number(LinkNumber::SkidDry)).unwrap();
         assert!((force_n - 0.52 * 4.1).abs() < 1e-12);
         assert!((off.number(number(LinkNumber::RollDry)).unwrap() - 0.05 * 4.1).abs() < 1e-12);
@@ -605,11 +472,7 @@ mod tests {
     #[test]
     fn errors_name_the_table_the_key_and_the_remedy() {
         for (old, new, expected) in [
-            (
-                "reference = \"head\"",
-                "h_m = 0.1",
-                "key `robot.snake.h_m`: invalid key beside `links`",
-            ),
+            ("reference = \"head\"", "h_m = 0.1", "line 2: invalid key `h_m` beside `links`"),
             (
                 "reference = \"head\"",
                 "reference = \"haed\"",
@@ -708,7 +571,7 @@ mod tests {
             (
                 "torque_nm = 0.1",
                 "torque_nm = 0.1, amplitude_deg = 3",
-                "key `gait.swim.joint2.amplitude_deg`: found a key of an angle beside a torque",
+                "key `gait.swim.joint2.amplitude_deg`: found 3.0, needed either torque_nm, mean_nm and phase_deg",
             ),
             ("torque_nm = 0.1", "torque_mn = 0.1", "did you mean `torque_nm`?"),
             ("amplitude_deg = 30, ", "", "key `gait.swim.joint1.amplitude_deg`: found nothing"),
@@ -720,7 +583,7 @@ mod tests {
             (
                 "[campaign.swim]",
                 "joint4 = { amplitude_deg = 9 }\n[campaign.swim]",
-                "key `gait.swim.joint4`: found a command, needed no command, because the chain of robot `snake` (campaign \
+                "key `gait.swim.joint4`: found a command, needed no command, because robot `snake` (campaign \
               `swim`) has 3 joints",
             ),
             (
@@ -769,7 +632,8 @@ mod tests {
                 "[robot.a]\nh_m = 0.1\nl_m = 0.1\nb_m = 0.05\nmass_kg = [1, 0.2, 0.2]\n\
               inertia_kg_m2 = [0.01, 0.001, 0.001]\nroll_kg_s = [1, 1, 1]\nskid_kg_s = [1, 1, 1]\n[campaign.other]\nrobot = \"a\"\ngait = \
               \"swim\"\nmodels = [\"skid\"]\nweights = { d = 1, v = 1, sigma = 1, alpha = 0 }\n[campaign.swim]",
-                "key `campaign.other.gait`: found \"swim\", needed a gait with joint1 and joint2 alone",
+                "key `gait.swim.joint2`: found a torque, needed an angle, { amplitude_deg = .. }, or nothing for a passive \
+              joint, because robot `a` (campaign `other`) is described by h_m, l_m and b_m",
             ),
         ] {
             assert!(SNAKE.contains(old), "{old}");

@@ -1,5 +1,8 @@
 //! Validation of a configuration after it has been parsed.
 
+mod campaign;
+mod markers;
+
 use std::collections::BTreeMap;
 use std::fmt::{Debug, Display};
 use std::ops::RangeInclusive;
@@ -7,12 +10,11 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use toml::Value;
-use trilink_base::pattern::{matches, matches_label};
-use trilink_robot::{AnyGait, AnyRobot, Gait, Laws, Model, Parameter, Quantity, Robot};
+use trilink_base::pattern::matches;
+use trilink_robot::{AnyGait, AnyRobot, Model, Parameter, Quantity, Robot};
 
 use super::{
-    Campaign, ChainRobot, Chains, Config, ConfigError, GaitConfig, JointConfig, Markers,
-    ModelConfig, RobotConfig, Robots, SharedFits, did_you_mean, nearest, toml_key,
+    Config, ConfigError, ModelConfig, RobotConfig, Robots, SharedFits, ThreeLinkRobot, nearest,
 };
 
 /// Permitted minimum and maximum of each number in the configuration, by key. In a key, `*` stands for any number of
@@ -82,11 +84,6 @@ const INERTIA_UNITS: [(&str, f64); 5] =
     [("g m^2", 1e-3), ("kg cm^2", 1e-4), ("kg mm^2", 1e-6), ("g cm^2", 1e-7), ("g mm^2", 1e-9)];
 /// Required form of names of robots, gaits, models and campaigns, which occur in file names and messages.
 pub(super) const NAME: &str = "1 to 64 visible characters without `/` and `\\`";
-/// Maximum number of markers on a link: a set of markers is stored as the bits of an integer.
-const MAX_MARKERS: usize = u64::BITS as usize;
-/// Minimum distance in the plane, mm, between the two markers of a link that are farthest apart; closer markers do not
-/// determine the link's heading.
-const MIN_SPREAD_MM: f64 = 5.0;
 /// Minimum width of a figure, mm per point of its font size; narrower figures have no room for their labels.
 const WIDTH_MM_PER_PT: f64 = 7.0;
 
@@ -106,17 +103,18 @@ impl Config {
     pub fn check(&self, path: &Path) -> Result<(), ConfigError> {
         let check = Checker { path };
         // Chains are checked by themselves, so that messages name their links.
-        let others = Self { chains: Chains::default(), ..self.clone() };
+        let mut others = self.clone();
+        others.robot.retain(|_, robot| robot.three_links().is_some());
         let values = Value::try_from(others).expect("a configuration can be serialised");
         check.numbers("", &values)?;
         let raw = &self.paths.raw;
         check.that(!raw.is_empty(), "paths.raw", raw, "at least one folder")?;
         let models: Vec<String> = self.model.keys().map(Model::to_string).collect();
         let tables = [
-            ("robot", self.robot.keys().chain(self.chains.robot.keys()).collect::<Vec<_>>()),
-            ("gait", self.gait.keys().chain(self.chains.gait.keys()).collect()),
+            ("robot", self.robot.keys().collect::<Vec<_>>()),
+            ("gait", self.gait.keys().collect()),
             ("model", models.iter().collect()),
-            ("campaign", self.campaign.keys().chain(self.chains.campaign.keys()).collect()),
+            ("campaign", self.campaign.keys().collect()),
         ];
         for (table, names) in tables {
             for name in names {
@@ -137,31 +135,24 @@ impl Config {
         );
         let has_room = found.is_none_or(|mm| mm >= min_mm);
         check.that(has_room, "report.width_mm", &found.unwrap_or_default(), &needed)?;
-        self.gait.iter().try_for_each(|(name, gait)| check.is_driven(name, gait))?;
-        self.robot.iter().try_for_each(|(name, robot)| check.gyration(name, robot))?;
-        self.robot.iter().try_for_each(|(name, robot)| check.deviations(name, robot))?;
+        self.gait.iter().try_for_each(|(name, gait)| gait.check(&check, name))?;
+        for (name, robot) in &self.robot {
+            match robot {
+                RobotConfig::ThreeLinks(robot) => {
+                    check.gyration(name, robot)?;
+                    check.deviations(name, robot)?;
+                }
+                RobotConfig::Chain(chain) => chain.check(&check, name)?,
+            }
+        }
+        self.check_same_wheels(&check)?;
         for (name, campaign) in &self.campaign {
             self.check_campaign(&check, name, campaign)?;
         }
-        self.check_chains(&check)?;
         if let Some(SharedFits { robot: Robots(robots) }) = &self.fit.shared {
             self.check_shared(&check, robots)?;
         }
         self.check_markers(&check)
-    }
-
-    /// Checks only the robot and the gait of a campaign; the rest of the configuration must be valid. `path`
-    /// is the file named in errors.
-    pub fn check_setup(&self, path: &Path, campaign: &str) -> Result<(), ConfigError> {
-        let check = Checker { path };
-        let entry = check.entry(&self.campaign, &campaign.to_owned(), "campaign")?;
-        self.check_joints(&check, campaign, entry)?;
-        let robot = Value::try_from(&self.robot[&entry.robot]).expect("a robot can be serialised");
-        check.numbers(&format!("robot.{}", entry.robot), &robot)?;
-        let gait = &self.gait[&entry.gait];
-        let values = Value::try_from(gait).expect("a gait can be serialised");
-        check.numbers(&format!("gait.{}", entry.gait), &values)?;
-        check.is_driven(&entry.gait, gait)
     }
 
     /// Checks that each lower bound in `[fit]` and in `[optimise]` is below its upper bound; `fit` is the
@@ -181,194 +172,6 @@ impl Config {
         for (key, bounds) in all {
             let needed = "a lower bound below the upper one";
             check.that(bounds[0] < bounds[1], &key, &bounds, needed)?;
-        }
-        Ok(())
-    }
-
-    /// Checks that a campaign's robot has the joint parameters that its gait needs, and returns the gait.
-    fn check_joints(
-        &self,
-        check: &Checker,
-        name: &str,
-        Campaign { robot, gait, .. }: &Campaign,
-    ) -> Result<Gait, ConfigError> {
-        let config = check.entry(&self.robot, robot, &format!("campaign.{name}.robot"))?;
-        let needed = "a gait with joint1 and joint2 alone, because the robot is described by h_m, l_m and b_m, not by \
-                      links";
-        let is_of_chains = self.chains.gait.contains_key(gait);
-        check.that(!is_of_chains, &format!("campaign.{name}.gait"), gait, needed)?;
-        let commanded = check.entry(&self.gait, gait, &format!("campaign.{name}.gait"))?.to_gait();
-        if commanded.passive_joint().is_some() {
-            let needed = format!(
-                "stiffness_nm_rad and damping_nm_s_rad, because gait `{gait}` of campaign `{name}` leaves a joint passive",
-            );
-            let has_spring = config.get(Quantity::Stiffness).is_some()
-                && config.get(Quantity::Damping).is_some();
-            let key = format!("robot.{robot}.stiffness_nm_rad");
-            check.that(has_spring, &key, &"no spring and damper", &needed)?;
-        }
-        Ok(commanded)
-    }
-
-    fn check_campaign(
-        &self,
-        check: &Checker,
-        name: &str,
-        campaign: &Campaign,
-    ) -> Result<(), ConfigError> {
-        let key = |field: &str| format!("campaign.{name}.{field}");
-        let Campaign { robot, models, weights, .. } = campaign;
-        let commanded = self.check_joints(check, name, campaign)?;
-        check.that(!models.is_empty(), &key("models"), &"an empty list", "at least one model")?;
-        let repeated = (0..models.len()).find(|&i| models[..i].contains(&models[i]));
-        let repeated = repeated.map(|i| models[i].name());
-        check.that(repeated.is_none(), &key("models"), &repeated, "each model once")?;
-        let has_weight =
-            [weights.d, weights.v, weights.sigma, weights.alpha].iter().any(|w| *w > 0.0);
-        check.that(has_weight, &key("weights"), weights, "at least one weight above 0")?;
-        for model in models {
-            check.entry(&self.model, model, &key("models"))?;
-            self.check_laws(check.path, robot, *model)?;
-        }
-        let setup = (self.robot[robot].to_robot().into(), commanded.into());
-        for (model, free) in &campaign.free {
-            let key = key(&format!("free.{model}"));
-            let known: Vec<&str> = models.iter().map(|model| model.name()).collect();
-            let hint = did_you_mean(model.name(), known.iter().copied());
-            let needed = format!("one of the campaign's models `{}`{hint}", known.join("`, `"));
-            check.that(models.contains(model), &key, &model.name(), &needed)?;
-            check.free(&key, *model, &self.model[model], &free.0, Some(&setup))?;
-        }
-        Ok(())
-    }
-
-    /// Checks, for each of `robots` and for each group that common wheels connect, that there are at least two campaigns
-    /// and that all of them list a common model with a free parameter. The campaigns themselves must already have been
-    /// checked.
-    fn check_shared(&self, check: &Checker, robots: &[String]) -> Result<(), ConfigError> {
-        let key = "fit.shared.robot";
-        check.that(!robots.is_empty(), key, &"an empty list", "at least one robot")?;
-        let repeated = (0..robots.len()).any(|i| robots[..i].contains(&robots[i]));
-        check.that(!repeated, key, &robots, "each robot once")?;
-        for robot in robots {
-            if !self.chains.robot.contains_key(robot) {
-                check.entry(&self.robot, robot, key)?;
-            }
-        }
-        let groups = self.connected(&robots.iter().collect::<Vec<_>>());
-        for robot in robots {
-            let is_grouped = groups.iter().any(|group| group.robots.contains(robot));
-            let (campaigns, models) = self.common(std::slice::from_ref(robot));
-            let found = match &campaigns[..] {
-                [] => format!("{robot}, which has no campaign"),
-                all => format!("{robot} with the campaigns {all:?}"),
-            };
-            let (least, needed) = match is_grouped {
-                true => (1, "a robot with a campaign".to_owned()),
-                false => (2, self.needed_to_share(robot, robots)),
-            };
-            check.that(campaigns.len() >= least, key, &found, &needed)?;
-            let needed = "a robot whose campaigns all list the same model with a free parameter";
-            check.that(!models.is_empty(), key, &found, needed)?;
-        }
-        for group in groups {
-            let (campaigns, models) = self.common(&group.robots);
-            let found =
-                format!("{}, whose wheels connect the campaigns {campaigns:?}", group.name());
-            let needed = "robots with common wheels whose campaigns all list the same model with a free parameter";
-            check.that(!models.is_empty(), key, &found, needed)?;
-        }
-        Ok(())
-    }
-
-    /// Returns what a robot without a common wheel needs for a shared fit, with the name of a wheel of the other `robots`
-    /// that may be meant.
-    fn needed_to_share(&self, robot: &String, robots: &[String]) -> String {
-        let wheels = |robot| self.chains.robot.get(robot).into_iter().flat_map(ChainRobot::wheels);
-        let others = robots.iter().filter(|other| *other != robot).flat_map(wheels);
-        let others: Vec<&str> = others.map(String::as_str).collect();
-        let mut hints = wheels(robot).map(|wheel| did_you_mean(wheel, others.iter().copied()));
-        let hint = hints.find(|hint| !hint.is_empty()).unwrap_or_default();
-        format!(
-            "a robot with at least two campaigns, or with a wheel (`wheel` of a link) of the same name as one of another \
-             robot in the list{hint}"
-        )
-    }
-
-    /// Checks that a robot has the coefficients that a model's friction laws require. The robot and the model
-    /// must exist in the configuration. `path` is the file named in errors.
-    pub fn check_laws(&self, path: &Path, robot: &str, model: Model) -> Result<(), ConfigError> {
-        let laws = self.model[&model].laws();
-        let Laws { skid, roll } = laws;
-        for quantity in Quantity::ALL {
-            // By default a resistance is zero, which is not what a model with a law for that resistance
-            // means.
-            if !(quantity.definition().is_resistance && laws.is_used(quantity)) {
-                continue;
-            }
-            let key = quantity.name();
-            let needed = format!(
-                "{key}, which model `{model}` (skid = \"{skid}\", roll = \"{roll}\") requires"
-            );
-            let is_given = self.robot[robot].get(quantity).is_some();
-            let key = format!("robot.{robot}.{key}");
-            (Checker { path }).that(is_given, &key, &"nothing", &needed)?;
-        }
-        Ok(())
-    }
-
-    fn check_markers(&self, check: &Checker) -> Result<(), ConfigError> {
-        self.check_layout(check, "markers", &self.markers)?;
-        for (robot, layout) in &self.layout {
-            let key = format!("layout.{}", toml_key(robot));
-            let is_robot = self.robot.contains_key(robot);
-            check.that(is_robot, &key, robot, "the name of a robot, [robot.NAME]")?;
-            self.check_layout(check, &key, layout)?;
-        }
-        self.check_chain_markers(check)
-    }
-
-    fn check_layout(
-        &self,
-        check: &Checker,
-        name: &str,
-        markers: &Markers,
-    ) -> Result<(), ConfigError> {
-        let links = markers.links().into_iter().enumerate();
-        let links: Vec<_> = links.map(|(i, link)| (format!("{name}.link{i}"), link)).collect();
-        self.check_links(check, &links)
-    }
-
-    /// Checks the markers of the links of a layout, given the key of each link.
-    pub(super) fn check_links(
-        &self,
-        check: &Checker,
-        links: &[(String, &BTreeMap<String, [f64; 3]>)],
-    ) -> Result<(), ConfigError> {
-        let mut owners = BTreeMap::new();
-        for (key, layout) in links {
-            let is_valid_count = (2..=MAX_MARKERS).contains(&layout.len());
-            check.that(is_valid_count, key, &layout.len(), "2 to 64 markers")?;
-            for label in layout.keys() {
-                let ignored = self.vicon.ignore.iter().find(|name| matches_label(name, label));
-                let needed = format!("patterns that do not match `{label}` of {key}");
-                check.that(
-                    ignored.is_none(),
-                    "vicon.ignore",
-                    &ignored.map_or("", |s| s),
-                    &needed,
-                )?;
-                let earlier = owners.insert(label, key);
-                check.that(earlier.is_none(), key, label, "labels that no other link has")?;
-            }
-            let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
-            let has_distinct =
-                pairs.any(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) >= MIN_SPREAD_MM);
-            let in_metres = layout.values().flatten().all(|x| x.abs() < 1.0);
-            let hint = if in_metres { " (are the positions in metres?)" } else { "" };
-            let needed =
-                format!("two markers at least 5 mm apart in the plane, in millimetres{hint}");
-            check.that(has_distinct, key, layout, &needed)?;
         }
         Ok(())
     }
@@ -400,25 +203,9 @@ impl Checker<'_> {
         })
     }
 
-    /// Checks that a gait drives at least one joint, and that every joint command with a phase for the second harmonic
-    /// also has an amplitude for it.
-    fn is_driven(&self, name: &str, gait: &GaitConfig) -> Result<(), ConfigError> {
-        let is_driven = gait.joint1.is_some() || gait.joint2.is_some();
-        self.that(is_driven, &format!("gait.{name}"), &"no joint", "joint1, joint2 or both")?;
-        for (joint, command) in [(1, &gait.joint1), (2, &gait.joint2)] {
-            let Some(JointConfig { amplitude2_deg: None, phase2_deg: Some(found), .. }) = command
-            else {
-                continue;
-            };
-            let key = format!("gait.{name}.joint{joint}.phase2_deg");
-            self.that(false, &key, found, "amplitude2_deg as well")?;
-        }
-        Ok(())
-    }
-
     /// Checks that the radius of gyration of each link, computed from its mass and moment of inertia, is
     /// plausible for the link's length.
-    fn gyration(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
+    fn gyration(&self, name: &str, robot: &ThreeLinkRobot) -> Result<(), ConfigError> {
         let robot = robot.to_robot();
         for link in 0..Robot::LINKS {
             let (length, length_m) = match link {
@@ -465,7 +252,7 @@ impl Checker<'_> {
     }
 
     /// Checks that no standard deviation is larger than the value to which it belongs.
-    fn deviations(&self, name: &str, robot: &RobotConfig) -> Result<(), ConfigError> {
+    fn deviations(&self, name: &str, robot: &ThreeLinkRobot) -> Result<(), ConfigError> {
         robot.large_deviations().try_for_each(|(quantity, times)| {
             let key = format!("robot.{name}.standard_deviation.{quantity}");
             let needed = format!(

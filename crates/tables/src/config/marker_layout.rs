@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::{Config, Markers, link_layout, toml_key};
+use super::{Config, GaitConfig, Markers, RobotConfig, link_layout, toml_key};
 
 /// Markers of a link: positions by label, mm, in the frame of the link (see [`Markers`]).
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -12,99 +12,108 @@ use super::{Config, Markers, link_layout, toml_key};
 pub struct LinkMarkers(#[serde(with = "link_layout")] pub BTreeMap<String, [f64; 3]>);
 
 /// Marker layout of a robot.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum MarkerLayout {
-    ThreeLinks(Markers),
-    Chain(ChainMarkers),
-}
-
-/// Marker layout of a chain.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ChainMarkers {
-    robot: String,
-    /// Names of the links with their markers, by the number of the link.
-    links: Vec<(String, LinkMarkers)>,
+pub struct MarkerLayout {
+    /// Table of the configuration that holds the layout.
+    table: String,
+    /// Links by their numbers.
+    links: Vec<Link>,
 }
 
-/// Serializes the layout as in the configuration: a table of the links by name.
-impl Serialize for ChainMarkers {
+#[derive(Debug, Clone, PartialEq)]
+struct Link {
+    name: String,
+    /// Key of the link in the table.
+    key: String,
+    markers: LinkMarkers,
+}
+
+/// Serializes the layout as in the configuration: a table of the links.
+impl Serialize for MarkerLayout {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.links.iter().map(|(name, markers)| (name, markers)))
+        serializer.collect_map(self.links.iter().map(|link| (&link.key, &link.markers)))
     }
 }
 
-impl From<Markers> for MarkerLayout {
-    fn from(markers: Markers) -> Self {
-        Self::ThreeLinks(markers)
+impl From<&Markers> for MarkerLayout {
+    fn from(markers: &Markers) -> Self {
+        let names = RobotConfig::THREE_LINKS.into_iter().zip(Markers::KEYS).zip(markers.links());
+        let link = |((name, key), markers): ((&str, &str), &BTreeMap<_, _>)| Link {
+            name: name.to_owned(),
+            key: key.to_owned(),
+            markers: LinkMarkers(markers.clone()),
+        };
+        Self { table: "markers".to_owned(), links: names.map(link).collect() }
     }
 }
 
 impl MarkerLayout {
     /// Returns the markers of each link by number.
     pub fn links(&self) -> Vec<&BTreeMap<String, [f64; 3]>> {
-        match self {
-            Self::ThreeLinks(markers) => markers.links().into(),
-            Self::Chain(ChainMarkers { links, .. }) => {
-                links.iter().map(|(_, LinkMarkers(markers))| markers).collect()
-            }
-        }
+        self.links.iter().map(|link| &link.markers.0).collect()
     }
 
     /// Returns the name of a link, given its number.
     pub fn name(&self, link: usize) -> &str {
-        match self {
-            Self::ThreeLinks(_) => ["middle", "front", "rear"][link],
-            Self::Chain(ChainMarkers { links, .. }) => &links[link].0,
-        }
+        &self.links[link].name
     }
 
     /// Returns the table of the configuration that holds the markers of a link, given its number.
     pub fn table_of(&self, link: usize) -> String {
-        match self {
-            Self::ThreeLinks(_) => format!("markers.link{link}"),
-            Self::Chain(ChainMarkers { robot, links }) => link_table(robot, &links[link].0),
-        }
+        format!("{}.{}", self.table, toml_key(&self.links[link].key))
     }
 
     /// Returns the table of the configuration that holds the markers of all links.
     pub fn table(&self) -> String {
-        match self {
-            Self::ThreeLinks(_) => "[markers]".to_owned(),
-            Self::Chain(ChainMarkers { robot, .. }) => format!("[layout.{}]", toml_key(robot)),
-        }
+        format!("[{}]", self.table)
     }
 }
 
-/// Returns the table of the configuration that holds the markers of a link of a chain.
-pub(super) fn link_table(robot: &str, link: &str) -> String {
-    format!("layout.{}.{}", toml_key(robot), toml_key(link))
+impl RobotConfig {
+    /// Returns the keys of the links in a marker layout, from front to rear for a chain.
+    pub(super) fn layout_keys(&self) -> Vec<String> {
+        match self {
+            Self::ThreeLinks(_) => Markers::KEYS.map(str::to_owned).into(),
+            Self::Chain(chain) => chain.names(),
+        }
+    }
 }
 
 impl Config {
     /// Returns the marker layout of a robot; `None` for a chain without a layout and for a robot that is not configured.
     pub fn marker_layout(&self, robot: &str) -> Option<MarkerLayout> {
-        let Some(chain) = self.chains.robot.get(robot) else {
-            return self.robot.contains_key(robot).then(|| self.markers_of(robot).clone().into());
+        let config = self.robot.get(robot)?;
+        let Some(layout) = self.layout.get(robot) else {
+            return config.three_links().map(|_| (&self.markers).into());
         };
-        let layout = self.chains.layout.get(robot)?;
-        let numbering = chain.to_chain(&Default::default()).numbering();
-        let names = chain.names();
-        let links = numbering.into_iter().map(|place| {
-            let name = names[place].clone();
-            let markers = layout.get(&name).cloned().unwrap_or_default();
-            (name, markers)
-        });
-        Some(MarkerLayout::Chain(ChainMarkers { robot: robot.to_owned(), links: links.collect() }))
+        let of = |key: &str| layout.get(key).cloned().unwrap_or_default();
+        let links = match config {
+            RobotConfig::ThreeLinks(_) => {
+                let [link0, link1, link2] = Markers::KEYS.map(|key| of(key).0);
+                MarkerLayout::from(&Markers { link0, link1, link2 }).links
+            }
+            RobotConfig::Chain(chain) => {
+                let names = chain.to_chain(&GaitConfig::default()).names_by_number();
+                let link = |name: String| Link { markers: of(&name), key: name.clone(), name };
+                names.into_iter().map(link).collect()
+            }
+        };
+        Some(MarkerLayout { table: layout_table(robot), links })
     }
 
     /// Returns what a chain without a marker layout needs, for messages.
     pub fn needed_layout(&self, robot: &str) -> String {
-        let names = self.chains.robot.get(robot).map_or(Vec::new(), |chain| chain.names());
-        let tables = names.iter().map(|name| format!("[{}]", link_table(robot, name)));
+        let links = self.robot.get(robot).map_or(Vec::new(), RobotConfig::layout_keys);
+        let table = layout_table(robot);
+        let tables = links.iter().map(|key| format!("[{table}.{}]", toml_key(key)));
         format!(
             "a robot whose marker layout is configured: the positions of the markers of robot `{robot}` in {}",
             tables.collect::<Vec<_>>().join(", ")
         )
     }
+}
+
+/// Returns the table of the configuration that holds the marker layout of a robot.
+pub(super) fn layout_table(robot: &str) -> String {
+    format!("layout.{}", toml_key(robot))
 }

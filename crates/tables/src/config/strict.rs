@@ -269,7 +269,7 @@ mod tests {
         config.fit.shared = Some(SharedFits { robot: Robots(vec!["kinematic".to_owned()]) });
         config.optimise.power_w = Some(2.0);
         config.optimise.torque_nm = Some(0.5);
-        let robot = config.robot.get_mut("semi-passive").unwrap();
+        let robot = config.robot.get_mut("semi-passive").unwrap().three_links_mut().unwrap();
         for quantity in Quantity::ALL.into_iter().filter(|one| one.definition().has_deviation) {
             let is_per_joint = quantity.definition().per == Per::Joint;
             let count = if is_per_joint { 1 } else { quantity.count() };

@@ -11,7 +11,7 @@
 use trilink_mechanics::Problem;
 use trilink_robot::{AnyRobot, ChainNumber, Gait, Laws, Parameter, Quantity as RobotQuantity};
 use trilink_tables::KnownFrom;
-use trilink_tables::config::{ChainRobot, RobotConfig};
+use trilink_tables::config::{ChainRobot, ThreeLinkRobot};
 
 use super::quantity::Quantity;
 use crate::PredictionBands;
@@ -42,7 +42,7 @@ pub(super) struct FittedCoefficients {
 
 impl InputUncertainty {
     /// Takes the standard deviations from the configuration, for all parameters that influence the metrics.
-    pub(in crate::simulate) fn configured(robot: &RobotConfig, laws: Laws, gait: &Gait) -> Self {
+    pub(in crate::simulate) fn configured(robot: &ThreeLinkRobot, laws: Laws, gait: &Gait) -> Self {
         let errors = robot.errors(laws, gait).into_iter();
         Self::of_errors(
             errors.map(|shared| {

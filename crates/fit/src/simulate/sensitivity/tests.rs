@@ -1,6 +1,6 @@
 use trilink_mechanics::REFERENCE_ACCURACY;
 use trilink_robot::{Model, Parameter, Quantity as RobotQuantity, RollLaw, SkidLaw};
-use trilink_tables::config::{Config, ModelConfig};
+use trilink_tables::config::{Config, ModelConfig, RobotConfig};
 use trilink_tables::{Columns as _, SENSITIVE_METRICS};
 
 use super::super::Setup;
@@ -110,7 +110,11 @@ fn derivatives_equal_independent_finite_differences() {
 fn errors_of_values_measured_with_one_instrument_are_added_and_others_are_combined_in_quadrature() {
     let rows = |same: bool| {
         let mut config = Config::default();
-        let robot = config.robot.get_mut("kinematic").expect("the paper's");
+        let robot = config
+            .robot
+            .get_mut("kinematic")
+            .and_then(RobotConfig::three_links_mut)
+            .expect("the paper's");
         robot.set_deviation(RobotQuantity::H, [0.0005]);
         robot.set_deviation(RobotQuantity::L, [0.0005]);
         robot.set_deviation(RobotQuantity::B, [0.001]);
@@ -118,7 +122,7 @@ fn errors_of_values_measured_with_one_instrument_are_added_and_others_are_combin
             robot.set_same(RobotQuantity::H, "ruler");
             robot.set_same(RobotQuantity::L, "ruler");
         }
-        let robot = config.robot["kinematic"].clone();
+        let robot = config.robot["kinematic"].three_links().expect("the paper's").clone();
         let setup =
             Setup::new(config, "kinematic-symmetric", "skid-roll", &[], None).expect("the paper's");
         let uncertainty = InputUncertainty::configured(&robot, setup.laws, &setup.gait.into());
@@ -157,9 +161,13 @@ fn errors_of_values_measured_with_one_instrument_are_added_and_others_are_combin
 #[test]
 fn a_setting_changes_the_quantity_of_the_same_name() {
     let mut config = Config::default();
-    let robot = config.robot.get_mut("kinematic").expect("the paper's");
+    let robot = config
+        .robot
+        .get_mut("kinematic")
+        .and_then(RobotConfig::three_links_mut)
+        .expect("the paper's");
     robot.set_load_n([8.0, 3.0, 7.0]);
-    for robot in config.robot.values_mut() {
+    for robot in config.robot.values_mut().filter_map(RobotConfig::three_links_mut) {
         robot.set(RobotQuantity::SkidStatic, [0.3, 0.2, 0.1]);
         robot.set(RobotQuantity::Stribeck, [0.02]);
         robot.set(RobotQuantity::RollDry, [0.01, 0.02, 0.03]);

@@ -8,11 +8,11 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 use trilink_robot::{ChainNumber, LinkNumber};
 
-use super::super::ConfigError;
 use super::super::check::Checker;
-use super::super::robot::{Deviation, independent_errors};
+use super::super::three_links::{Deviation, independent_errors};
+use super::super::{ConfigError, GaitConfig};
+use super::ChainRobot;
 use super::check::{plain_table_of, table_of};
-use super::{ChainGait, ChainRobot};
 
 /// Link or joint, given by its index from front to rear.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +49,7 @@ impl ChainRobot {
     /// these values with their standard deviations in SI units. The error of a load is shared by all dry friction of its
     /// wheel.
     pub fn errors(&self) -> Vec<Vec<(ChainNumber, f64)>> {
-        let chain = |robot: &Self| robot.to_chain(&ChainGait::default());
+        let chain = |robot: &Self| robot.to_chain(&GaitConfig::default());
         let own = chain(self);
         let numbers = own.numbers();
         let of_numbers = |error: SharedError| -> Vec<(ChainNumber, f64)> {
@@ -190,7 +190,7 @@ fn add<P: Serialize + DeserializeOwned>(part: &mut P, key: &str, change: f64) {
 ///
 /// # Errors
 /// Returns an error if a value has one in both places.
-pub(super) fn spread(robot: &mut DeTable) -> Result<(), Error> {
+pub(in super::super) fn spread(robot: &mut DeTable) -> Result<(), Error> {
     for parts in ["links", "joints"] {
         let Some(DeValue::Array(parts)) = robot.get_mut(parts).map(Spanned::get_mut) else {
             continue;

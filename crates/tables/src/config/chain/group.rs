@@ -2,8 +2,8 @@
 
 use trilink_robot::{MAX_JOINTS, MAX_LINKS, Parameter, Per, Unit};
 
-use super::super::Config;
-use super::{ChainGait, ChainRobot, JointKind};
+use super::super::{Config, GaitConfig};
+use super::{ChainRobot, JointKind};
 
 /// Robots whose campaigns are fitted together: a single one, or several that are connected by wheels of the same names.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,7 +97,7 @@ impl RobotGroup {
         for ((robot, chain), numbers) in chains.iter().zip(&mut numbers) {
             let is_first = **robot == robots[0];
             let names = chain.names();
-            let order = chain.to_chain(&ChainGait::default()).numbering();
+            let order = chain.to_chain(&GaitConfig::default()).numbering();
             for (own, place) in order.into_iter().enumerate() {
                 let link = &chain.links[place];
                 if link.wheel_m.is_none() && !is_first {
@@ -172,13 +172,6 @@ impl ChainRobot {
     pub(in super::super) fn wheels(&self) -> impl Iterator<Item = &String> {
         self.links.iter().filter_map(|link| link.wheel.as_ref())
     }
-
-    /// Returns the robot without the names of its wheels, which matter only to fits of several robots.
-    #[must_use]
-    pub fn without_wheel_names(mut self) -> Self {
-        self.links.iter_mut().for_each(|link| link.wheel = None);
-        self
-    }
 }
 
 impl Config {
@@ -194,7 +187,10 @@ impl Config {
 
     /// Returns the groups of two or more robots that wheels with common names connect, directly or through other robots.
     pub(in super::super) fn connected(&self, robots: &[&String]) -> Vec<RobotGroup> {
-        let chains = robots.iter().filter_map(|name| self.chains.robot.get_key_value(*name));
+        let chains = robots.iter().filter_map(|name| {
+            let (name, robot) = self.robot.get_key_value(*name)?;
+            Some((name, robot.chain()?))
+        });
         let chains: Vec<(&String, &ChainRobot)> = chains.collect();
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (index, (_, chain)) in chains.iter().enumerate() {
@@ -273,8 +269,8 @@ mod tests {
     #[test]
     fn wheels_and_joints_beyond_the_last_number_have_none() {
         let snake = include_str!("../../../../../docs/robots/driven-snake.toml");
-        let mut chains = Config::parse(snake).unwrap().chains.robot;
-        let mut snake = chains.remove("snake").unwrap();
+        let config = Config::parse(snake).unwrap();
+        let mut snake = config.robot["snake"].chain().unwrap().clone();
         snake.links[0].wheel = Some("head".to_owned());
         snake.joints.iter_mut().for_each(|joint| joint.kind = JointKind::Spring);
         let names = ["a", "b"].map(str::to_owned);
