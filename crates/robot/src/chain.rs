@@ -241,8 +241,9 @@ impl LinkNumber {
             Self::Roll => roll.is_viscous(),
             Self::SkidDry => skid.is_dry(),
             Self::SkidStatic | Self::Stribeck => skid.has_static(),
-            Self::SkidPower => skid == SkidLaw::Power,
+            Self::SkidPower | Self::SkidExponent => skid == SkidLaw::Power,
             Self::RollDry => roll.is_dry(),
+            Self::Transition => skid.is_dry() || skid == SkidLaw::Power || roll.is_dry(),
             _ => true,
         }
     }

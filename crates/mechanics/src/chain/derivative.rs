@@ -40,8 +40,9 @@ pub(crate) enum Slopes {
     All,
 }
 
-/// Maximum number of quantities whose derivatives are computed together.
-const TOGETHER: usize = 5;
+/// Maximum number of quantities whose derivatives are computed together, if there are few and if there are more.
+const FEW: usize = 5;
+const MORE: usize = 7;
 
 /// Output of a solution whose derivatives are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +77,10 @@ struct Wanted {
     number: ChainNumber,
     /// Derivative of the number's command with respect to it, if it is one of a command.
     wave: Option<Wave>,
+    /// Link of a wheel and its number, if the number is one of the friction of a wheel.
+    friction: Option<(usize, LinkNumber)>,
+    /// Whether the motion can depend on the number.
+    is_used: bool,
 }
 
 impl Wanted {
@@ -93,23 +98,14 @@ impl Wanted {
             }
             ChainNumber::Link(..) | ChainNumber::Joint(..) => None,
         };
-        Ok(Self { number, wave })
-    }
-
-    /// Returns the link of a wheel and its number, if the number is one of the friction of a wheel.
-    fn friction(&self) -> Option<(usize, LinkNumber)> {
-        match self.number {
-            ChainNumber::Link(link, number) => number.is_of_friction().then_some((link, number)),
-            _ => None,
-        }
-    }
-
-    /// Returns whether the motion can depend on the number.
-    fn is_used(&self, problem: &ChainProblem) -> bool {
-        match self.number {
-            ChainNumber::Link(_, number) => number.is_used(problem.laws),
-            _ => true,
-        }
+        let (friction, is_used) = match number {
+            ChainNumber::Link(link, number) => {
+                let friction = number.is_of_friction().then_some((link, number));
+                (friction, number.is_used(problem.laws))
+            }
+            _ => (None, true),
+        };
+        Ok(Self { number, wave, friction, is_used })
     }
 }
 
@@ -148,17 +144,16 @@ pub(super) fn slopes<const N: usize, const C: usize, const D: usize, F: Friction
         quantities.push(Output::Turn);
     }
     let differentiation = Differentiation::new(model, orbit, &cycle, &wanted);
-    let mut adjoint = Adjoint::default();
-    let mut sums = Vec::with_capacity(quantities.len() * wanted.len());
-    for quantities in quantities.chunks(TOGETHER) {
-        sums.extend(differentiation.of(quantities, orbit, &mut adjoint)?);
-    }
+    let sums = match quantities.len() {
+        0..=FEW => differentiation.of_all::<FEW>(&quantities, orbit)?,
+        _ => differentiation.of_all::<MORE>(&quantities, orbit)?,
+    };
     let persists = differentiation.persists();
     let slope = |i: usize, wanted: &Wanted| {
         let is_odd = is_half && wanted.number.is_odd();
         let of = |quantity: Output| {
             let at = quantities.iter().position(|one| *one == quantity);
-            let is_zero = !wanted.is_used(problem) || is_half && quantity.is_odd() != is_odd;
+            let is_zero = !wanted.is_used || is_half && quantity.is_odd() != is_odd;
             match at.filter(|_| !is_zero) {
                 Some(_) if !persists[i] => f64::NAN,
                 Some(at) => sums[at * numbers.len() + i],
@@ -245,7 +240,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         Self {
             model,
             wanted,
-            needs_power: wanted.iter().any(|one| one.friction().is_none()),
+            needs_power: wanted.iter().any(|one| one.is_used && one.friction.is_none()),
             needs_evaluate: wanted
                 .iter()
                 .any(|one| needs_evaluate(&model.problem.chain, one.number)),
@@ -258,13 +253,27 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         }
     }
 
-    /// Returns the derivatives of at most [`TOGETHER`] quantities with respect to all wanted numbers, quantity by
-    /// quantity.
-    fn of(
+    /// Returns the derivatives of quantities with respect to all wanted numbers, quantity by quantity; those of `B`
+    /// quantities are computed together.
+    fn of_all<const B: usize>(
         &self,
         quantities: &[Output],
         orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
-        adjoint: &mut Adjoint<N, TOGETHER>,
+    ) -> Result<Vec<f64>> {
+        let mut adjoint = Adjoint::<N, B>::default();
+        let mut sums = Vec::with_capacity(quantities.len() * self.wanted.len());
+        for quantities in quantities.chunks(B) {
+            sums.extend(self.of(quantities, orbit, &mut adjoint)?);
+        }
+        Ok(sums)
+    }
+
+    /// Returns the derivatives of at most `B` quantities.
+    fn of<const B: usize>(
+        &self,
+        quantities: &[Output],
+        orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
+        adjoint: &mut Adjoint<N, B>,
     ) -> Result<Vec<f64>> {
         let count = self.wanted.len();
         adjoint.clear(orbit.mesh.packs());
@@ -285,7 +294,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             let phases_rad = mesh.phases_rad(pack);
             let weights = mesh.weights(pack);
             for (q, quantity) in quantities.iter().enumerate() {
-                let own = &mut adjoint.weights[pack * TOGETHER + q];
+                let own = &mut adjoint.weights[pack * B + q];
                 match quantity {
                     Output::Distance => self.path(self.dd_dend[0], leg, weights[1], own),
                     Output::OddDistance => self.path(self.dd_dend[1], leg, weights[1], own),
@@ -327,7 +336,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                 let weighted = Weighted::new(self.model, &element, j);
                 let factors = adjoint.factors::<Model<N, C, D, F>>(pack, j);
                 let rows = |q: usize| std::array::from_fn(|i| -factors[i][q]);
-                let powers: [_; TOGETHER] = std::array::from_fn(|q| FrictionPower {
+                let powers: [_; B] = std::array::from_fn(|q| FrictionPower {
                     velocities: weighted.velocities(self.model, &rows(q)),
                     actual: match quantities.get(q) {
                         Some(Output::Loss) => self.loss_weight(j, weights[1], spans),
@@ -386,6 +395,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         self.model.motion(phases_rad[j], &element.stages[j], &element.rate(j))
     }
 
+    #[inline(always)]
     fn evaluated<'m, T: Number>(
         &self,
         motion: &'m Motion<T>,
@@ -477,7 +487,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     ) {
         let system = &self.model.system;
         for ((cluster, link, friction), wheel) in system.wheels.iter().zip(&node.wheels) {
-            let of_wheel = |one: &Wanted| one.friction().filter(|(of, _)| of == link);
+            let of_wheel = |one: &Wanted| one.friction.filter(|(of, _)| one.is_used && of == link);
             if self.wanted.iter().all(|one| of_wheel(one).is_none()) {
                 continue;
             }
@@ -486,7 +496,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
             let axes = [direction, normal(direction)];
             let rows: [[T; D]; 2] =
                 axes.map(|axis| system.velocity_row(posture, &state, *cluster, axis));
-            let mut virtual_m_s = [[T::splat(0.0); 2]; TOGETHER];
+            let mut virtual_m_s = [[T::splat(0.0); 2]; MORE];
             for (own, FrictionPower { velocities, actual }) in virtual_m_s.iter_mut().zip(powers) {
                 *own = [(rows[0], roll_m_s), (rows[1], skid_m_s)]
                     .map(|(row, velocity)| product(&row, velocities) + *actual * velocity);
@@ -513,12 +523,14 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
     ) {
         if self.needs_evaluate {
             power.evaluate(at, &direct.virtual_motion, direct.resistance);
+            power.evaluate_commands(at);
         } else {
             power.set_velocities(at, &direct.virtual_motion, direct.resistance);
         }
-        let others = sums.iter_mut().zip(self.wanted).filter(|(_, one)| one.friction().is_none());
-        for (sum, Wanted { number, wave }) in others {
-            *sum += direct.weight * power.by_number(at, *number, wave.as_ref());
+        for (sum, one) in sums.iter_mut().zip(self.wanted) {
+            if one.is_used && one.friction.is_none() {
+                *sum += direct.weight * power.by_number(at, one.number, one.wave.as_ref());
+            }
         }
     }
 

@@ -127,11 +127,14 @@ pub(super) struct EvaluatedMotion<'a, T> {
     constraint_n: [T; MAX_LINKS],
     /// Angular accelerations of the rotors relative to their links, rad/s^2.
     rotors: [T; MAX_LINKS],
+    /// Sine and cosine of the phase.
+    turned: [T; 2],
     omega_rad_s: f64,
 }
 
 impl<'a, T: Number> EvaluatedMotion<'a, T> {
     /// Evaluates a motion; `constraint_n` are the lateral forces on the wheels, by link, that keep them from skidding.
+    #[inline(always)]
     pub(super) fn new<F: Friction>(
         chain: &'a Chain,
         motion: &'a Motion<T>,
@@ -141,14 +144,14 @@ impl<'a, T: Number> EvaluatedMotion<'a, T> {
         let links = Links::new(chain, motion);
         let mut contacts = [None; MAX_LINKS];
         let mut rotors = [T::splat(0.0); MAX_LINKS];
-        let (sin, cos) = motion.phase_rad.sin_cos();
+        let turned = motion.phase_rad.sin_cos().into();
         for (i, link) in chain.links.iter().enumerate() {
             contacts[i] = Contact::of::<F>(chain, &links, i);
             if let Some(rotor) = &link.rotor {
-                [_, _, rotors[i]] = Wave::new(&rotor.angle).at([sin, cos], omega_rad_s);
+                [_, _, rotors[i]] = Wave::new(&rotor.angle).at(turned, omega_rad_s);
             }
         }
-        Self { chain, motion, links, contacts, constraint_n, rotors, omega_rad_s }
+        Self { chain, motion, links, contacts, constraint_n, rotors, turned, omega_rad_s }
     }
 
     pub(super) fn motion(&self) -> &Motion<T> {
@@ -211,6 +214,8 @@ pub(super) struct Power<T> {
     wheel: [Point<T>; MAX_LINKS],
     /// Sums over each link and all links beyond it, away from the reference link.
     beyond: [Sums<T>; MAX_LINKS],
+    /// Derivatives with respect to the angles, rates and accelerations of the driven joints.
+    by_driven: [[T; 3]; MAX_JOINTS],
 }
 
 impl<T: Number> Power<T> {
@@ -225,6 +230,7 @@ impl<T: Number> Power<T> {
             com: [none; MAX_LINKS],
             wheel: [none; MAX_LINKS],
             beyond: [Sums::none(); MAX_LINKS],
+            by_driven: [[zero; 3]; MAX_JOINTS],
         }
     }
 
@@ -324,6 +330,16 @@ impl<T: Number> Power<T> {
         }
     }
 
+    /// Evaluates the derivatives with respect to the commands of the driven joints after [`Power::evaluate`], for
+    /// [`Power::by_number`].
+    pub(super) fn evaluate_commands(&mut self, at: &EvaluatedMotion<T>) {
+        for (i, joint) in at.chain.joints.iter().enumerate() {
+            if let Joint::Driven(_) = joint {
+                self.by_driven[i] = self.by_joint(at, i);
+            }
+        }
+    }
+
     /// Returns the virtual velocity of a point of a link.
     #[inline(always)]
     fn velocity_of(&self, links: &Links<T>, link: usize, place_m: f64) -> Vector<T> {
@@ -398,12 +414,9 @@ impl<T: Number> Power<T> {
         wave: Option<&Wave>,
     ) -> T {
         let zero = T::splat(0.0);
-        let EvaluatedMotion { chain, links, motion, rotors, omega_rad_s, .. } = at;
+        let EvaluatedMotion { chain, links, motion, rotors, .. } = at;
         let has_inertia = self.resistance == Resistance::All;
-        let slope = |wave: &Wave| {
-            let (sin, cos) = motion.phase_rad.sin_cos();
-            wave.at([sin, cos], *omega_rad_s)
-        };
+        let slope = |wave: &Wave| wave.at(at.turned, at.omega_rad_s);
         match number {
             ChainNumber::Link(link, number) => match number {
                 LinkNumber::Mass if has_inertia => {
@@ -450,7 +463,7 @@ impl<T: Number> Power<T> {
                 (_, None) => zero,
                 (Joint::Driven(_), Some(wave)) => {
                     let [angle, rate, acceleration] = slope(wave);
-                    let by = self.by_joint(at, joint);
+                    let by = &self.by_driven[joint];
                     by[0] * angle + by[1] * rate + by[2] * acceleration
                 }
                 (Joint::Free(FreeJoint { stiffness_nm_rad, .. }), Some(wave)) if has_inertia => {
