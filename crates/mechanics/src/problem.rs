@@ -1,8 +1,6 @@
 //! Problem: a robot, a gait, friction laws and a frequency.
 
-use trilink_robot::{
-    AnyGait, AnyRobot, ChainNumber, Gait, JointCommand, Laws, metrics::GaitMetrics,
-};
+use trilink_robot::{AnyGait, AnyRobot, ChainNumber, JointCommand, Laws, metrics::GaitMetrics};
 
 use super::chain::ChainProblem;
 use super::transient::{Frames, Posture};
@@ -32,11 +30,7 @@ impl Problem {
     /// Returns the same problem with the robot as a chain.
     pub(crate) fn as_chain(&self) -> ChainProblem {
         let Self { robot, gait, laws, omega_rad_s } = self;
-        let chain = match robot {
-            AnyRobot::ThreeLinks(robot) => robot.chain(&Gait::from(*gait)),
-            AnyRobot::Chain(chain) => chain.with_gait(gait),
-        };
-        ChainProblem { chain, laws: *laws, omega_rad_s: *omega_rad_s }
+        ChainProblem { chain: robot.to_chain(gait), laws: *laws, omega_rad_s: *omega_rad_s }
     }
 
     /// Returns whether the equations have half-period symmetry: the mirror image of a motion, shifted by half a period,

@@ -74,6 +74,14 @@ impl AnyRobot {
         }
     }
 
+    /// Returns the robot as a chain with the given gait.
+    pub fn to_chain(&self, gait: &AnyGait) -> Chain {
+        match self {
+            Self::ThreeLinks(robot) => robot.chain(&Gait::from(*gait)),
+            Self::Chain(chain) => chain.with_gait(gait),
+        }
+    }
+
     /// Returns the number of joints.
     pub fn joints(&self) -> usize {
         match self {
@@ -119,12 +127,7 @@ impl AnyRobot {
                 let links = robot.link_poses(reference, [phi_rad[0], phi_rad[1]]);
                 [links.into(), robot.joints(reference).into()]
             }
-            Self::Chain(chain) => {
-                let links = chain.link_poses(reference, phi_rad);
-                let pairs = links.iter().zip(&chain.links).take(chain.joints.len());
-                let joints = pairs.map(|(pose, link)| pose.ahead(-link.rear_joint_m)).collect();
-                [chain.numbering().into_iter().map(|link| links[link]).collect(), joints]
-            }
+            Self::Chain(chain) => chain.poses(reference, phi_rad),
         }
     }
 
@@ -275,6 +278,14 @@ impl Robot {
 }
 
 impl Chain {
+    /// Returns what [`AnyRobot::poses`] does.
+    pub fn poses(&self, reference: Pose, phi_rad: &[f64]) -> [Vec<Pose>; 2] {
+        let links = self.link_poses(reference, phi_rad);
+        let pairs = links.iter().zip(&self.links).take(self.joints.len());
+        let joints = pairs.map(|(pose, link)| pose.ahead(-link.rear_joint_m)).collect();
+        [self.numbering().into_iter().map(|link| links[link]).collect(), joints]
+    }
+
     /// Returns the numbers of the chain that a parameter comprises: one for a wheel, link or joint, and one for each
     /// wheel for a sum or for a characteristic speed. Empty if the chain does not have the parameter.
     pub fn numbers_of(&self, parameter: Parameter) -> Vec<ChainNumber> {

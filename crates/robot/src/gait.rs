@@ -21,6 +21,11 @@ impl<const JOINTS: usize> Serialize for Gait<JOINTS> {
     }
 }
 
+impl<const JOINTS: usize> Gait<JOINTS> {
+    /// No command.
+    pub const NONE: Self = Self { joints: [None; JOINTS] };
+}
+
 impl Gait {
     /// Returns the symmetric gait: no offsets, amplitudes of 30 degrees, a quarter period apart (eq. 19 of
     /// the paper).

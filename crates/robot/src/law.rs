@@ -119,7 +119,7 @@ impl Laws {
 
     /// Returns whether, under these laws, there is a gait for which the motion depends on a quantity.
     pub fn is_used(self, quantity: Quantity) -> bool {
-        (quantity.definition().is_relevant)(self, &Gait { joints: [None, None] })
+        (quantity.definition().is_relevant)(self, &Gait::NONE)
     }
 
     /// Returns whether, under these laws, the motion of a robot of three links with the given gait depends on a parameter.

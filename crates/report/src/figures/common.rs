@@ -2,7 +2,7 @@
 
 use trilink_mechanics::{Pose, Sample};
 use trilink_plot::{Layer, Look, Panel, Scale};
-use trilink_robot::{AnyRobot, Chain, Robot};
+use trilink_robot::{AnyGait, AnyRobot, Chain, Robot};
 
 use crate::looks;
 
@@ -106,19 +106,11 @@ pub(super) fn links(robot: &AnyRobot, pose: Pose, phi_rad: &[f64]) -> Option<Vec
     if phi_rad.len() != robot.joints() {
         return None;
     }
-    let [links, joints] = robot.poses(pose, phi_rad);
-    let [front, rear] = match robot {
-        AnyRobot::ThreeLinks(_) => [links[1], links[2]],
-        AnyRobot::Chain(chain) => {
-            let order = chain.numbering();
-            let end = |link: usize| {
-                let number = order.iter().position(|of| *of == link)?;
-                Some(links[number].ahead(Chain::outer_place_m(&chain.links[link])))
-            };
-            [end(0)?, end(chain.links.len() - 1)?]
-        }
-    };
-    let points = [front].into_iter().chain(joints).chain([rear]);
+    let chain = robot.to_chain(&AnyGait::NONE);
+    let [_, joints] = chain.poses(pose, phi_rad);
+    let links = chain.link_poses(pose, phi_rad);
+    let end = |link: usize| links[link].ahead(Chain::outer_place_m(&chain.links[link]));
+    let points = [end(0)].into_iter().chain(joints).chain([end(links.len() - 1)]);
     Some(points.map(|pose| (pose.x_m, pose.y_m)).collect())
 }
 

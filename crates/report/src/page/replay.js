@@ -31,11 +31,7 @@ addEventListener("DOMContentLoaded", () => {
   // The measured robot is drawn over the predicted one.
   const robots = motions.map((motion, nth) => ({ motion, nth })).reverse().map(({ motion, nth }) => {
     const group = make("g", { class: nth ? "ghost live" : "robot live" }, floor);
-{% if replay.is_chain %}
     const links = data.names.map((name, number) => {
-{% else %}
-    const links = [0, 1, 2].map(number => {
-{% endif %}
       const link = make("g", {}, group);
       make("use", { href: `#replay-link${number}` }, link);
       return link;
@@ -45,11 +41,7 @@ addEventListener("DOMContentLoaded", () => {
   const { links: measured } = robots[robots.length - 1];
   const arrows = quantities.filter(({ arrow }) => arrow !== null).flatMap(quantity =>
     quantity.values.map((values, wheel) => ({ quantity, values,
-{% if replay.is_chain %}
       path: make("path", { class: `arrow ${quantity.across ? "skid" : "roll"}`, transform: data.wheels[wheel] ?? "" }, measured[wheel]) })));
-{% else %}
-      path: make("path", { class: `arrow ${quantity.across ? "skid" : "roll"}` }, measured[wheel]) })));
-{% endif %}
   const markers = data.markers.map(([link, [x, y], label]) =>
     ({ label, use: make("use", { x, y, display: "none" }, measured[link]) }));
 
@@ -60,15 +52,10 @@ addEventListener("DOMContentLoaded", () => {
     return part === 0 || next.includes(null)
       ? here : here.map((value, i) => value + part * (next[i] - value));
   };
-{% if replay.is_chain %}
   const poses = ([x, y, theta, ...phi]) => {
-{% else %}
-  const poses = ([x, y, theta, phi1, phi2]) => {
-{% endif %}
     const ahead = ([x, y, angle], length) =>
       [x + length * Math.cos(angle), y + length * Math.sin(angle), angle];
     const turned = ([x, y, angle], by) => [x, y, angle + by];
-{% if replay.is_chain %}
     const { reference, links } = data;
     const [angle, ...joints] = [theta, ...phi].map(number => number / data.per_unit);
     const all = [];
@@ -80,12 +67,6 @@ addEventListener("DOMContentLoaded", () => {
       all[i] = ahead(turned(ahead(all[i - 1], -links[i - 1][1]), joints[i - 1]), -links[i][0]);
     }
     return [all[reference], ...all.filter((pose, i) => i !== reference)];
-{% else %}
-    const [angle, one, two] = [theta, phi1, phi2].map(number => number / data.per_unit);
-    const middle = [x, y, angle];
-    return [middle, ahead(turned(ahead(middle, data.half[0]), -one), data.side[0]),
-      ahead(turned(ahead(middle, -data.half[1]), two), -data.side[1])];
-{% endif %}
   };
   const pointer = (length, across) => {
     const back = length - Math.sign(length) * Math.min(120, 0.5 * Math.abs(length));
@@ -138,15 +119,11 @@ addEventListener("DOMContentLoaded", () => {
     write("Time", clock());
     for (const { name, unit, units, decimals, values } of quantities) {
       const all = values.map(of => (of[frame] === null ? null : of[frame] * units / data.per_unit));
-{% if replay.is_chain %}
       // Only quantities of wheels have as many values as the robot has links.
       const ofWheels = all.length === data.names.length;
       const shown = [...all.keys()].filter(i => !ofWheels || data.wheels[i] !== null);
       write([name, ...(ofWheels ? shown.map(wheel => data.names[wheel]) : [])].join(", "),
         `${shown.map(i => fixed(all[i], decimals)).join(", ")} ${unit}`);
-{% else %}
-      write(all.length === 3 ? `${name}, middle, front, rear` : name, `${all.map(value => fixed(value, decimals)).join(", ")} ${unit}`);
-{% endif %}
     }
     const [first, second] = motions.map(motion => at(motion, frame, 0));
     if (motions.length > 1) {
@@ -242,11 +219,7 @@ addEventListener("DOMContentLoaded", () => {
   let view = [...whole];
   const turn = DOMMatrix.fromMatrix(floor.transform.baseVal.consolidate().matrix);
   // Width of the view that follows the robot: some lengths of the robot.
-{% if replay.is_chain %}
   const near = 4.5 * data.length;
-{% else %}
-  const near = 4.5 * [...data.half, ...data.side].reduce((sum, length) => sum + length);
-{% endif %}
   const following = wanted => buttons.follow.setAttribute("aria-pressed", wanted);
   const look = wanted => {
     const [wide, high] = [2, 3].map(i => Math.max(whole[i] / 40, Math.min(whole[i], wanted[i])));

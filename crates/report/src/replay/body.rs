@@ -1,7 +1,7 @@
 //! Shapes of the links of a robot in a replay.
 
 use serde::Serialize;
-use trilink_robot::{AnyRobot, Chain, Link, Robot, Wheel, rotated};
+use trilink_robot::{Chain, Link, Wheel, rotated};
 
 use super::numbers::{PER_UNIT, whole};
 
@@ -20,24 +20,17 @@ pub(super) struct Shape {
 
 /// Lengths from which the script of a page computes the poses of the links, as whole numbers of steps.
 #[derive(Serialize)]
-#[serde(untagged)]
-pub(super) enum Lengths {
-    ThreeLinks {
-        half: [Option<i64>; 2],
-        side: [Option<i64>; 2],
-    },
-    Chain {
-        /// Index of the reference link, from front to rear.
-        reference: usize,
-        /// Distances from the origin of each link to its front and rear joint, from front to rear.
-        links: Vec<[Option<i64>; 2]>,
-        /// Length of the straight robot.
-        length: Option<i64>,
-        /// Names of the links by number.
-        names: Vec<String>,
-        /// Transforms of the arrows at the wheels by number; `None` for a link without a wheel.
-        wheels: Vec<Option<String>>,
-    },
+pub(super) struct Lengths {
+    /// Index of the reference link, from front to rear.
+    reference: usize,
+    /// Distances from the origin of each link to its front and rear joint, from front to rear.
+    links: Vec<[Option<i64>; 2]>,
+    /// Length of the straight robot.
+    length: Option<i64>,
+    /// Names of the links by number.
+    names: Vec<String>,
+    /// Transforms of the arrows at the wheels by number; `None` for a link without a wheel.
+    wheels: Vec<Option<String>>,
 }
 
 /// Dimensions of the parts of a drawn robot, in steps.
@@ -73,22 +66,6 @@ impl Sizes {
         )
     }
 
-    /// Returns the two wheels of a link and their axle, at the origin of the link.
-    fn wheels(&self) -> String {
-        let Self { axle, radius, tread, .. } = self;
-        let wheel = |y: f64| {
-            format!(
-                "M{} {}h{}v{}h{}z",
-                -radius,
-                y - tread,
-                2.0 * radius,
-                2.0 * tread,
-                -2.0 * radius
-            )
-        };
-        format!("{}{}", wheel(*axle), wheel(-axle)) + &format!("M0 {}V{axle}", -axle)
-    }
-
     /// Returns the two wheels of a link and their axle at their place on the link, with steered wheels turned.
     fn wheels_at(&self, wheel: &Wheel) -> String {
         let Self { axle, radius, tread, .. } = *self;
@@ -109,33 +86,22 @@ impl Sizes {
     }
 }
 
-/// Returns half the length (m) of the straight robot; for three links, the larger of the two distances from the middle
-/// wheel to the side wheels.
-pub(super) fn reach_m(robot: &AnyRobot) -> f64 {
-    match robot {
-        AnyRobot::ThreeLinks(robot) => {
-            let [front_m, rear_m] = robot.reach_m();
-            front_m.max(rear_m)
-        }
-        AnyRobot::Chain(chain) => 0.5 * length_m(chain),
-    }
+/// Returns half the length (m) of the straight robot.
+pub(super) fn reach_m(robot: &Chain) -> f64 {
+    0.5 * length_m(robot)
 }
 
 /// Returns the length (m) to which the drawn widths and wheels are proportional.
-fn part_size_m(robot: &AnyRobot) -> f64 {
-    match robot {
-        AnyRobot::ThreeLinks(_) => reach_m(robot),
-        // A robot of three equal links has this size in both cases.
-        AnyRobot::Chain(chain) => 1.5 * length_m(chain) / chain.links.len() as f64,
-    }
+fn part_size_m(robot: &Chain) -> f64 {
+    1.5 * length_m(robot) / robot.links.len() as f64
 }
 
 /// Returns the radius (m) of a drawn marker.
-pub(super) fn marker_radius_m(robot: &AnyRobot) -> f64 {
+pub(super) fn marker_radius_m(robot: &Chain) -> f64 {
     0.04 * part_size_m(robot)
 }
 
-/// Returns the places (m) of the rear and the front end of a link of a chain, without what is beyond the wheel of an
+/// Returns the places (m) of the rear and the front end of a link, without what is beyond the wheel of an
 /// outer link.
 fn ends_m(chain: &Chain, link: usize) -> [f64; 2] {
     let own = &chain.links[link];
@@ -145,7 +111,7 @@ fn ends_m(chain: &Chain, link: usize) -> [f64; 2] {
     [rear_m, front_m]
 }
 
-/// Returns the length (m) of a straight chain between its outer wheels.
+/// Returns the length (m) of the straight robot between its outer wheels.
 fn length_m(chain: &Chain) -> f64 {
     let lengths_m = (0..chain.links.len()).map(|link| {
         let [rear_m, front_m] = ends_m(chain, link);
@@ -155,26 +121,9 @@ fn length_m(chain: &Chain) -> f64 {
 }
 
 /// Returns the shapes of the links by number.
-pub(super) fn shapes(robot: &AnyRobot) -> Vec<Shape> {
+pub(super) fn shapes(robot: &Chain) -> Vec<Shape> {
     let sizes = Sizes::new(part_size_m(robot));
-    match robot {
-        AnyRobot::ThreeLinks(robot) => shapes_of_three(robot, &sizes),
-        AnyRobot::Chain(chain) => {
-            chain.numbering().into_iter().map(|link| shape(chain, link, &sizes)).collect()
-        }
-    }
-}
-
-fn shapes_of_three(robot: &Robot, sizes: &Sizes) -> Vec<Shape> {
-    let [[ahead, behind], [front, rear]] =
-        [robot.h_m, robot.l_m].map(|lengths_m| lengths_m.map(|m| (PER_UNIT * m).round()));
-    let bodies = [
-        sizes.body(-behind, ahead) + &sizes.pivot(ahead) + &sizes.pivot(-behind),
-        sizes.body(-front, OVERHANG * front),
-        sizes.body(-OVERHANG * rear, rear),
-    ];
-    let shape = |body| Shape { body, wheels: sizes.wheels(), wheel_transform: String::new() };
-    bodies.map(shape).into()
+    robot.numbering().into_iter().map(|link| shape(robot, link, &sizes)).collect()
 }
 
 fn shape(chain: &Chain, link: usize, sizes: &Sizes) -> Shape {
@@ -204,25 +153,14 @@ fn wheel_transform(wheel: &Wheel) -> String {
 }
 
 /// Returns the lengths of a robot for the script of a page.
-pub(super) fn lengths(robot: &AnyRobot) -> Lengths {
-    match robot {
-        AnyRobot::ThreeLinks(robot) => {
-            Lengths::ThreeLinks { half: robot.h_m.map(whole), side: robot.l_m.map(whole) }
-        }
-        AnyRobot::Chain(chain) => Lengths::Chain {
-            reference: chain.reference,
-            links: chain
-                .links
-                .iter()
-                .map(|link| [link.front_joint_m, link.rear_joint_m].map(whole))
-                .collect(),
-            length: whole(length_m(chain)),
-            names: chain.names_by_number(),
-            wheels: chain
-                .numbering()
-                .into_iter()
-                .map(|link| chain.links[link].wheel.as_ref().map(wheel_transform))
-                .collect(),
-        },
+pub(super) fn lengths(robot: &Chain) -> Lengths {
+    let joints_m = |link: &Link| [link.front_joint_m, link.rear_joint_m].map(whole);
+    let wheel = |link: usize| robot.links[link].wheel.as_ref().map(wheel_transform);
+    Lengths {
+        reference: robot.reference,
+        links: robot.links.iter().map(joints_m).collect(),
+        length: whole(length_m(robot)),
+        names: robot.names_by_number(),
+        wheels: robot.numbering().into_iter().map(wheel).collect(),
     }
 }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use trilink_base::numbers::{as_configured, fixed};
 use trilink_mechanics::Pose;
 use trilink_plot::RGBColor;
-use trilink_robot::{AnyRobot, rotated};
+use trilink_robot::rotated;
 
 use super::numbers::{self, PER_MM, PER_UNIT, whole};
 use super::{Direction, Mark, Motion, Quantity, Replay, body};
@@ -106,7 +106,6 @@ impl Replay {
             view_mm => view_mm.round(),
             bar_mm => as_configured(bar_mm),
             grid => (PER_MM * grid_mm).round() as i64,
-            is_chain => matches!(self.robot, AnyRobot::Chain(_)),
             shapes => Serde(&shapes),
             marker => (PER_UNIT * body::marker_radius_m(&self.robot)).round() as i64,
             trails => trails.collect::<Vec<_>>(),
@@ -260,10 +259,7 @@ impl Replay {
 
     /// Returns a noun phrase for link 0.
     fn reference(&self) -> String {
-        match &self.robot {
-            AnyRobot::ThreeLinks(_) => "the middle link".to_owned(),
-            AnyRobot::Chain(chain) => link_noun(&chain.links[chain.reference].name),
-        }
+        link_noun(&self.robot.links[self.robot.reference].name)
     }
 
     /// Returns the text alternative (`alt` text) for the still drawing, in which the robot appears `robots` times.

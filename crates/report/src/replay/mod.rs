@@ -11,7 +11,7 @@ mod trial;
 
 use trilink_mechanics::Pose;
 use trilink_plot::RGBColor;
-use trilink_robot::AnyRobot;
+use trilink_robot::Chain;
 
 use crate::recording::Coordinates;
 
@@ -28,7 +28,7 @@ const MAX_FRAMES: usize = 300;
 /// `None`.
 #[derive(Debug, Clone)]
 pub(crate) struct Replay {
-    pub robot: AnyRobot,
+    pub robot: Chain,
     pub time_s: Vec<f64>,
     /// Main motion, followed by the motions that are overlaid on it.
     pub motions: Vec<Motion>,
@@ -104,7 +104,7 @@ impl Replay {
     /// Returns the poses of the links by number in a frame; `None` if they are unknown.
     fn links(&self, motion: &Motion, frame: usize) -> Option<Vec<Pose>> {
         let (pose, phi_rad) = motion.poses[frame]?;
-        let [links, _] = self.robot.poses(pose, &phi_rad[..self.robot.joints()]);
+        let [links, _] = self.robot.poses(pose, &phi_rad[..self.robot.joints.len()]);
         Some(links)
     }
 }

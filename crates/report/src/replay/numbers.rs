@@ -57,7 +57,7 @@ pub(super) fn json(replay: &Replay, arrows: &[Option<f64>]) -> String {
         let of = |value: &dyn Fn(&Coordinates) -> f64| {
             differences(motion.poses.iter().map(|pose| pose.as_ref().map_or(f64::NAN, value)))
         };
-        let joints = 0..replay.robot.joints();
+        let joints = 0..replay.robot.joints.len();
         json!({
             "name": motion.name,
             "x": of(&|(pose, _)| pose.x_m),

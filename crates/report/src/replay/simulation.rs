@@ -156,7 +156,7 @@ fn replay(
     };
     let period_s = std::f64::consts::TAU / problem.omega_rad_s;
     Replay {
-        robot: problem.robot.clone(),
+        robot: problem.robot.to_chain(&problem.gait),
         time_s: shown().map(|sample| sample.time_s).collect(),
         motions: vec![motion],
         quantities,

@@ -6,8 +6,8 @@ use std::ops::Range;
 
 use trilink_base::numbers::{as_configured, fixed};
 use trilink_mechanics::{FIT_ACCURACY, Pose, Sample};
-use trilink_robot::JointCommand;
 use trilink_robot::metrics::padded;
+use trilink_robot::{AnyGait, JointCommand};
 use trilink_tables::config::MarkerLayout;
 use trilink_tables::{FitRow, TrialRow};
 
@@ -71,6 +71,7 @@ pub(crate) fn of_trial(
     };
     let cycles = cycles.filter(|cycles| cycles.period_s.is_finite());
     let quantities = vec![skid];
+    let robot = robot.to_chain(&AnyGait::NONE);
     Some(Replay { robot, time_s, motions, quantities, markers, marks, cycles, notes })
 }
 

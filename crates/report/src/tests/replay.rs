@@ -144,7 +144,7 @@ fn arrow_lengths_agree_with_the_stated_scale() {
     assert!(page.contains(&text), "{text}");
     let largest = skid["values"].as_array().expect("wheels").iter().flat_map(sums).flatten();
     let longest = largest.map(|value| value.unsigned_abs()).max().expect("a value") as f64 / per_mm;
-    let robot = data["half"][0].as_f64().expect("h") + data["side"][0].as_f64().expect("l");
+    let robot = 0.5 * data["length"].as_f64().expect("a length");
     assert!(longest > 0.1 * robot && longest < robot, "{longest}");
     // All trials of a robot have one scale.
     let (_, other) = trial_page("kinematic-symmetric-3.90-r1");
