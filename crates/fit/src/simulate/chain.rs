@@ -1,5 +1,7 @@
 //! Setups of campaigns whose robot is a chain of links.
 
+use std::path::Path;
+
 use trilink_robot::{Chain, ChainNumber, Model};
 use trilink_tables::config::{Config, did_you_mean};
 
@@ -19,6 +21,7 @@ impl Setup {
         settings: &[String],
         fits: Option<&KnownFits>,
     ) -> Result<Self, SetupError> {
+        config.check_setup(Path::new("--set"), campaign)?;
         let laws = laws_of(config, campaign, model)?;
         let model = Model::new(model);
         let names = &config.campaign[campaign];

@@ -9,7 +9,8 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use toml::Value;
+use serde::Serialize;
+use toml::{Table, Value};
 use trilink_base::pattern::matches;
 use trilink_robot::{AnyGait, AnyRobot, Model, Parameter, Quantity, Robot};
 
@@ -346,6 +347,11 @@ impl Checker<'_> {
         }
         Ok(())
     }
+}
+
+/// Returns a part of the configuration as a table, in which keys without a value are left out.
+pub(super) fn table_of(part: &impl Serialize) -> Table {
+    Table::try_from(part).expect("the parts of a configuration are tables")
 }
 
 /// Returns the unit of an invalid number for an error message, followed by a question about a mistaken unit

@@ -6,7 +6,7 @@ use serde::Serialize;
 use toml::{Table, Value};
 use trilink_robot::{MAX_LINKS, Per, Quantity};
 
-use super::super::check::{Checker, NAME, is_valid_name};
+use super::super::check::{Checker, NAME, is_valid_name, table_of};
 use super::super::{Config, ConfigError, GaitConfig};
 use super::{ChainJoint, ChainRobot, JointKind};
 
@@ -32,10 +32,6 @@ impl JointKind {
             Self::Spring | Self::Torque => &["stiffness_nm_rad", "damping_nm_s_rad", "rest_deg"],
         }
     }
-}
-
-pub(super) fn table_of(value: &impl Serialize) -> Table {
-    Table::try_from(value).expect("the parts of a chain are tables")
 }
 
 /// Returns the table of a link or joint without its standard deviations.

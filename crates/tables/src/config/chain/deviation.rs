@@ -8,11 +8,11 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Error};
 use trilink_robot::{ChainNumber, LinkNumber};
 
-use super::super::check::Checker;
+use super::super::check::{Checker, table_of};
 use super::super::three_links::{Deviation, independent_errors};
 use super::super::{ConfigError, GaitConfig};
 use super::ChainRobot;
-use super::check::{plain_table_of, table_of};
+use super::check::plain_table_of;
 
 /// Link or joint, given by its index from front to rear.
 #[derive(Debug, Clone, Copy)]

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use toml::{Table, Value};
+use toml::Value;
 use trilink_robot::{Laws, Model, Quantity, Robot};
 
 use super::super::{
     Campaign, ChainRobot, CommandConfig, Config, ConfigError, GaitConfig, JointKind, RobotConfig,
     did_you_mean,
 };
-use super::Checker;
+use super::{Checker, table_of};
 
 /// Keys of a command that only angles have.
 const ANGLE: [&str; 4] = ["offset_deg", "amplitude_deg", "amplitude2_deg", "phase2_deg"];
@@ -19,14 +19,18 @@ impl Config {
     /// Checks the robot and the gait of a campaign alone; the rest of the configuration must be valid. `path` is the file
     /// named in errors.
     pub fn check_setup(&self, path: &Path, campaign: &str) -> Result<(), ConfigError> {
-        let mut setup = self.clone();
-        setup.fit.shared = None;
-        setup.campaign.retain(|name, _| name == campaign);
-        for campaign in setup.campaign.values_mut() {
-            campaign.models.clear();
-            campaign.free.clear();
+        let check = Checker { path };
+        let entry = check.entry(&self.campaign, &campaign.to_owned(), "campaign")?;
+        let (robot, gait) = (&self.robot[&entry.robot], &self.gait[&entry.gait]);
+        match robot {
+            RobotConfig::ThreeLinks(of) => {
+                check.numbers(&format!("robot.{}", entry.robot), &table_of(of).into())?;
+            }
+            RobotConfig::Chain(chain) => chain.check(&check, &entry.robot)?,
         }
-        setup.check(path)
+        check.numbers(&format!("gait.{}", entry.gait), &table_of(gait).into())?;
+        gait.check(&check, &entry.gait)?;
+        self.check_commands(&check, campaign, entry)
     }
 
     pub(in super::super) fn check_campaign(
@@ -235,7 +239,7 @@ impl GaitConfig {
         let needed = "a command of at least one joint (joint1, joint2 and so on) or rotor";
         check.that(!commands.is_empty(), &format!("gait.{gait}"), &"none", needed)?;
         for (key, command, may_be_torque) in commands {
-            let table = Table::try_from(command).expect("a command is a table");
+            let table = table_of(command);
             let found = |own: &str| table.get(own).map_or("nothing".to_owned(), Value::to_string);
             let that = |is_right, own: &str, needed| {
                 check.that(
