@@ -77,6 +77,24 @@ def test_a_robot_and_a_gait_can_replace_a_campaign(tmp_path, monkeypatch):
     assert given.parameters["skid_kg_s"][1] == 40
 
 
+def test_a_chain_can_be_given_by_its_keys(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wheel = {"mass_kg": 0.3, "inertia_kg_m2": 5e-4, "wheel_m": 0, "skid_kg_s": 50, "roll_kg_s": 0.3}
+    links = [{**wheel, "rear_joint_m": 0.05}, {**wheel, "front_joint_m": 0.2}]
+    chain = {"links": links, "joints": [{"kind": "driven"}]}
+    gait = {"joint1": {"amplitude_deg": 30}}
+    of = {"gait": gait, "model": "skid-roll", "omega_rad_s": 3.0}
+    motion = trilink.simulate(robot=chain, **of)
+    assert motion.status == "stable" and motion.d_m > 0
+    for wrong, message in [
+        ({**chain, "links": links[:1]}, "links"),
+        ({**chain, "joints": [{"kind": "elastic"}]}, "stiffness_nm_rad"),
+        ({**chain, "h_m": 0.1}, "invalid key `h_m` beside `links`"),
+    ]:
+        with pytest.raises(trilink.ConfigError, match=message):
+            trilink.simulate(robot=wrong, **of)
+
+
 def test_trajectories_agree_with_the_table_of_the_program(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = [program, "simulate", "kinematic-symmetric", "--model=skid-roll", "--omega=3.9"]
@@ -127,7 +145,11 @@ def test_error_messages_agree_with_the_program(program, tmp_path, monkeypatch):
     for arguments, words in [
         ({}, "pass a campaign, or a robot and a gait"),
         ({"robot": "kinematic"}, "found a robot without a gait"),
-        ({"gait": {"joint3": {}}, "robot": "kinematic"}, "unknown field `joint3`"),
+        ({"gait": {"joint8": {}}, "robot": "kinematic"}, "unknown field `joint8`"),
+        (
+            {"gait": {"joint3": {"amplitude_deg": 9}}, "robot": "kinematic"},
+            "gait.given.joint3`: found a command, needed no command, because robot `kinematic`",
+        ),
         ({"gait": "symmetrical", "robot": "kinematic"}, "needed one of `"),
         ({"campaign": "kinematic-skewed", "samples": 3}, "samples: found 3"),
         (
