@@ -435,6 +435,19 @@ fn a_frequency_off_the_command_is_flagged() {
 }
 
 #[test]
+fn another_frequency_of_a_few_periods_is_named() {
+    let (mut recording, mut trial) = symmetric(3.9);
+    recording.cycles = 3.2;
+    for commanded in [2.73, 4.4, 11.7] {
+        trial.omega_rad_s = Some(commanded);
+        let error = process_text(&recording.export(), &trial).unwrap_err().to_string();
+        let expected = format!("a.csv: measured 3.9000 rad/s, commanded {commanded} rad/s: ");
+        assert!(error.starts_with(&expected), "{error}");
+        assert!(error.contains("set omega_rad_s = 3.9000"), "{error}");
+    }
+}
+
+#[test]
 fn the_trials_own_window_takes_precedence_over_the_configured_one() {
     let (recording, mut trial) = symmetric(3.9);
     let text = recording.export();
