@@ -81,15 +81,27 @@ pub enum Problem {
     #[error("joint {joint} is visible in only {found} frames, but at least {needed} are needed")]
     JointUnseen { joint: usize, found: usize, needed: usize },
     #[error(
+        "joint {joint} is visible in only {found} of the {frames} frames from which the gait's frequency and phase are \
+         measured: these are too few, or all in the same part of the cycle"
+    )]
+    JointOccluded { joint: usize, found: usize, frames: usize },
+    #[error(
         "joint {} moves by only {:.2} degrees at {:.3} rad/s, but {:.1} degrees were commanded",
         .joint, .found_deg, .omega_rad_s, .needed_deg
     )]
     NotDriven { joint: usize, omega_rad_s: f64, found_deg: f64, needed_deg: f64 },
     #[error(
-        "only {} of {} whole cycles can be used (the first {} were still settling), but at least {} are needed",
-        .usable, .whole, .skipped, .needed
+        "only {usable} of {all} cycles can be used, but at least {needed} are needed: the first {skipped} were still \
+         settling, {gapped} have gaps or jumps, in {off_gait} the joints do not follow the gait"
     )]
-    TooFewCycles { whole: usize, skipped: usize, usable: usize, needed: usize },
+    TooFewCycles {
+        all: usize,
+        usable: usize,
+        needed: usize,
+        skipped: usize,
+        gapped: usize,
+        off_gait: usize,
+    },
     #[error(
         "the joints deviate from their rest angles by only {:.2} degrees: release one joint at an angle of {:.1} \
          degrees or more",

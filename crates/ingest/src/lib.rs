@@ -582,11 +582,14 @@ fn steady_cycles(
     let cycles = data.cycles();
     let steady = steady::select(&cycles, skip_cycles);
     if steady.used.len() < MIN_USED_CYCLES {
+        let later = &cycles[steady.skipped..];
         return Err(Problem::TooFewCycles {
-            whole: cycles.len(),
-            skipped: steady.skipped,
+            all: cycles.len(),
             usable: steady.used.len(),
             needed: MIN_USED_CYCLES,
+            skipped: steady.skipped,
+            gapped: later.iter().filter(|cycle| !cycle.is_whole()).count(),
+            off_gait: steady.off_gait,
         });
     }
     Ok((cycles, steady))

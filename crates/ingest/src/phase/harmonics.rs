@@ -12,8 +12,6 @@ use trilink_statistics::{extremes, seen};
 pub const GAIT_HARMONICS: usize = 5;
 /// Minimum number of samples per fitted term (offset, cosine or sine).
 pub(super) const MIN_SAMPLES_PER_TERM: usize = 3;
-/// Minimum number of samples for estimating the gait.
-pub(super) const MIN_SAMPLES: usize = MIN_SAMPLES_PER_TERM * (2 * GAIT_HARMONICS + 1);
 /// Number of frames in a block; all blocks share one table of cosines and sines.
 const BLOCK: usize = 16;
 /// Number of terms summed in parallel (SIMD lanes).

@@ -14,7 +14,7 @@ use trilink_statistics::{extremes, mean, seen, wrap};
 
 use crate::error::Problem;
 use crate::signals::noise;
-use harmonics::{MIN_SAMPLES, MIN_SAMPLES_PER_TERM, Regression};
+use harmonics::{MIN_SAMPLES_PER_TERM, Regression};
 
 /// Half-width of the frequency search range, relative to the commanded frequency.
 const SEARCH: f64 = 0.1;
@@ -73,8 +73,8 @@ impl CommandedGait<'_> {
     /// all joints if none is commanded), rad. `phi_rad` is NaN where a joint is occluded.
     ///
     /// # Errors
-    /// Returns an error if the trial has too few frames per period, too few periods or too few visible samples, or if
-    /// a commanded joint does not move.
+    /// Returns an error if the trial has too few frames per period or too few periods, or if a commanded joint is
+    /// occluded or does not move.
     pub fn estimate_phase(&self, phi_rad: &[Vec<f64>]) -> Result<GaitPhase, Problem> {
         let step = self.omega_rad_s / self.rate_hz;
         let found = TAU / step;
@@ -94,19 +94,11 @@ impl CommandedGait<'_> {
         if periods < MIN_PERIODS {
             return Err(Problem::TooShort { found: periods, needed: MIN_PERIODS });
         }
-        for (joint, _, phi) in &joints {
-            let found = seen(&phi[moving.clone()]).count();
-            if found < MIN_SAMPLES {
-                let joint = joint + 1;
-                let needed = MIN_SAMPLES;
-                return Err(Problem::JointUnseen { joint, found, needed });
-            }
-        }
         // The transient is left out if enough of the recording remains.
         let skipped = (self.skip_cycles as f64).min(periods - MIN_PERIODS).max(0.0);
         let steady = moving.start + (skipped * TAU / step) as usize..moving.end;
-        let (step, variance) = measured_step(&joints, &steady, step)
-            .ok_or(Problem::TooShort { found: periods, needed: MIN_PERIODS })?;
+        let (step, variance) =
+            measured_step(&joints, &steady, step).ok_or_else(|| occluded(&joints, &steady))?;
         Ok(GaitPhase {
             phase: self.phase(&joints, &steady, step)?,
             omega_rad_s: step * self.rate_hz,
@@ -242,6 +234,14 @@ fn frames_at_rest(phi_rad: &[f64], tolerance: f64) -> usize {
     visible.windows(IN_A_ROW).find(is_away).map_or(phi_rad.len(), |frames| frames[0].0)
 }
 
+/// Returns the error that the joint that is visible in the fewest frames of a range is occluded.
+fn occluded(joints: &[Joint], range: &Range<usize>) -> Problem {
+    let visible =
+        joints.iter().map(|(joint, _, phi)| (seen(&phi[range.clone()]).count(), joint + 1));
+    let (found, joint) = visible.min().unwrap_or_default();
+    Problem::JointOccluded { joint, found, frames: range.len() }
+}
+
 /// Measures the phase step per frame, rad, and its variance; `None` if the harmonics cannot be fitted. The search
 /// starts at the centre of the range and is refined on ever longer segments, so that the computing time is proportional
 /// to the length of the recording.
@@ -249,12 +249,18 @@ fn measured_step(joints: &[Joint], range: &Range<usize>, commanded: f64) -> Opti
     const FIRST_PERIODS: f64 = 30.0;
     const LONGER: usize = 4;
     let mut frames = range.len().min((FIRST_PERIODS * TAU / commanded) as usize);
-    let mut step = spectral_peak(joints, &central(range, frames), commanded);
-    while frames < range.len() {
-        step = refined_step(joints, &central(range, frames), step, commanded)?.0;
+    let mut found = None;
+    loop {
+        let segment = central(range, frames);
+        // The shorter segments may be occluded.
+        let coarse =
+            found.map_or_else(|| spectral_peak(joints, &segment, commanded), |(step, _)| step);
+        found = refined_step(joints, &segment, coarse, commanded);
+        if frames == range.len() {
+            return found;
+        }
         frames = range.len().min(LONGER * frames);
     }
-    refined_step(joints, range, step, commanded)
 }
 
 /// Returns the phase step per frame, near the commanded one, at which the spectrum of the joint angles peaks.

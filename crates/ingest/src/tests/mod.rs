@@ -337,6 +337,37 @@ fn assert_others_unchanged(poses: Poses, tolerance: f64) {
 }
 
 #[test]
+fn a_long_occlusion_of_a_joint_fails_a_trial_only_if_too_few_cycles_are_left() {
+    let (mut recording, trial) = symmetric(3.9);
+    recording.cycles = 60.0;
+    let text = recording.export();
+    let frames = text.lines().count() - 5;
+    // The central 30 cycles, from which the frequency is first estimated, are occluded.
+    let processed =
+        process_text(&without_link1(&text, frames / 5..frames * 4 / 5), &trial).unwrap();
+    assert_eq!(used_cycles(&processed).len(), 20);
+    assert!((processed.row.omega_rad_s - 3.9).abs() < 1e-4);
+
+    recording.cycles = 20.0;
+    let text = recording.export();
+    let frames = text.lines().count() - 5;
+    for (rows, expected) in [
+        (
+            frames / 10..frames,
+            "joint 1 is visible in only 0 of the 3480 frames from which the gait's frequency and phase are measured",
+        ),
+        (
+            frames / 10..frames * 9 / 10,
+            "only 1 of 19 cycles can be used, but at least 2 are needed: the first 2 were still settling, \
+             16 have gaps or jumps, in 0 the joints do not follow the gait",
+        ),
+    ] {
+        let error = process_text(&without_link1(&text, rows), &trial).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("a.csv: {expected}")), "{error}");
+    }
+}
+
+#[test]
 fn a_frame_jump_is_a_gap_in_time() {
     let (recording, trial) = symmetric(3.9);
     let text = recording.export();
@@ -486,8 +517,8 @@ fn faults_of_a_trial_are_reported() {
     let lines: Vec<&str> = text.split_inclusive("\r\n").collect();
     assert_eq!(
         message(&lines[..5 + 618].concat()),
-        "a.csv: only 1 of 3 whole cycles can be used (the first 2 were still settling), \
-         but at least 2 are needed"
+        "a.csv: only 1 of 3 cycles can be used, but at least 2 are needed: the first 2 were still settling, 0 have \
+         gaps or jumps, in 0 the joints do not follow the gait"
     );
     let unseen = without_link1(&text, 0..lines.len());
     assert_eq!(
