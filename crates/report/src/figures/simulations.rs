@@ -19,11 +19,9 @@ use super::{SEMI_PASSIVE, not_drawn};
 use crate::ReportInput;
 use crate::looks::{self, ModelLook};
 use crate::series::{DISPLACEMENT, Quantity, SPEED};
-use crate::simulated::{self, SAMPLES, Steady};
+use crate::simulated::{self, OMEGAS_RAD_S, SAMPLES, Steady};
 use crate::tables::Tables;
 
-/// Frequency at which time courses are simulated, rad/s.
-const OMEGA_RAD_S: f64 = 4.0;
 /// Model with which the robot with skid is simulated.
 const SKIDDING: Model = Model::SKID_ROLL;
 /// Number of steady-state cycles in the time courses.
@@ -32,8 +30,37 @@ const CYCLES: usize = 2;
 const PATH_CYCLES: usize = 3;
 /// Maximum number of cycles shown for a motion from rest.
 const MAX_FROM_REST: usize = 40;
-/// First and last frequency of the frequency sweep (rad/s), and the number of frequencies.
-const SWEEP: (f64, f64, i32) = (0.5, 8.0, 91);
+/// Number of frequencies of the frequency sweep.
+const FREQUENCIES: i32 = 91;
+/// Factor by which the frequency sweep extends beyond the trials on both sides.
+const MARGIN: f64 = 1.5;
+
+/// Frequencies for which the motion of a campaign is simulated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Frequencies {
+    /// Frequency of time courses, rad/s.
+    shown_rad_s: f64,
+    /// First and last frequency of the frequency sweep, rad/s.
+    sweep_rad_s: [f64; 2],
+}
+
+impl Frequencies {
+    /// Frequencies of robots with three links, which are those of the paper, and of campaigns without trials.
+    const DEFAULT: Self = Self { shown_rad_s: 4.0, sweep_rad_s: [0.5, 8.0] };
+
+    /// Returns the frequencies for a campaign of a chain, which are in the range of its trials.
+    fn of_chain(campaign: &str, (tables, input): (&Tables, &ReportInput)) -> Self {
+        let trials = tables.source(input).measured_trials(campaign).map(|trial| trial.omega_rad_s);
+        let [low, high] = extremes(trials.filter(|omega| OMEGAS_RAD_S.contains(omega)));
+        if low > high {
+            return Self::DEFAULT;
+        }
+        let nearest_rad_s = Self::DEFAULT.shown_rad_s.clamp(low, high);
+        // Captions state the frequency that is simulated, with three digits.
+        let shown_rad_s = format!("{nearest_rad_s:.2e}").parse().unwrap_or(nearest_rad_s);
+        Self { shown_rad_s, sweep_rad_s: [low / MARGIN, high * MARGIN] }
+    }
+}
 
 /// Campaign and model whose motion is drawn from rest and over frequency.
 struct Shown<'s> {
@@ -42,6 +69,8 @@ struct Shown<'s> {
     look: ModelLook,
     /// Values of the simulation, as the end of a sentence.
     values: String,
+    /// First and last frequency of the frequency sweep, rad/s.
+    sweep_rad_s: [f64; 2],
     /// Name of link 0.
     link: String,
     /// Joints of a chain whose angles are not commanded; `None` for three links, whose joints are drawn as a gait.
@@ -70,12 +99,13 @@ pub(super) fn passive(
         }
         Some((problem, is_fitted))
     };
+    let Frequencies { shown_rad_s, sweep_rad_s } = Frequencies::DEFAULT;
     let problem =
-        problem_at(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"));
+        problem_at(shown_rad_s).ok_or_else(|| format!("campaign {campaign} is not configured"));
     let problem_at = |omega_rad_s| problem_at(omega_rad_s).map(|(problem, _)| problem);
     let with_motion = || -> Result<[Figure; 3], String> {
         let (problem, is_fitted) = problem?;
-        let no_motion = |error: MotionError| no_motion(&error);
+        let no_motion = |error: MotionError| no_motion(shown_rad_s, &error);
         let steady = simulated::steady(&problem).map_err(no_motion)?;
         let origin = if is_papers {
             "the values of the paper's simulations (Table II); all other values are as configured"
@@ -86,12 +116,14 @@ pub(super) fn passive(
         };
         let robot = problem.robot.three_links().ok_or("its robot is a chain")?;
         let joint = values(robot, &problem.gait.into(), origin);
-        let courses = time_courses(&courses, (campaign, &joint), robot, &steady.cycle);
+        let named = (campaign, joint.as_str(), shown_rad_s);
+        let courses = time_courses(&courses, named, robot, &steady.cycle);
         let shown = Shown {
             campaign,
             model: Model::NO_SKID,
             look: ModelLook::new(Model::NO_SKID, &Models::new()),
             values: format!("without skid and roll resistance, {joint}"),
+            sweep_rad_s,
             link: "middle".to_owned(),
             free_joints: None,
         };
@@ -134,8 +166,8 @@ fn values(robot: &Robot, gait: &Gait, origin: &str) -> String {
     )
 }
 
-fn no_motion(error: &MotionError) -> String {
-    format!("no steady motion was found at {OMEGA_RAD_S} rad/s: {error}")
+fn no_motion(omega_rad_s: f64, error: &MotionError) -> String {
+    format!("no steady motion was found at {} rad/s: {error}", number(omega_rad_s))
 }
 
 /// Returns the panel with the time courses of a quantity's components over a cycle that is repeated `cycles` times.
@@ -155,7 +187,7 @@ const JOINTS: (&str, &str) = ("Joint angles", "Angle (deg)");
 
 fn time_courses(
     stem: &str,
-    (campaign, joint): (&str, &str),
+    (campaign, joint, omega_rad_s): (&str, &str, f64),
     robot: &Robot,
     cycle: &[Sample],
 ) -> Figure {
@@ -172,7 +204,7 @@ fn time_courses(
     let difference = over_time(cycle, CYCLES, |sample| sample.phi_rad[0] - sample.phi_rad[1]);
     let crossings = crossings(&difference).into_iter().map(|time_s| (time_s, f64::NAN));
     forces.layers.push(Layer::new("φ₁ = φ₂", crossings, Look::Guides));
-    let texts = texts("passive", context! { campaign, joint, omega => OMEGA_RAD_S.to_string() });
+    let texts = texts("passive", context! { campaign, joint, omega => number(omega_rad_s) });
     let panels = vec![joints, velocities, forces];
     Figure::new(stem, texts, &[campaign], Layout::Stack, panels)
 }
@@ -186,11 +218,12 @@ pub(super) fn skidding(
     campaign: &str,
     inputs: (&Tables, &ReportInput),
 ) -> Result<Figure, String> {
-    let known = simulated::best_known(inputs, campaign, SKIDDING, OMEGA_RAD_S);
+    let Frequencies { shown_rad_s, .. } = Frequencies::DEFAULT;
+    let known = simulated::best_known(inputs, campaign, SKIDDING, shown_rad_s);
     let (problem, is_fitted) =
         known.ok_or_else(|| not_drawn(stem, &format!("campaign {campaign} is not configured")))?;
     let steady = simulated::steady(&problem);
-    let steady = steady.map_err(|error| not_drawn(stem, &no_motion(&error)))?;
+    let steady = steady.map_err(|error| not_drawn(stem, &no_motion(shown_rad_s, &error)))?;
     Ok(joints_and_forces(stem, (campaign, SKIDDING), (&problem, is_fitted), &steady))
 }
 
@@ -209,22 +242,25 @@ pub(super) fn of_chain(
         let preferred = tables.preferred(campaign).ok_or("the campaign has no preferred model")?;
         let model = preferred.model;
         let known = |omega_rad_s| simulated::best_known(inputs, campaign, model, omega_rad_s);
+        let Frequencies { shown_rad_s, sweep_rad_s } = Frequencies::of_chain(campaign, inputs);
         let (problem, is_fitted) =
-            known(OMEGA_RAD_S).ok_or_else(|| format!("campaign {campaign} is not configured"))?;
-        let steady = simulated::steady(&problem).map_err(|error| no_motion(&error))?;
+            known(shown_rad_s).ok_or_else(|| format!("campaign {campaign} is not configured"))?;
+        let no_motion = |error: MotionError| no_motion(shown_rad_s, &error);
+        let steady = simulated::steady(&problem).map_err(no_motion)?;
         let origin = if is_fitted { "fitted" } else { "configured" };
         let shown = Shown {
             campaign,
             model,
             look: config.look(model),
             values: format!("with the robot's {origin} coefficients"),
+            sweep_rad_s,
             link: config.links(campaign).swap_remove(0),
             free_joints: Some(config.free_joints(campaign)),
         };
         let courses =
             joints_and_forces(&courses, (campaign, model), (&problem, is_fitted), &steady);
         let from_rest = self::from_rest(&from_rest, &shown, &problem, &steady);
-        let from_rest = from_rest.map_err(|error| no_motion(&error))?;
+        let from_rest = from_rest.map_err(no_motion)?;
         let sweep = self::sweep(&sweep, &shown, |omega_rad_s| Some(known(omega_rad_s)?.0));
         Ok(vec![courses, from_rest, sweep])
     };
@@ -254,7 +290,7 @@ fn joints_and_forces(
         model => model.name(),
         is_fitted,
         is_chain => problem.robot.three_links().is_none(),
-        omega => OMEGA_RAD_S.to_string(),
+        omega => number(problem.omega_rad_s),
         v_mm_s => format!("{:.1}", 1e3 * metrics.v_m_s),
         roll_n => format!("{max_n:.2}"),
     };
@@ -279,7 +315,7 @@ fn from_rest(
     problem: &Problem,
     steady: &Steady,
 ) -> Result<Figure, MotionError> {
-    let Shown { campaign, model, look, values, link, free_joints } = shown;
+    let Shown { campaign, model, look, values, link, free_joints, .. } = shown;
     let cycle = steady.cycle.as_slice();
     let d_m = steady.metrics.d_m;
     let settled = steady.cycles_to_settle.map(|cycles| cycles.max(1));
@@ -328,7 +364,7 @@ fn from_rest(
         campaign => *campaign,
         model => model.name(),
         values,
-        omega => OMEGA_RAD_S.to_string(),
+        omega => number(problem.omega_rad_s),
         settled,
         drawn,
         cycles => free_joints.as_ref().map(|_| CYCLES),
@@ -339,22 +375,23 @@ fn from_rest(
 
 /// Returns the figure of the steady motion over frequency (Fig. 5 of the paper).
 fn sweep(stem: &str, shown: &Shown, problem_at: impl Fn(f64) -> Option<Problem> + Sync) -> Figure {
-    let Shown { campaign, model, look, values, link, free_joints } = shown;
-    let (low, high, count) = SWEEP;
+    let &Shown {
+        campaign, model, ref look, ref values, sweep_rad_s: [low, high], ref link, ..
+    } = shown;
     let solve = |i: i32| {
         // The frequencies are spaced by equal ratios, because the motion changes fastest at low frequencies.
-        let omega_rad_s = low * (high / low).powf(f64::from(i) / f64::from(count - 1));
+        let omega_rad_s = low * (high / low).powf(f64::from(i) / f64::from(FREQUENCIES - 1));
         let settled = problem_at(omega_rad_s).and_then(|problem| problem.settle(FIT_ACCURACY).ok());
         (omega_rad_s, settled.map_or(GaitMetrics::MISSING, |settled| settled.motion.metrics))
     };
-    let motions: Vec<(f64, GaitMetrics)> = (0..count).into_par_iter().map(solve).collect();
+    let motions: Vec<(f64, GaitMetrics)> = (0..FREQUENCIES).into_par_iter().map(solve).collect();
     let d_m: Vec<(f64, f64)> =
         motions.iter().map(|(omega, metrics)| (*omega, metrics.d_m)).collect();
-    let reversal = reversal(&d_m, |omega_rad_s| Advance::of(&problem_at(omega_rad_s)?));
+    let reversals = reversals(&d_m, |omega_rad_s| Advance::of(&problem_at(omega_rad_s)?));
     let stopped = GaitMetrics { d_m: 0.0, v_m_s: 0.0, ..GaitMetrics::MISSING };
     let mut has_maxima = false;
     let mut exceeded = Vec::new();
-    let amplitudes = free_joints.iter().flatten();
+    let amplitudes = shown.free_joints.iter().flatten();
     let amplitudes = amplitudes.map(|joint| Quantity::new(Metric::ALPHA[*joint]));
     let panels = [DISPLACEMENT, SPEED]
         .into_iter()
@@ -364,8 +401,8 @@ fn sweep(stem: &str, shown: &Shown, problem_at: impl Fn(f64) -> Option<Problem> 
                 .iter()
                 .map(|(omega_rad_s, metrics)| (*omega_rad_s, quantity.of(metrics)))
                 .collect();
-            let stopped = reversal.map(|(omega_rad_s, _)| (omega_rad_s, quantity.of(&stopped)));
-            if let Some((omega_rad_s, value)) = stopped.filter(|(_, value)| value.is_finite()) {
+            let value = quantity.of(&stopped);
+            for &(omega_rad_s, _) in reversals.iter().filter(|_| value.is_finite()) {
                 let after = points.partition_point(|(omega, _)| *omega < omega_rad_s);
                 points.insert(after, (omega_rad_s, value));
             }
@@ -394,14 +431,14 @@ fn sweep(stem: &str, shown: &Shown, problem_at: impl Fn(f64) -> Option<Problem> 
         })
         .collect();
     let values = context! {
-        campaign => *campaign,
+        campaign,
         model => model.name(),
         values,
         link => link_noun(link),
         has_maxima,
         exceeded,
-        reversal => reversal.map(|(omega_rad_s, _)| format!("{omega_rad_s:.2}")),
-        swing => reversal.map(|(_, swing_rad)| format!("{:.0}", DEG * swing_rad)),
+        reversals => reversals.iter().map(|(omega, _)| format!("{omega:.2}")).collect::<Vec<_>>(),
+        swings => reversals.iter().map(|(_, rad)| format!("±{:.0}°", DEG * rad)).collect::<Vec<_>>(),
     };
     Figure::new(stem, texts("sweep", values), &[campaign], Layout::Stack, panels)
 }
@@ -425,19 +462,19 @@ impl Advance {
     }
 }
 
-/// Returns the frequency (rad/s) at which the direction of travel changes, and half the range of the heading there
-/// (rad); `None` if the direction never changes. `d_m` is the displacement against frequency, which is zero there and
-/// therefore has a minimum nearby.
-fn reversal(d_m: &[(f64, f64)], advance: impl Fn(f64) -> Option<Advance>) -> Option<(f64, f64)> {
+/// Returns the frequencies (rad/s) at which the direction of travel changes, each with half the range of the heading
+/// there (rad). `d_m` is the displacement against frequency, which is zero there and therefore has a minimum nearby.
+fn reversals(d_m: &[(f64, f64)], advance: impl Fn(f64) -> Option<Advance>) -> Vec<(f64, f64)> {
     let minima = d_m.windows(3).filter(|three| three[1].1 < three[0].1.min(three[2].1));
     let around = minima.flat_map(|three| [[three[0].0, three[1].0], [three[1].0, three[2].0]]);
-    around.into_iter().find_map(|[from, to]| {
+    let reversals = around.filter_map(|[from, to]| {
         let [before, after] = [advance(from)?, advance(to)?];
         let part = before.m / (before.m - after.m);
         let between = |from: f64, to: f64| from + part * (to - from);
         ((before.m < 0.0) != (after.m < 0.0))
             .then(|| (between(from, to), between(before.swing_rad, after.swing_rad)))
-    })
+    });
+    reversals.collect()
 }
 
 /// Returns the position and value of the highest local maximum of a line, interpolated by a parabola through three
@@ -460,6 +497,9 @@ fn peak(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 
 #[cfg(test)]
 mod tests {
+    use trilink_tables::trial::TrialKind;
+    use trilink_tables::{Columns as _, TrialRow, TrialStatus};
+
     use super::*;
 
     #[test]
@@ -494,17 +534,45 @@ mod tests {
 
     #[test]
     fn the_direction_of_travel_changes_where_the_displacement_vanishes() {
-        let advance =
-            |omega: f64| Some(Advance { m: 0.2 * (omega - 0.83), swing_rad: 3.0 - omega });
-        let d_m: Vec<(f64, f64)> = (5..15)
+        let advance = |omega: f64| {
+            let m = 0.2 * (omega - 0.83).min(2.27 - omega);
+            Some(Advance { m, swing_rad: 3.0 - omega })
+        };
+        let d_m: Vec<(f64, f64)> = (5..30)
             .map(|tenth| f64::from(tenth) / 10.0)
             .filter_map(|omega| Some((omega, advance(omega)?.m.abs())))
             .collect();
-        let (omega_rad_s, swing_rad) = reversal(&d_m, advance).expect("it changes");
-        assert!((omega_rad_s - 0.83).abs() < 1e-12 && (swing_rad - 2.17).abs() < 1e-12);
+        let found = reversals(&d_m, advance);
+        assert_eq!(found.len(), 2);
+        for ((omega_rad_s, swing_rad), expected) in found.into_iter().zip([0.83, 2.27]) {
+            assert!((omega_rad_s - expected).abs() < 1e-12, "{omega_rad_s}");
+            assert!((swing_rad - (3.0 - expected)).abs() < 1e-12, "{swing_rad}");
+        }
         // A minimum that is not zero is no reversal.
         let ahead = |omega: f64| Some(Advance { m: 0.1 + (omega - 0.83).abs(), swing_rad: 1.0 });
-        assert_eq!(reversal(&d_m, ahead), None);
+        assert_eq!(reversals(&d_m, ahead), []);
+    }
+
+    #[test]
+    fn chains_are_simulated_at_frequencies_in_the_range_of_their_trials() {
+        let config = Config::default();
+        let input = ReportInput::new(&config, Default::default());
+        let of = |omegas_rad_s: &[f64]| {
+            let trials = omegas_rad_s.iter().map(|omega_rad_s| TrialRow {
+                campaign: "snake".to_owned(),
+                omega_rad_s: *omega_rad_s,
+                kind: TrialKind::Gait,
+                status: TrialStatus::Ok,
+                ..TrialRow::blank()
+            });
+            let tables = Tables { trials: trials.collect(), ..Tables::default() };
+            Frequencies::of_chain("snake", (&tables, &input))
+        };
+        let frequencies = |shown_rad_s, sweep_rad_s| Frequencies { shown_rad_s, sweep_rad_s };
+        assert_eq!(of(&[0.6, 0.3]), frequencies(0.6, [0.3 / MARGIN, 0.6 * MARGIN]));
+        assert_eq!(of(&[6.0012, 12.0]), frequencies(6.0, [6.0012 / MARGIN, 18.0]));
+        assert_eq!(of(&[3.0, 6.0]), frequencies(4.0, [2.0, 9.0]));
+        assert_eq!(of(&[]), Frequencies::DEFAULT);
     }
 
     #[test]
