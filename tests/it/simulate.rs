@@ -215,6 +215,12 @@ fn a_singular_gait_has_no_numbers_but_a_reason() {
     assert!(text(&output.stdout).contains("singular: "));
     assert!(text(&output.stderr).contains("motion.html: not written: "));
     assert!(!folder.path().join("motion.html").exists());
+
+    let rest = ["--from-rest", "--trajectory", "rest.csv"];
+    let output = trilink(folder.path(), &[&simulate[..], &rest].concat());
+    let expected = "rest.csv: 0 samples; the file has no rows for 1 of 1 frequencies, at which no motion from rest was \
+                    found (at 2 rad/s: no skid-free motion exists: the gait passes through a singular shape";
+    assert!(text(&output.stderr).contains(expected), "{}", text(&output.stderr));
 }
 
 #[test]

@@ -17,25 +17,31 @@ pub(super) fn write(
     samples: usize,
 ) -> Result<String, Failure> {
     let mut cycles = Vec::new();
+    let mut absent = Vec::new();
     let mut input = String::new();
     for answer in answers {
         let problem = answer.setup.problem(answer.omega_rad_s);
         input += &format!("{problem:?} {from_rest} {samples}");
-        if let Ok(cycle) = answer.setup.trajectory(answer, from_rest, samples) {
-            cycles.push((answer, cycle));
+        match answer.setup.trajectory(answer, from_rest, samples) {
+            Ok(cycle) => cycles.push((answer, cycle)),
+            Err(error) => absent.push((answer.omega_rad_s, error)),
         }
     }
     let unbounded = cycles.iter().flat_map(|(_, cycle)| cycle).filter(|sample| {
         let wheels = sample.lateral_n.iter().zip(&sample.roll_m_s);
         wheels.into_iter().any(|(force, velocity)| force.is_nan() && !velocity.is_nan())
     });
-    let (unbounded, absent) = (unbounded.count(), answers.len() - cycles.len());
+    let unbounded = unbounded.count();
     let table = trajectories(&setup.robot, &cycles);
     let mut message = format!("{}: {} samples", path.display(), table.len());
     write_table(path, table, &input)?;
-    if absent > 0 {
+    if let Some((omega_rad_s, error)) = absent.first() {
+        let motion = if from_rest { "motion from rest" } else { "steady motion" };
         message += &format!(
-            "; no motion was found at {absent} frequencies, so the file has no rows for them"
+            "; the file has no rows for {} of {} frequencies, at which no {motion} was found (at {omega_rad_s} rad/s: \
+             {error})",
+            absent.len(),
+            answers.len()
         );
     }
     if unbounded > 0 {

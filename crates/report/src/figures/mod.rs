@@ -254,15 +254,16 @@ impl Inputs<'_> {
         if let Some((robot, gait)) = config.setup(campaign) {
             let inputs = (tables, config);
             let stems = [SIMULATED, FROM_REST, SWEEP].map(stem);
-            found.add(match robot {
+            let figures = match robot {
                 AnyRobot::Chain(_) => simulations::of_chain(stems, campaign, inputs),
                 AnyRobot::ThreeLinks(_) if Gait::from(gait).passive_joint().is_some() => {
                     simulations::passive(stems, campaign, inputs)
                 }
                 AnyRobot::ThreeLinks(_) => {
-                    simulations::skidding(&stem(SIMULATED), campaign, inputs).map(|of| vec![of])
+                    vec![simulations::skidding(&stem(SIMULATED), campaign, inputs)]
                 }
-            });
+            };
+            figures.into_iter().for_each(|figure| found.add(figure.map(|figure| [figure])));
         }
         self.tracked([GAIT, WHEELS].map(stem), campaign, &mut found)?;
         found.figures.extend([

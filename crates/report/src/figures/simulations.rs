@@ -77,15 +77,13 @@ struct Shown<'s> {
     free_joints: Option<Vec<usize>>,
 }
 
-/// Returns the figures of the simulated motion of a robot with a passive joint (Figs. 3, 4 and 5 of the paper).
-///
-/// # Errors
-/// Returns a sentence that explains why the figures are not drawn.
+/// Returns the figures of the simulated motion of a robot with a passive joint (Figs. 3, 4 and 5 of the paper), or
+/// sentences that explain why they are not drawn.
 pub(super) fn passive(
     [courses, from_rest, sweep]: [String; 3],
     campaign: &str,
     (tables, config): (&Tables, &ReportInput),
-) -> Result<Vec<Figure>, String> {
+) -> Vec<Result<Figure, String>> {
     // For the paper's robot, the joint parameters are those of the paper's simulations.
     let [default, simulated] = [Config::default(), Config::of_simulations()]
         .map(|setup| Some(setup.campaign_setup(SEMI_PASSIVE)?.0));
@@ -103,7 +101,7 @@ pub(super) fn passive(
     let problem =
         problem_at(shown_rad_s).ok_or_else(|| format!("campaign {campaign} is not configured"));
     let problem_at = |omega_rad_s| problem_at(omega_rad_s).map(|(problem, _)| problem);
-    let with_motion = || -> Result<[Figure; 3], String> {
+    let with_motion = || -> Result<_, String> {
         let (problem, is_fitted) = problem?;
         let no_motion = |error: MotionError| no_motion(shown_rad_s, &error);
         let steady = simulated::steady(&problem).map_err(no_motion)?;
@@ -127,11 +125,10 @@ pub(super) fn passive(
             link: "middle".to_owned(),
             free_joints: None,
         };
-        let from_rest =
-            self::from_rest(&from_rest, &shown, &problem, &steady).map_err(no_motion)?;
-        Ok([courses, from_rest, self::sweep(&sweep, &shown, problem_at)])
+        let from_rest = self::from_rest(&from_rest, &shown, &problem, &steady);
+        Ok(vec![Ok(courses), from_rest, Ok(self::sweep(&sweep, &shown, problem_at))])
     };
-    with_motion().map(Vec::from).map_err(|why| not_drawn(&courses, &why))
+    with_motion().unwrap_or_else(|why| vec![Err(not_drawn(&courses, &why))])
 }
 
 /// Describes the values of a simulation without skid; `origin` says where those of the passive joint come from.
@@ -227,18 +224,15 @@ pub(super) fn skidding(
     Ok(joints_and_forces(stem, (campaign, SKIDDING), (&problem, is_fitted), &steady))
 }
 
-/// Returns the figures of the simulated motion of a chain with the preferred model of its campaign: the counterparts of
-/// Figs. 6, 4 and 5 of the paper.
-///
-/// # Errors
-/// Returns a sentence that explains why the figures are not drawn.
+/// Returns the figures of the simulated motion of a chain with the preferred model of its campaign, the counterparts of
+/// Figs. 6, 4 and 5 of the paper, or sentences that explain why they are not drawn.
 pub(super) fn of_chain(
     [courses, from_rest, sweep]: [String; 3],
     campaign: &str,
     inputs: (&Tables, &ReportInput),
-) -> Result<Vec<Figure>, String> {
+) -> Vec<Result<Figure, String>> {
     let (tables, config) = inputs;
-    let drawn = || -> Result<Vec<Figure>, String> {
+    let drawn = || -> Result<_, String> {
         let preferred = tables.preferred(campaign).ok_or("the campaign has no preferred model")?;
         let model = preferred.model;
         let known = |omega_rad_s| simulated::best_known(inputs, campaign, model, omega_rad_s);
@@ -260,11 +254,10 @@ pub(super) fn of_chain(
         let courses =
             joints_and_forces(&courses, (campaign, model), (&problem, is_fitted), &steady);
         let from_rest = self::from_rest(&from_rest, &shown, &problem, &steady);
-        let from_rest = from_rest.map_err(no_motion)?;
         let sweep = self::sweep(&sweep, &shown, |omega_rad_s| Some(known(omega_rad_s)?.0));
-        Ok(vec![courses, from_rest, sweep])
+        Ok(vec![Ok(courses), from_rest, Ok(sweep)])
     };
-    drawn().map_err(|why| not_drawn(&courses, &why))
+    drawn().unwrap_or_else(|why| vec![Err(not_drawn(&courses, &why))])
 }
 
 fn joints_and_forces(
@@ -309,18 +302,27 @@ fn crossings(line: &[(f64, f64)]) -> Vec<f64> {
 }
 
 /// Returns the figure of the transient from rest and of the path of the steady motion (Fig. 4 of the paper).
+///
+/// # Errors
+/// Returns a sentence that explains why the figure is not drawn.
 fn from_rest(
     stem: &str,
     shown: &Shown,
     problem: &Problem,
     steady: &Steady,
-) -> Result<Figure, MotionError> {
+) -> Result<Figure, String> {
     let Shown { campaign, model, look, values, link, free_joints, .. } = shown;
     let cycle = steady.cycle.as_slice();
     let d_m = steady.metrics.d_m;
     let settled = steady.cycles_to_settle.map(|cycles| cycles.max(1));
     let drawn = settled.unwrap_or(MAX_FROM_REST).min(MAX_FROM_REST);
-    let transient = problem.cycles_from_rest(drawn, SAMPLES)?;
+    let transient = problem.cycles_from_rest(drawn, SAMPLES).map_err(|error| {
+        let omega_rad_s = number(problem.omega_rad_s);
+        not_drawn(
+            stem,
+            &format!("the motion from rest at {omega_rad_s} rad/s was not found: {error}"),
+        )
+    })?;
     let steady = |points| Layer::new(&format!("{}, steady", model.name()), points, look.thick());
     let from_rest = |points| Layer::new("from rest", points, looks::TRANSIENT);
     let mut panels = match free_joints {
@@ -523,13 +525,35 @@ mod tests {
             let input = ReportInput::new(&config, Default::default());
             let stems = ["a", "b", "c"].map(str::to_owned);
             let tables = Tables::default();
-            let figures =
-                passive(stems, SEMI_PASSIVE, (&tables, &input)).expect("there are motions");
+            let figures = passive(stems, SEMI_PASSIVE, (&tables, &input));
             assert_eq!(figures.len(), 3);
-            for Figure { caption, .. } in figures {
+            for figure in figures {
+                let Figure { caption, .. } = figure.expect("there are motions");
                 assert!(caption.contains(joint), "{caption}");
             }
         }
+    }
+
+    #[test]
+    fn a_failure_of_the_motion_from_rest_is_reported_as_one() {
+        let input = ReportInput::new(&Config::default(), Default::default());
+        let model = Model::NO_SKID;
+        let problem = simulated::configured(&input, SEMI_PASSIVE, model, 3.0);
+        let mut problem = problem.expect("a campaign of the paper");
+        let steady = simulated::steady(&problem).expect("a motion");
+        let shown = Shown {
+            campaign: SEMI_PASSIVE,
+            model,
+            look: ModelLook::new(model, &Models::new()),
+            values: String::new(),
+            sweep_rad_s: Frequencies::DEFAULT.sweep_rad_s,
+            link: "middle".to_owned(),
+            free_joints: None,
+        };
+        problem.gait.joints[1] = Some(trilink_robot::JointCommand::new(0.0, f64::NAN, 0.0));
+        let why = from_rest("a-from-rest", &shown, &problem, &steady).expect_err("no motion");
+        let expected = "Figure a-from-rest is not drawn, because the motion from rest at 3 rad/s was not found: ";
+        assert!(why.starts_with(expected), "{why}");
     }
 
     #[test]
