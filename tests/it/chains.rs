@@ -624,6 +624,10 @@ fn torques_and_rotors_of_chains_are_optimised_within_their_limits() {
     let refused = trilink(folder.path(), &optimise);
     let message = "optimise.torque_nm: found nothing, needed the largest torque of an actuator, because `torque1` is free";
     assert!(text(&refused.stderr).contains(message), "{}", text(&refused.stderr));
+    let unknown = trilink(folder.path(), &[&optimise[..], &["--free", "torqes"]].concat());
+    for name in ["`torques`, ", "`means`, ", "did you mean `torques`?"] {
+        assert!(text(&unknown.stderr).contains(name), "{}", text(&unknown.stderr));
+    }
     let limits =
         ["--torque-nm", "0.05", "--rotor-amplitude-deg", "200..400", "--rate-deg-s", "4000"];
     let free = ["--free", "torque1", "mean1", "rotor.front.amplitude", "--omega", "6"];

@@ -506,7 +506,13 @@ fn invalid_searches_are_rejected_with_the_cause() {
         &["no pipeline.toml and no trials in the current folder", "trilink init"],
     );
     refused(&with(&["--maximise", "v", "--free", "phase1"]), &["only the difference"]);
-    refused(&with(&["--maximise", "v", "--free", "omga"]), &["`omga`", "did you mean `omega`"]);
+    refused(
+        &with(&["--maximise", "v", "--free", "omga"]),
+        &[
+            "found `omga`, needed one of `omega`, `amplitude1`, `amplitude2`, `offset1`, `offset2`, `phase2`, \
+             `amplitudes`, `offsets`, `phases`, `seconds`; did you mean `omega`?",
+        ],
+    );
     refused(
         &with(&["--maximise", "v", "--free", "amplitudes"]),
         &["--omega: found a range, needed one frequency"],

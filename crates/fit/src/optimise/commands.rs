@@ -112,7 +112,7 @@ impl Command {
                 .copied()
                 .collect();
             if named.is_empty() {
-                return Err(unknown_command(name, problem));
+                return Err(unknown_command(name, &all, problem));
             }
             free.extend(named);
         }
@@ -153,16 +153,20 @@ impl Command {
         let name = units.into_iter().fold(name, |name, unit| name.trim_end_matches(unit));
         let own = self.name(robot);
         let kind = self.kind();
+        let of = |group: &str| own.replace(kind, group) == name;
         own == name
-            || match self {
-                Self::Omega => false,
-                Self::Number(_) if self.is_second() => {
-                    let of = |group: &str| own.replace(kind, group) == name;
-                    name == "seconds"
-                        || ["second", "second_amplitude", "second_phase"].map(of).contains(&true)
-                }
-                Self::Number(_) => name == format!("{kind}s"),
-            }
+            || self.group().is_some_and(|group| group == name)
+            || self.is_second()
+                && ["second", "second_amplitude", "second_phase"].map(of).contains(&true)
+    }
+
+    /// Returns the name of the group of commands of the same kind; `None` for the frequency.
+    fn group(self) -> Option<String> {
+        match self {
+            Self::Omega => None,
+            Self::Number(_) if self.is_second() => Some("seconds".to_owned()),
+            Self::Number(_) => Some(format!("{}s", self.kind())),
+        }
     }
 
     /// Returns the value of the command in a problem, rad/s, rad or N m.
@@ -269,12 +273,17 @@ impl Command {
     }
 }
 
-/// Returns the error message for an unknown command name.
-fn unknown_command(name: &str, problem: &Problem) -> String {
+/// Returns the error message for an unknown command name; `all` are the known commands.
+fn unknown_command(name: &str, all: &[Command], problem: &Problem) -> String {
     let Problem { robot, .. } = problem;
     let drives = Drive::all(problem);
-    let known: Vec<String> =
-        Command::all(problem).iter().map(|command| command.name(robot)).collect();
+    let single = all.iter().filter(|command| !command.is_second());
+    let mut known: Vec<String> = single.map(|command| command.name(robot)).collect();
+    for group in all.iter().filter_map(|command| command.group()) {
+        if !known.contains(&group) {
+            known.push(group);
+        }
+    }
     let bare = name.trim_end_matches("_deg");
     let hint = match drives.first() {
         Some(_) if drives.len() == 1 && ["phase1", "phase2", "phases"].contains(&bare) => {
@@ -290,10 +299,7 @@ fn unknown_command(name: &str, problem: &Problem) -> String {
         },
         _ => did_you_mean(name, known.iter().map(String::as_str)),
     };
-    format!(
-        "--free: found `{name}`, needed `{}`, `amplitudes`, `offsets` or `seconds` (the second harmonics){hint}",
-        known.join("`, `")
-    )
+    format!("--free: found `{name}`, needed one of `{}`{hint}", known.join("`, `"))
 }
 
 /// Ranges of the commands to search, and limits on the resulting motion.
