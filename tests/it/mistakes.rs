@@ -315,6 +315,21 @@ const MISTAKES: &[Mistake] = &[
             "found -30.0, needed 0.1 to 179 degrees (is the amplitude 30, with the phase shifted by 180 degrees?)",
         ],
     ),
+    mistake(
+        "a gait without a first harmonic",
+        |night| {
+            gait(
+                night,
+                [SYMMETRIC_1, SYMMETRIC_2],
+                "amplitude_deg = 30.0",
+                "amplitude_deg = 0.0, amplitude2_deg = 30.0",
+            )
+        },
+        &[
+            "gait.symmetric.joint1.amplitude_deg",
+            "needed 0.1 to 179 degrees, because the first harmonic determines the phase of the cycle",
+        ],
+    ),
     // Mistakes in the list.
     mistake(
         "frequencies in Hz",

@@ -13,7 +13,7 @@ use crate::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::poses::Tracked;
 use crate::smoothing::SmoothedMotion;
 
-/// Maximum RMS deviation of a commanded joint from its mean gait, relative to its amplitude. A cycle that exceeds it
+/// Maximum RMS deviation of a commanded joint from its mean gait, relative to the amplitude of its first two harmonics. A cycle that exceeds it
 /// contains a start, a stop or a pause.
 const MAX_DEVIATION: f64 = 0.2;
 
@@ -100,7 +100,7 @@ impl CycleData<'_> {
                 let phi = &self.tracked.seen.phi_rad[joint];
                 let fitted = fit.over(0..phi.len(), phase);
                 let squares = phi.iter().zip(fitted).map(|(phi, fitted)| (phi - fitted).powi(2));
-                (squares.collect(), MAX_DEVIATION * fit.amplitude(1))
+                (squares.collect(), MAX_DEVIATION * fit.amplitude(1).hypot(fit.amplitude(2)))
             })
             .collect()
     }

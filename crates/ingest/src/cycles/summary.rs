@@ -276,12 +276,15 @@ fn clipping_check(
             (lowest, command.offset_rad - commanded_lowest, "smallest"),
         ];
         for (peak, commanded, name) in sides {
-            let of_first = match command.second {
-                Some(_) => commanded / command.amplitude_rad,
-                None => 1.0,
+            let (expected, amplitude) = match command.second {
+                Some(second) => (
+                    commanded / command.amplitude_rad.hypot(second.amplitude_rad()),
+                    fit.amplitude(1).hypot(fit.amplitude(2)),
+                ),
+                None => (1.0, fit.amplitude(1)),
             };
-            // Shortfall of the peak relative to the amplitude of the first harmonic.
-            let short = of_first - peak / fit.amplitude(1);
+            // Shortfall of the peak relative to the amplitude of the first harmonic, or of both.
+            let short = expected - peak / amplitude;
             if short > value {
                 let joint = joint + 1;
                 let percent = 100.0 * short;

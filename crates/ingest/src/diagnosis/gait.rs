@@ -16,6 +16,9 @@ const EXPLAINED_DEG: f64 = 5.0;
 const MIN_SWING_RAD: f64 = 0.02;
 /// Maximum relative deviation of the measured from the commanded frequency.
 const FREQUENCY_TOLERANCE: f64 = 0.05;
+/// Amplitude of the second harmonic of a command, relative to that of the first, above which the angle can rise twice in
+/// a cycle.
+const MAX_SINGLE_RISE: f64 = 0.25;
 /// Maximum relative deviation of the ratio of measured to commanded frequency from the conversion factor between two
 /// units of frequency, for a wrong unit to be suspected.
 const RATIO_TOLERANCE: f64 = 0.02;
@@ -257,13 +260,13 @@ fn plain(value: f64) -> String {
 /// Returns an error if they do not swing, or swing at another frequency.
 pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> Result<(), Problem> {
     let is_commanded = command.joints.iter().any(Option::is_some);
-    let commanded: Vec<&Vec<f64>> = phi_rad
+    let commanded: Vec<(&Vec<f64>, JointCommand)> = phi_rad
         .iter()
         .zip(command.joints)
         .filter(|(_, joint)| joint.is_some() || !is_commanded)
-        .map(|(phi_rad, _)| phi_rad)
+        .map(|(phi_rad, joint)| (phi_rad, joint.unwrap_or_default()))
         .collect();
-    let swings = commanded.iter().map(|phi_rad| {
+    let swings = commanded.iter().map(|(phi_rad, _)| {
         let [low, high] = extremes(seen(phi_rad));
         0.5 * (high - low)
     });
@@ -271,16 +274,17 @@ pub(crate) fn check_swing(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> Resu
     if largest_rad < MIN_SWING_RAD {
         return Err(Problem::NoSwing { max_deg: largest_rad.to_degrees() });
     }
-    let Some(step_rad) = commanded.iter().find_map(|phi_rad| frequency(phi_rad)) else {
-        return Ok(());
-    };
-    let at_other = CommandedGait { omega_rad_s: step_rad * command.rate_hz, ..*command };
-    let other = at_other.omega_rad_s;
+    let found = commanded.iter().find_map(|(phi_rad, joint)| Some((frequency(phi_rad)?, joint)));
+    let Some((step_rad, joint)) = found else { return Ok(()) };
+    let rises_rad_s = step_rad * command.rate_hz;
     let commanded_rad_s = command.omega_rad_s;
     let is_near = |omega: f64| (omega / commanded_rad_s - 1.0).abs() <= FREQUENCY_TOLERANCE;
-    if is_near(other) {
+    let second = joint.second().amplitude_rad() / joint.amplitude_rad;
+    if is_near(rises_rad_s) || second > MAX_SINGLE_RISE && is_near(0.5 * rises_rad_s) {
         return Ok(());
     }
+    let other = if second > 1.0 { 0.5 * rises_rad_s } else { rises_rad_s };
+    let at_other = CommandedGait { omega_rad_s: other, ..*command };
     let omega_rad_s = at_other.estimate_phase(phi_rad).map_or(other, |driven| driven.omega_rad_s);
     // The times of a few rises are less accurate.
     if is_near(omega_rad_s) {

@@ -382,6 +382,22 @@ fn a_slope_is_told_from_the_dry_friction_of_a_chain() {
 }
 
 #[test]
+fn a_gait_dominated_by_its_second_harmonic_has_the_commanded_frequency() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pipeline.toml");
+    let text = include_str!("../../../../docs/robots/twistcar.toml");
+    let gait = "joint1 = { amplitude_deg = 0.1, amplitude2_deg = 25.0 }";
+    std::fs::write(&path, text.replace("joint1 = { amplitude_deg = 30.0 }", gait)).unwrap();
+    let trials = synthetic(&Config::load(&path).unwrap(), 1, Some(2.0));
+    let (trial, rows) = trials.iter().find(|(trial, _)| trial.kind == TrialKind::Gait).unwrap();
+    let row = &rows.trials[0];
+    assert_eq!((row.status, row.message.as_str()), (TrialStatus::Ok, ""));
+    assert!((row.omega_rad_s / trial.omega_rad_s.unwrap() - 1.0).abs() < 1e-3);
+    assert!((row.gait[0].amplitude_rad.to_degrees() - 0.1).abs() < 0.02);
+    assert!((row.metrics.alpha_rad[0].to_degrees() - 25.0).abs() < 0.5);
+}
+
+#[test]
 fn a_release_of_a_driven_joint_is_refused() {
     let mut config = gallery("passive-snake");
     for joint in &mut config.robot.get_mut("passive").unwrap().chain_mut().unwrap().joints[1..] {

@@ -364,6 +364,11 @@ fn unit_hint(key: &str, number: f64, range: &RangeInclusive<f64>) -> String {
             -number
         );
     }
+    if is_amplitude && key.starts_with("gait.") && number == 0.0 {
+        return " degrees, because the first harmonic determines the phase of the cycle (write a second harmonic alone as a \
+                first harmonic at twice the frequency)"
+            .to_owned();
+    }
     let Some((_, unit, other, factor)) = UNITS.iter().find(|(end, ..)| key.ends_with(end)) else {
         return String::new();
     };
