@@ -38,7 +38,7 @@ fn shared_fits_are_made_retained_and_recomputed() {
     assert_same(&folder.results(), &folder.scratch(), "asked for");
     assert!(
         text(&folder.read("reports/index.html"))
-            .contains("Joint fits: one set of coefficients for several campaigns?")
+            .contains("Shared fits: one set of coefficients for several campaigns?")
     );
     assert_eq!(succeed(folder.path(), &["run", "--dry-run", "--explain"]), "");
     folder.replace("pipeline.toml", "weights = { d = 10.0", "weights = { d = 9.0");

@@ -56,7 +56,7 @@ tables! {
     /// Fits with the alternative gait input (measured instead of commanded gait, or vice versa).
     alternative_fits: FitRow = "alternative_fits", "the fits with the other gait input are not listed";
     /// Fits of a model to all campaigns of a robot, or of robots with common wheels, together.
-    shared_fits: SharedFitRow = "shared_fits", "the joint fits of campaigns are not listed";
+    shared_fits: SharedFitRow = "shared_fits", "the shared fits of campaigns are not listed";
     predictions: PredictionRow = "predictions", "no model is drawn";
     comparison: ComparisonRow = "comparison", "no model is compared";
     precision: PrecisionRow = "precision", "the repeatability of the metrics is not listed";
