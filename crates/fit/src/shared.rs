@@ -26,8 +26,8 @@ pub struct SharedInput {
     pub model: Model,
     /// Inputs for fitting the model to each campaign; at least two.
     pub campaigns: Vec<FitInput>,
-    /// Inputs for every model of every campaign of the robots; the best model of each campaign provides the residuals
-    /// for the test of whether the campaigns share their coefficients.
+    /// Inputs for every model of every campaign of the robots; the best-fitting model of each campaign provides the
+    /// residuals for the test of whether the campaigns share their coefficients.
     pub models: Vec<FitInput>,
 }
 
@@ -277,14 +277,14 @@ fn best_models(
             let inputs = shared.models.iter().filter(|input| input.campaign.name == *name);
             let models = inputs
                 .filter_map(|input| known.get(&input.key()))
-                .filter_map(|fitted| whole_model(fitted, own.len()));
+                .filter_map(|fitted| predicted(fitted, own.len()));
             models.min_by(|a, b| a.j.total_cmp(&b.j))
         })
         .collect()
 }
 
 /// Returns the model of a fit with the predicted metrics for every trial; `None` if a trial has no prediction.
-fn whole_model(fitted: &Fitted, trials: usize) -> Option<BestModel> {
+fn predicted(fitted: &Fitted, trials: usize) -> Option<BestModel> {
     let fit = fitted.fits.first().filter(|fit| fit.status.is_ok())?;
     let rows = fitted.predictions.iter();
     let rows = rows.filter(|row| row.source == PredictionSource::Trial);

@@ -2,19 +2,20 @@
 //!
 //! The objective of a fit with shared coefficients exceeds the sum of the objectives of separate fits. If the true
 //! coefficients are equal, this rise is due to noise and to model error, which differs between gaits. Both are present
-//! in the residuals of the model that fits a campaign best; the larger residuals of any other model are due to its own
+//! in the residuals of the best-fitting model of a campaign; the larger residuals of any other model are due to its own
 //! misfit, and would not explain coefficients that differ. The null distribution is therefore simulated with the
-//! coefficients of the shared fit. If the best models of all campaigns are adequate, the simulated measurements have
-//! the noise of the cycles and of the differences between trials and days (parametric bootstrap, [`super::variation`]).
-//! Otherwise the logarithm of measured over predicted for every measurement is the residual of the campaign's best
-//! model with a random sign, one for each block of neighbouring frequencies, since model error is similar within a
-//! block and in all metrics (cluster wild bootstrap). A least-absolute-deviations fit passes through as many
-//! measurements as it has coefficients. Their zero residuals are not representative and would keep the simulated
-//! coefficients from moving; they are replaced by the median magnitude of the metric's other residuals. Each simulation
-//! is fitted with the model linearised at the shared fit, with one common set of coefficients and with one set for each
-//! campaign. Sharing is rejected if the rise, relative to the objective of the best models, exceeds that of 95 of 100
-//! simulations, relative to the objective of their separate fits. Campaigns that were recorded on different days may
-//! differ because the floor did: unless the differences between days are known, sharing is not rejected but not tested.
+//! coefficients of the shared fit. If the best-fitting models of all campaigns are adequate, the simulated measurements
+//! have the noise of the cycles and of the differences between trials and days (parametric bootstrap,
+//! [`super::variation`]). Otherwise the logarithm of measured over predicted for every measurement is the residual of
+//! the campaign's best-fitting model with a random sign, one for each block of neighbouring frequencies, since model
+//! error is similar within a block and in all metrics (cluster wild bootstrap). A least-absolute-deviations fit passes
+//! through as many measurements as it has coefficients. Their zero residuals are not representative and would keep the
+//! simulated coefficients from moving; they are replaced by the median magnitude of the metric's other residuals. Each
+//! simulation is fitted with the model linearised at the shared fit, with one common set of coefficients and with one
+//! set for each campaign. Sharing is rejected if the rise, relative to the objective of the best-fitting models,
+//! exceeds that of 95 of 100 simulations, relative to the objective of their separate fits. Campaigns that were
+//! recorded on different days may differ because the floor did: unless the differences between days are known, sharing
+//! is not rejected but not tested.
 //!
 //! Reference: A. C. Cameron, J. B. Gelbach and D. L. Miller, *Bootstrap-Based Improvements for
 //! Inference with Clustered Errors*, Rev. Econ. Stat. 90 (2008) 414; X. Feng, X. He and J. Hu, *Wild
@@ -158,7 +159,7 @@ fn draw_signs(campaigns: &[Vec<Vec<usize>>], random: &mut impl RngExt) -> Vec<f6
 }
 
 /// Returns, for each trial, the logarithms of the ratios of the measured metrics to those predicted by the campaign's
-/// best model; zero logarithms are replaced by typical ones.
+/// best-fitting model; zero logarithms are replaced by typical ones.
 fn log_residuals(objective: &Objective, best_models: &[BestModel]) -> Vec<ByFitted<f64>> {
     let mut residuals = Vec::with_capacity(objective.measurements.len());
     let campaigns = objective.measurements.chunk_by(|a, b| a.campaign == b.campaign);

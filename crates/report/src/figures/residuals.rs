@@ -65,9 +65,9 @@ fn panel(quantity: &Quantity, campaign: &str, source: Source<'_>) -> Option<Pane
         .into_iter()
         .filter(|model| !quantity.is_skid() || source.skids(*model));
     let residuals: Vec<_> = models.filter_map(residuals_of).collect();
-    let nearest_model =
+    let best_fitting =
         Range::enclosing(residuals.iter().map(|(_, _, farthest)| farthest.abs()))?.low;
-    let limit = (MAX_HEIGHT * nearest_model).max(MIN_HEIGHT);
+    let limit = (MAX_HEIGHT * best_fitting).max(MIN_HEIGHT);
     let mut beyond = residuals.clone();
     beyond.retain(|(_, _, farthest)| farthest.abs() > limit);
     beyond.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
