@@ -445,8 +445,8 @@ fn mistakes_in_trials_of_chains_are_named() {
         (
             &bare,
             &gait,
-            "key `campaign`: found `twistcar`, needed a robot whose marker layout is configured: the positions of the \
-             markers of robot `twistcar` in [layout.twistcar.front], [layout.twistcar.rear]",
+            "key `campaign`: found `twistcar`, whose robot is `twistcar`, needed a robot whose marker layout is \
+             configured: the positions of the markers of robot `twistcar` in [layout.twistcar.front], [layout.twistcar.rear]",
         ),
         (
             &text,

@@ -32,7 +32,7 @@ pub struct IngestInput {
     robot: NamedEntry<RobotConfig>,
     /// `None` unless the trial's kind is `gait`.
     gait: Option<NamedEntry<GaitConfig>>,
-    /// Labels of the layout by the labels that replace them in the file.
+    /// Aliases: the label of the layout for each label in the file that stands for it.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     aliases: BTreeMap<String, String>,
 }
@@ -73,20 +73,16 @@ impl IngestInput {
         Self::select(config, trial).ok_or_else(|| TrialError {
             trial: trial.id.clone(),
             key: if trial.kind == TrialKind::Gait { "campaign" } else { "robot" },
-            found: "an entry without a robot or without a gait".to_owned(),
-            needed: "an entry whose robot and gait are defined in pipeline.toml".to_owned(),
+            found: "a robot or a gait that is not configured".to_owned(),
+            needed: "one whose robot and gait are defined in pipeline.toml".to_owned(),
         })
     }
 
     fn select(config: &Config, trial: &Trial) -> Option<Self> {
         let name = trial.robot_name(config)?.to_owned();
         let markers = config.marker_layout(&name)?;
-        let mut robot =
-            NamedEntry::find(&config.robot, &name)?.map(RobotConfig::without_wheel_names);
-        // Parameter deviations are read only by fits.
-        if let Some(robot) = robot.value.three_links_mut() {
-            robot.clear_deviations();
-        }
+        let robot = NamedEntry::find(&config.robot, &name)?
+            .map(|robot| robot.without_wheel_names().without_deviations());
         let gait = match trial.campaign.as_ref().and_then(|of| config.campaign.get(of)) {
             Some(campaign) => Some(NamedEntry::find(&config.gait, &campaign.gait)?),
             None => None,

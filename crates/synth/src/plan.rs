@@ -53,7 +53,8 @@ pub(super) enum Source {
 /// Commanded robot of a gait trial, with its true coefficients on the floor of the trial's day.
 pub(super) struct Drive {
     pub problem: Problem,
-    /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days.
+    /// Number of the trial's day, counted from 1; `None` if the trials are not distributed over several days, or if the
+    /// robot is tidy, so that the day has no effect.
     pub day: Option<usize>,
     /// Friction of the trial relative to that of its day.
     pub friction: f64,
@@ -231,11 +232,12 @@ pub(super) fn gaits(
             Schedule { recipe, days: &days, campaign: name, robot: &campaign.robot, first };
         match configured {
             AnyRobot::ThreeLinks(robot) => {
-                let (viscous, gait) = planted::planted(name, &robot, gait.into(), &mut of_campaign);
+                let (with_viscous, gait) =
+                    planted::planted(name, &robot, gait.into(), &mut of_campaign);
                 // Viscous coefficients differ between campaigns, as those fitted in the paper do; other coefficients
                 // belong to the robot.
                 let mut robot = match laws.are_linear() {
-                    true => viscous,
+                    true => with_viscous,
                     false => planted::vary_coefficients(robot, &mut of_robot),
                 };
                 for (parameter, wheel) in planted::skid_resistances() {
@@ -286,7 +288,7 @@ struct DecayRobot<'c> {
     robot: AnyRobot,
     /// Indices of the joints that are released, with the names that the ids of these trials have for the releases.
     released: Vec<(usize, String)>,
-    is_coasting: bool,
+    can_coast: bool,
 }
 
 /// Returns the robots named by a campaign, with the resistances of the laws that the recipe assigns to them; without a
@@ -321,8 +323,8 @@ fn decaying_robots<'c>(config: &'c Config, recipe: &Recipe) -> Vec<DecayRobot<'c
                 (chain.into(), released)
             }
         };
-        let is_coasting = configured.check_kind(TrialKind::CoastDown).is_ok();
-        Some(DecayRobot { name, robot, released, is_coasting })
+        let can_coast = configured.check_kind(TrialKind::CoastDown).is_ok();
+        Some(DecayRobot { name, robot, released, can_coast })
     });
     robots.collect()
 }
@@ -333,7 +335,7 @@ fn decaying_robots<'c>(config: &'c Config, recipe: &Recipe) -> Vec<DecayRobot<'c
 pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
     let rate_hz = config.vicon.rate_hz;
     let mut plans = Vec::new();
-    for (i, DecayRobot { name, robot, released, is_coasting }) in
+    for (i, DecayRobot { name, robot, released, can_coast }) in
         (0..).zip(decaying_robots(config, recipe))
     {
         let stream = DECAY_STREAMS + 2 * i;
@@ -347,7 +349,7 @@ pub(super) fn decays(config: &Config, recipe: &Recipe) -> Vec<Plan> {
             Some(slope) => Slope::HEADINGS_RAD.map(|heading_rad| Some((slope, heading_rad))).into(),
             None => vec![None],
         };
-        for (repeat, floor) in (0..).zip(floors).filter(|_| is_coasting) {
+        for (repeat, floor) in (0..).zip(floors).filter(|_| can_coast) {
             let mut seed = random(recipe.seed, stream + 1 + REPEAT_STREAMS * repeat);
             let decay = decay::coasting(name, &robot, rate_hz, floor, &mut seed);
             let kind = TrialKind::CoastDown;

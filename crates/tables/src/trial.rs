@@ -67,8 +67,8 @@ pub struct Trial {
     /// Smoothing window for this trial in place of `ingest.smoothing_window`, samples (5 to 30).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing_window: Option<usize>,
-    /// Labels of the marker layout by the labels that replace them in this trial's file; those of the list apply to all
-    /// its trials.
+    /// Aliases: the label of the marker layout for each label in this trial's file that stands for it; those of the list
+    /// apply to all its trials.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub aliases: BTreeMap<String, String>,
 }
@@ -81,7 +81,7 @@ pub struct TrialList {
     /// `*` stands for any number of characters, `?` for exactly one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ignore: Vec<String>,
-    /// Labels of the marker layout by the labels that replace them in the files of this folder.
+    /// Aliases: the label of the marker layout for each label in the files of this folder that stands for it.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub aliases: BTreeMap<String, String>,
     #[serde(default)]
@@ -239,13 +239,15 @@ impl Trial {
         }
         let is_gait = self.kind == TrialKind::Gait;
         let foreign = [
-            ("robot", is_gait && self.robot.is_some()),
-            ("campaign", !is_gait && self.campaign.is_some()),
-            ("omega_rad_s", !is_gait && self.omega_rad_s.is_some()),
+            ("robot", is_gait, self.robot.as_ref().map(|name| format!("`{name}`"))),
+            ("campaign", !is_gait, self.campaign.as_ref().map(|name| format!("`{name}`"))),
+            ("omega_rad_s", !is_gait, self.omega_rad_s.map(|omega| omega.to_string())),
         ];
-        if let Some((key, _)) = foreign.into_iter().find(|(_, is_there)| *is_there) {
-            let needed = format!("none, because a trial of kind {} has no such key", self.kind);
-            return error(key, "a value".to_owned(), &needed);
+        for (key, _, found) in foreign.into_iter().filter(|(_, is_foreign, _)| *is_foreign) {
+            let needed = format!("no such key, because a trial of kind {} has none", self.kind);
+            if let Some(found) = found {
+                return error(key, found, &needed);
+            }
         }
         let name = if is_gait { &self.campaign } else { &self.robot };
         let name = name.as_deref().unwrap_or_default();
@@ -258,6 +260,10 @@ impl Trial {
         };
         let Some(configured) = config.robot.get(robot) else {
             return error(key, found, &one_of(robot, &config.robot, PIPELINE));
+        };
+        let found = match is_gait {
+            true => format!("{found}, whose robot is `{robot}`"),
+            false => found,
         };
         if config.marker_layout(robot).is_none() {
             return error(key, found, &config.needed_layout(robot));

@@ -398,6 +398,23 @@ fn a_gait_dominated_by_its_second_harmonic_has_the_commanded_frequency() {
 }
 
 #[test]
+fn standard_deviations_of_a_chain_do_not_concern_the_ingest() {
+    let text = include_str!("../../../../docs/robots/twistcar.toml");
+    let mass = "mass_kg = 0.3\n";
+    let input = |text: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipeline.toml");
+        std::fs::write(&path, text).unwrap();
+        let trial = gait_trial("a", "twistcar", 3.0);
+        IngestInput::new(&Config::load(&path).unwrap(), &trial).unwrap()
+    };
+    let uncertain = text.replacen(mass, "mass_kg = { value = 0.3, sd = \"1 %\" }\n", 1);
+    assert_ne!(uncertain, text);
+    assert_eq!(input(&uncertain), input(text));
+    assert_ne!(input(&text.replacen(mass, "mass_kg = 0.4\n", 1)), input(text));
+}
+
+#[test]
 fn a_release_of_a_driven_joint_is_refused() {
     let mut config = gallery("passive-snake");
     for joint in &mut config.robot.get_mut("passive").unwrap().chain_mut().unwrap().joints[1..] {

@@ -260,6 +260,7 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
         quantities: &[Output],
         orbit: &mut PeriodicOrbit<N, Model<N, C, D, F>>,
     ) -> Result<Vec<f64>> {
+        const { assert!(B <= MORE) };
         let mut adjoint = Adjoint::<N, B>::default();
         let mut sums = Vec::with_capacity(quantities.len() * self.wanted.len());
         for quantities in quantities.chunks(B) {
@@ -370,8 +371,9 @@ impl<'a, const N: usize, const C: usize, const D: usize, F: Friction>
                     }
                     if let Wheels::Determined(determined) = &self.model.wheels {
                         let body = [rows[0], rows[1], rows[2]];
-                        let (count, points) = determined.points(&self.model.system, phases_rad[j]);
-                        for (weight, phase_rad) in &points[..count] {
+                        let (point_count, points) =
+                            determined.points(&self.model.system, phases_rad[j]);
+                        for (weight, phase_rad) in &points[..point_count] {
                             self.add_determined(&mut power, *phase_rad, (&body, *weight), own);
                         }
                     } else {

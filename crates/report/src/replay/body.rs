@@ -91,7 +91,8 @@ pub(super) fn reach_m(robot: &Chain) -> f64 {
     0.5 * length_m(robot)
 }
 
-/// Returns the length (m) to which the drawn widths and wheels are proportional.
+/// Returns the length (m) to which the drawn widths and wheels are proportional: half the length of a robot of three
+/// links.
 fn part_size_m(robot: &Chain) -> f64 {
     1.5 * length_m(robot) / robot.links.len() as f64
 }
@@ -111,7 +112,7 @@ fn ends_m(chain: &Chain, link: usize) -> [f64; 2] {
     [rear_m, front_m]
 }
 
-/// Returns the length (m) of the straight robot between its outer wheels.
+/// Returns the length (m) of the straight robot between its outer wheels or, on links without one, centres of mass.
 fn length_m(chain: &Chain) -> f64 {
     let lengths_m = (0..chain.links.len()).map(|link| {
         let [rear_m, front_m] = ends_m(chain, link);

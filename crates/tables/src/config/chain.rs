@@ -479,6 +479,11 @@ mod tests {
                 "key `robot.snake.reference`: found `haed`, needed one of `head`, `link 2`, `link 3`, `link 4` (did you \
               mean `head`?)",
             ),
+            (
+                "transition_m_s = 0.01",
+                "transition_m_s = { value = 0.01, sd = 0.001 }",
+                "key `transition_m_s`: found a standard deviation, needed a number alone",
+            ),
             ("mass_kg = 0.5", "mass_kgs = 0.5", "line 13: unknown field `mass_kgs`"),
             ("mass_kg = 0.5", "mass_kgs = 0.5", "did you mean `mass_kg`?"),
             ("mass_kg = 0.5", "", "missing field `mass_kg`"),

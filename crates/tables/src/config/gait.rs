@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use trilink_robot::{Gait, JointCommand, MAX_JOINTS, SecondHarmonic, TorqueCommand};
 
 /// Gait in the configuration: commands of joints by their numbers from front to rear, and of rotors by the names of their
-/// links. A joint without a command is passive.
+/// links. In the short form of three links, a joint without a command is passive; in a chain, the kind of the joint
+/// determines whether it needs one.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GaitConfig {
@@ -32,7 +33,9 @@ pub struct CommandConfig {
     /// Amplitude of the second harmonic, degrees; `None` if the command has no second harmonic.
     pub amplitude2_deg: Option<f64>,
     pub phase2_deg: Option<f64>,
+    /// Amplitude of the torque, N m.
     pub torque_nm: Option<f64>,
+    /// Mean torque, N m.
     pub mean_nm: Option<f64>,
 }
 

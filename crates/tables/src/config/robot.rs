@@ -57,8 +57,8 @@ impl RobotConfig {
         }
     }
 
-    /// Converts the robot to SI units; a chain has the commands of its gait. A joint or rotor of a chain without a
-    /// command stands still.
+    /// Converts the robot to SI units; a chain has the commands of its gait. A driven joint or rotor of a chain without a
+    /// command stands still, as in trials without a gait.
     pub fn to_robot(&self, gait: &GaitConfig) -> AnyRobot {
         match self {
             Self::ThreeLinks(robot) => robot.to_robot().into(),
@@ -78,6 +78,25 @@ impl RobotConfig {
     pub fn without_wheel_names(mut self) -> Self {
         let links = self.chain_mut().into_iter().flat_map(|chain| &mut chain.links);
         links.for_each(|link| link.wheel = None);
+        self
+    }
+
+    /// Returns the robot with exact values: without standard deviations, which only fits read.
+    #[must_use]
+    pub fn without_deviations(mut self) -> Self {
+        match &mut self {
+            Self::ThreeLinks(robot) => robot.clear_deviations(),
+            Self::Chain(ChainRobot { links, joints, .. }) => {
+                let of_links =
+                    links.iter_mut().map(|of| (&mut of.standard_deviation, &mut of.same));
+                let of_joints =
+                    joints.iter_mut().map(|of| (&mut of.standard_deviation, &mut of.same));
+                for (deviations, same) in of_links.chain(of_joints) {
+                    deviations.clear();
+                    same.clear();
+                }
+            }
+        }
         self
     }
 
@@ -152,7 +171,7 @@ impl<'de> Visitor<'de> for RobotVisitor {
     type Value = RobotConfig;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a robot")
+        f.write_str("a table with `h_m`, `l_m`, `b_m` and so on, or with `links` and `joints`")
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut table: A) -> Result<RobotConfig, A::Error> {
@@ -168,8 +187,12 @@ impl<'de> Visitor<'de> for RobotVisitor {
             }
         }
         let Some(links) = links else {
-            let given = [joints.is_some(), reference.is_some(), skid_length_m.is_some()];
-            let chain_key = OF_CHAINS[1..].iter().zip(given).find(|(_, is_given)| *is_given);
+            let given = [
+                ("joints", joints.is_some()),
+                ("reference", reference.is_some()),
+                ("skid_length_m", skid_length_m.is_some()),
+            ];
+            let chain_key = given.into_iter().find(|(_, is_given)| *is_given);
             if let Some((key, _)) = chain_key {
                 return Err(A::Error::custom(format!(
                     "invalid key `{key}` without `links`: list the links of the chain in `links`, or remove this key \
@@ -178,6 +201,12 @@ impl<'de> Visitor<'de> for RobotVisitor {
             }
             return of_three.finish().map(RobotConfig::ThreeLinks);
         };
+        if let Some(quantity) = of_three.inline_deviation(&OF_BOTH) {
+            let key = quantity.name();
+            return Err(A::Error::custom(format!(
+                "key `{key}`: found a standard deviation, needed a number alone, because the robot is a chain"
+            )));
+        }
         if let Some(key) = of_three.key_except(&OF_BOTH) {
             return Err(A::Error::custom(format!(
                 "invalid key `{key}` beside `links`, which makes the robot a chain: give the values of each link in \

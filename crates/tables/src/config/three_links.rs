@@ -716,18 +716,23 @@ impl Reader {
         self.robot.get(quantity).map(|values| values[0])
     }
 
-    /// Returns the first key that was read, other than those of the quantities in `except` with a plain value.
+    /// Returns the first of some quantities with a standard deviation beside its value.
+    pub(super) fn inline_deviation(&self, among: &[Quantity]) -> Option<Quantity> {
+        let mut quantities = self.inline_deviations.iter().map(|(quantity, _)| *quantity);
+        quantities.find(|quantity| among.contains(quantity))
+    }
+
+    /// Returns the first key that was read, other than those of the quantities in `except`.
     pub(super) fn key_except(&self, except: &[Quantity]) -> Option<&'static str> {
         let mut quantities = self.robot.values.keys();
         let other = quantities.find(|quantity| !except.contains(quantity));
-        let inline = self.inline_deviations.first().map(|(quantity, _)| quantity);
         let tables = [
             (LOAD, self.robot.load_n.is_some()),
             (DEVIATIONS, !self.deviations.is_empty()),
             (SAME, !self.robot.same.is_empty()),
         ];
         let table = tables.into_iter().find_map(|(key, is_there)| is_there.then_some(key));
-        other.or(inline).map(|quantity| quantity.name()).or(table)
+        other.map(|quantity| quantity.name()).or(table)
     }
 
     /// Returns the robot.

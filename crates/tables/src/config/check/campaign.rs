@@ -117,15 +117,14 @@ impl Config {
         if let Some(three_links) = robot.three_links()
             && gait.to_gait().passive_joint().is_some()
         {
-            let has_spring = [Quantity::Stiffness, Quantity::Damping]
-                .iter()
-                .all(|quantity| three_links.get(*quantity).is_some());
             let needed = format!(
-                "stiffness_nm_rad and damping_nm_s_rad, because gait `{gait_name}` of campaign `{campaign}` leaves a \
-                 joint passive"
+                "a value, because gait `{gait_name}` of campaign `{campaign}` leaves a joint passive"
             );
-            let key = format!("robot.{robot_name}.stiffness_nm_rad");
-            check.that(has_spring, &key, &"no spring and damper", &needed)?;
+            for quantity in [Quantity::Stiffness, Quantity::Damping] {
+                let key = format!("robot.{robot_name}.{}", quantity.name());
+                let is_given = three_links.get(quantity).is_some();
+                check.that(is_given, &key, &format_args!("nothing"), &needed)?;
+            }
         }
         let rotors = robot.chain().map_or(BTreeMap::new(), ChainRobot::rotors);
         for link in gait.rotor.keys() {
@@ -257,13 +256,13 @@ impl GaitConfig {
                 continue;
             }
             for torque in ["torque_nm", "mean_nm"] {
-                that(
-                    !table.contains_key(torque),
-                    torque,
-                    "an angle, because a rotor has no torque",
-                )?;
+                let needed = "no such key, because a rotor has an angle, not a torque";
+                that(!table.contains_key(torque), torque, needed)?;
             }
-            let needed = "the amplitude of the angle (or torque_nm)";
+            let needed = match may_be_torque {
+                true => "the amplitude of the angle (or torque_nm)",
+                false => "the amplitude of the rotor's angle",
+            };
             that(command.amplitude_deg.is_some(), "amplitude_deg", needed)?;
             let has_second = command.phase2_deg.is_none() || command.amplitude2_deg.is_some();
             that(has_second, "phase2_deg", "amplitude2_deg as well")?;

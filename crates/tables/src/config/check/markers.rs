@@ -28,6 +28,7 @@ impl Config {
             let none = LinkMarkers::default();
             let markers = keys.iter().map(|key| &layout.get(key).unwrap_or(&none).0);
             let markers: Vec<&BTreeMap<String, [f64; 3]>> = markers.collect();
+            // There are no markers beyond the last link.
             let is_bare = |place: usize| markers.get(place).is_none_or(|link| link.is_empty());
             let mut with_markers = Vec::new();
             for (place, (key, link)) in keys.iter().zip(&markers).enumerate() {
@@ -68,13 +69,12 @@ impl Config {
                 check.that(earlier.is_none(), key, label, "labels that no other link has")?;
             }
             let mut pairs = layout.values().flat_map(|a| layout.values().map(move |b| (a, b)));
-            let has_distinct =
-                pairs.any(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) >= MIN_SPREAD_MM);
+            let is_spread = pairs.any(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) >= MIN_SPREAD_MM);
             let in_metres = layout.values().flatten().all(|x| x.abs() < 1.0);
             let hint = if in_metres { " (are the positions in metres?)" } else { "" };
             let needed =
                 format!("two markers at least 5 mm apart in the plane, in millimetres{hint}");
-            check.that(has_distinct, key, layout, &needed)?;
+            check.that(is_spread, key, layout, &needed)?;
         }
         Ok(())
     }
