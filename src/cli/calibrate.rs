@@ -2,8 +2,8 @@
 
 use serde_json::json;
 use trilink_base::body;
-use trilink_ingest::calibrate::{ChainCalibration, Direction, layout_entries};
-use trilink_ingest::{Calibrated, Calibration, MarkerPosition, calibrate};
+use trilink_ingest::calibrate::{Direction, layout_entries};
+use trilink_ingest::{Calibration, MarkerPosition, calibrate};
 use trilink_tables::config::toml_key;
 use trilink_tables::trial::{TrialFolder, TrialFolders};
 
@@ -28,52 +28,33 @@ pub(super) fn run(context: &Context, trial: &str) -> Result<Outcome, Failure> {
             .into());
         }
     };
-    let text = match calibrate(&context.config, &folder.path, id)? {
-        Calibrated::ThreeLinks(found) => of_three_links(&found)?,
-        Calibrated::Chain(found) => of_chain(&found)?,
-    };
+    let text = to_toml(&calibrate(&context.config, &folder.path, id)?)?;
     write_data(text.trim_end());
     Ok(Outcome::Well)
 }
 
-/// Returns the layout of a robot of three links as TOML.
-fn of_three_links(found: &Calibration) -> Result<String, Failure> {
-    let Calibration { h_mm, h_configured_mm, l_mm: [front, rear], l_configured_mm, .. } = found;
-    let links = found.links.each_ref().map(|markers| lines(markers));
-    let h_m = [h_mm.value, h_mm.se, *h_configured_mm].map(|mm| mm / 1e3);
-    let values = json!({
-        "trial": found.trial,
-        "frames": found.frames,
-        "h_m": h_m,
-        "joint_residual_mm": found.joint_residual_mm,
-        "l_configured_m": l_configured_mm.map(|mm| mm / 1e3),
-        "l_mm": [front.value, front.se, rear.value, rear.se],
-        "direction_se_deg": found.direction_se_deg,
-        "skid_deg": found.skid_deg,
-        "is_grouped": found.is_grouped,
-        "left_out": found.left_out,
-        "links": links,
-    });
-    Ok(fill(include_str!("text/calibration.txt"), &values)?)
-}
-
-/// Returns the layout of a chain as TOML.
-fn of_chain(found: &ChainCalibration) -> Result<String, Failure> {
-    let links = found.links.iter().zip(&found.names).zip(&found.places);
-    let links = links.map(|((link, name), places)| {
+/// Returns the measured layout as TOML.
+fn to_toml(found: &Calibration) -> Result<String, Failure> {
+    let Calibration { layout, places, tables, .. } = found;
+    let links = layout.links.iter().zip(tables).zip(places).map(|((link, table), places)| {
         let configured_mm = [places.front_joint_mm, places.rear_joint_mm];
-        let joints =
-            ["front_joint_m", "rear_joint_m"].iter().zip(link.joints_mm).zip(configured_mm);
+        let keys =
+            if found.is_three_links { ["l_m"; 2] } else { ["front_joint_m", "rear_joint_m"] };
+        let joints = keys.iter().zip(link.joints_mm).zip(configured_mm);
         let joints = joints.filter_map(|((key, found_mm), configured_mm)| {
+            let found_mm = found_mm?;
             let [value, se, configured] =
-                [found_mm?.value, found_mm?.se, configured_mm].map(|mm| mm / 1e3);
-            Some(match se.is_finite() {
-                true => format!("{key} = {value:.5} +- {se:.5}; {configured:.5} is configured"),
-                false => format!("Assumed: {key} = {configured:.5} as configured"),
-            })
+                [found_mm.value, found_mm.se, configured_mm].map(|mm| mm / 1e3);
+            match se.is_finite() {
+                true if found.is_three_links => None,
+                true => {
+                    Some(format!("{key} = {value:.5} +- {se:.5}; {configured:.5} is configured"))
+                }
+                false => Some(format!("Assumed: {key} = {configured:.5} as configured")),
+            }
         });
         json!({
-            "name": toml_key(name),
+            "table": table,
             "joints": joints.collect::<Vec<_>>(),
             "direction": match link.direction {
                 Direction::Joints => "joints",
@@ -82,17 +63,25 @@ fn of_chain(found: &ChainCalibration) -> Result<String, Failure> {
             },
             "direction_se_deg": link.direction_se_deg,
             "skid_deg": link.skid_deg,
+            "least_skid_mm": link.least_skid_mm.map(|found_mm| [found_mm.value, found_mm.se]),
             "markers": lines(&link.markers),
         })
     });
+    let h_mm = layout.h_mm().filter(|_| found.is_three_links);
+    let h_m = h_mm.map(|h_mm| {
+        let configured_mm = 0.5 * (places[1].front_joint_mm + places[1].rear_joint_mm);
+        [h_mm.value, h_mm.se, configured_mm].map(|mm| mm / 1e3)
+    });
     let values = json!({
         "trial": found.trial,
-        "robot": toml_key(&found.robot),
+        "frames": layout.frames,
+        "h_m": h_m,
+        "joint_residuals_mm": layout.joint_residuals_mm,
         "is_grouped": found.is_grouped,
         "left_out": found.left_out,
         "links": links.collect::<Vec<_>>(),
     });
-    Ok(fill(include_str!("text/chain-calibration.txt"), &values)?)
+    Ok(fill(include_str!("text/calibration.txt"), &values)?)
 }
 
 /// Formats the markers and rigid bodies of a link as lines of TOML.

@@ -2,13 +2,12 @@
 //!
 //! Each file shows groups of markers that move rigidly together (`clusters`); the groups that most files show are the
 //! robot's links. The motion of the links (`motion`) determines the kind and the frequency of each recording
-//! (`frequency`), the best file the marker layout (`layout`, of chains `chain`), and all gaits together the campaigns
+//! (`frequency`), the best file the marker layout (`layout`), and all gaits together the campaigns
 //! (`campaigns`). Everything unknown is marked in the files written (`write`).
 
 mod add;
 mod axes;
 mod campaigns;
-mod chain;
 mod clusters;
 mod frequency;
 mod layout;
@@ -32,7 +31,6 @@ use trilink_tables::config::ConfigError;
 use trilink_tables::trial::TrialKind;
 
 use campaigns::MeasuredGait;
-use chain::ChainLayout;
 use clusters::Links;
 use frequency::{Recorded, Swing};
 use layout::{Candidate, Layout, headings_rad, offsets_rad};
@@ -107,8 +105,8 @@ pub enum InitError {
     )]
     NoChain(String),
     #[error(
-        "the marker layout is not identifiable from any gait; in at least one file, both joints of three links must turn \
-         by at least 20 degrees, or all joints of another number of links by at least 5 degrees:\n{0}"
+        "the marker layout is not identifiable from any gait; in at least one file, all joints must turn by at \
+         least 5 degrees:\n{0}"
     )]
     NoLayout(String),
     #[error("--front: found `{found}`, needed a marker of a side link: {known}")]
@@ -199,25 +197,6 @@ impl Findings {
 struct Described {
     motion: Motion,
     recorded: Recorded,
-}
-
-/// Marker layout of the robot.
-#[expect(clippy::large_enum_variant, reason = "there is one")]
-enum RobotLayout {
-    ThreeLinks(Layout),
-    Chain(ChainLayout),
-}
-
-impl RobotLayout {
-    /// Returns the offsets (rad) that, added to the joint angles of a motion, refer them to this layout; `None` if the
-    /// motion's file and the layout have too few markers in common.
-    fn offsets_rad(&self, motion: &Motion) -> Option<Vec<f64>> {
-        let positions = match self {
-            Self::ThreeLinks(layout) => layout.positions(),
-            Self::Chain(layout) => layout.positions(),
-        };
-        Some(offsets_rad(&headings_rad(motion, &positions)?))
-    }
 }
 
 /// Returns the names of the links: of three links in the order of their numbers, of others from front to rear.
@@ -345,7 +324,7 @@ fn find_layout(
     described: &[Result<Described, String>],
     rate_hz: f64,
     request: &Request,
-) -> Result<RobotLayout, InitError> {
+) -> Result<Layout, InitError> {
     let mut candidates = Vec::new();
     let mut coasts = Vec::new();
     for (survey, found) in surveys.iter().zip(described) {
@@ -365,18 +344,15 @@ fn find_layout(
     if candidates.is_empty() {
         return Err(InitError::NoLayout("no file shows a gait".to_owned()));
     }
-    let found = match links.len() {
-        3 => Layout::find(links, candidates, &coasts, request.l_m).map(RobotLayout::ThreeLinks),
-        _ => ChainLayout::find(links, candidates, &coasts, request.l_m).map(RobotLayout::Chain),
-    };
-    found.map_err(|reasons| InitError::NoLayout(reasons.join("\n")))
+    Layout::find(links, candidates, &coasts, request.l_m)
+        .map_err(|reasons| InitError::NoLayout(reasons.join("\n")))
 }
 
 /// Returns the gait in a file, with joint offsets corrected by the marker layout; `None` if the file shows no gait or
 /// lacks markers of the layout.
-fn measured_gait(survey: &Survey, found: &Described, layout: &RobotLayout) -> Option<MeasuredGait> {
+fn measured_gait(survey: &Survey, found: &Described, layout: &Layout) -> Option<MeasuredGait> {
     let Recorded::Gait { omega_rad_s, swings } = &found.recorded else { return None };
-    let offsets_rad = layout.offsets_rad(&found.motion)?;
+    let offsets_rad = offsets_rad(&headings_rad(&found.motion, &layout.positions())?);
     let first_rad = swings[0].phase_rad;
     let joints = swings.iter().zip(offsets_rad).map(|(swing, joint_rad)| {
         let Swing { offset_rad, amplitude_rad, phase_rad } = *swing;

@@ -7,27 +7,22 @@ use serde_json::{Value, json};
 use trilink_base::files::name_in;
 use trilink_ingest::calibrate::layout_entries;
 use trilink_mocap::LengthUnit;
+use trilink_statistics::Estimate;
 use trilink_tables::PendingFile;
 use trilink_tables::config::{CONFIG_FILE, toml_key};
 use trilink_tables::trial::{TrialKind, is_valid_id};
 
 use super::add::Existing;
 use super::campaigns::{Group, MeasuredGait, named_omega, words};
-use super::chain::ChainLayout;
 use super::clusters::{Links, by_number, names, without_points};
 use super::frequency::Recorded;
-use super::layout::Layout;
+use super::layout::{Layout, MAX_DIRECTION_SE_DEG};
 use super::survey::{Folder, Survey};
-use super::{
-    Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request, RobotLayout,
-    link_names,
-};
+use super::{Described, Findings, FoundCampaign, FoundFile, InitError, Mark, Request, link_names};
 use crate::template::fill;
 
 /// Start of the comment that marks a line for review.
 const MARK: &str = "# CHECK: ";
-/// Maximum standard error of the side links' directions that is not marked for review, degrees.
-const MAX_DIRECTION_SE_DEG: f64 = 0.5;
 /// Default name of the robot.
 const ROBOT: &str = "robot";
 
@@ -42,7 +37,7 @@ pub(super) struct Written<'r> {
     /// Campaigns, as groups of file indices.
     pub groups: Vec<Group>,
     pub links: Links,
-    pub layout: RobotLayout,
+    pub layout: Layout,
     /// Reason for doubt about which link is in front; `None` if there is no doubt.
     pub front_doubt: Option<String>,
     pub rate_hz: f64,
@@ -243,17 +238,17 @@ impl Written<'_> {
             "l_is_given": request.l_m.is_some(),
             "front_doubt": self.front_doubt,
             "campaigns": campaigns.collect::<Vec<_>>(),
-            "chain": matches!(self.layout, RobotLayout::Chain(_)),
+            "chain": self.links.len() != 3,
+            "layout_file": remark(&self.layout.path.display().to_string()),
+            "direction_se_deg": self.layout.direction_se_deg,
+            "is_direction_doubtful": self.layout.direction_se_deg > MAX_DIRECTION_SE_DEG,
         });
-        let (text, own) = match &self.layout {
-            RobotLayout::ThreeLinks(layout) => (
+        let (text, own) = match self.layout.measured.h_mm().filter(|_| self.links.len() == 3) {
+            Some(h_mm) => (
                 concat!(include_str!("head.txt"), include_str!("three-links.txt")),
-                self.of_three_links(layout),
+                self.of_three_links(h_mm),
             ),
-            RobotLayout::Chain(layout) => (
-                concat!(include_str!("head.txt"), include_str!("chain.txt")),
-                self.of_chain(layout),
-            ),
+            None => (concat!(include_str!("head.txt"), include_str!("chain.txt")), self.of_chain()),
         };
         if let (Value::Object(values), Value::Object(own)) = (&mut values, own) {
             values.extend(own);
@@ -262,27 +257,30 @@ impl Written<'_> {
     }
 
     /// Returns the values that describe a robot of three links in `pipeline.toml`.
-    fn of_three_links(&self, layout: &Layout) -> Value {
-        let calibration = &layout.calibration;
+    fn of_three_links(&self, h_mm: Estimate) -> Value {
+        let Layout { measured, levers_mm, .. } = &self.layout;
         let passive =
             self.groups.iter().find_map(|group| Some(group.joints[*group.passive.first()?]));
+        let links = by_number(&measured.links).map(|link| layout_entries(&link.markers));
+        let ends = [&measured.links[0], &measured.links[2]];
+        let wheels = ends.map(|link| {
+            link.least_skid_mm.map_or("?".to_owned(), |found_mm| format!("{:.1}", found_mm.value))
+        });
         json!({
-            "h_mm": [calibration.h_mm.value, calibration.h_mm.se],
-            "layout_file": remark(&layout.path.display().to_string()),
-            "l_m": layout.l_m,
-            "wheels_mm": calibration.l_mm.each_ref().map(|estimate| estimate.value),
+            "h_mm": [h_mm.value, h_mm.se],
+            "l_m": levers_mm[0] / 1e3,
+            "wheels_mm": wheels,
             "rest_deg": passive.map(|joint| joint.offset_deg),
-            "direction_se_deg": layout.direction_se_deg,
-            "is_direction_doubtful": layout.direction_se_deg > MAX_DIRECTION_SE_DEG,
-            "links": calibration.links.each_ref().map(|markers| layout_entries(markers)),
+            "links": links.collect::<Vec<_>>(),
         })
     }
 
     /// Returns the values that describe a chain in `pipeline.toml`.
-    fn of_chain(&self, layout: &ChainLayout) -> Value {
-        let last = layout.links.len() - 1;
-        let names = link_names(layout.links.len());
-        let links = layout.links.iter().zip(names).enumerate().map(|(i, (link, name))| {
+    fn of_chain(&self) -> Value {
+        let Layout { measured, is_rolling, .. } = &self.layout;
+        let last = measured.links.len() - 1;
+        let names = link_names(measured.links.len());
+        let links = measured.links.iter().zip(names).enumerate().map(|(i, (link, name))| {
             let [front_m, rear_m] = link.joints_mm.map(|joint| Some(joint?.value / 1e3));
             let end = [0, last].iter().position(|end| *end == i);
             let se_mm = link.joints_mm[0].map(|joint| joint.se).filter(|se_mm| se_mm.is_finite());
@@ -292,7 +290,7 @@ impl Written<'_> {
                 "rear_joint_m": rear_m,
                 "se_mm": se_mm,
                 "is_end": end.is_some(),
-                "is_rolling": end.is_some_and(|end| layout.is_rolling[end]),
+                "is_rolling": end.is_some_and(|end| is_rolling[end]),
                 "markers": layout_entries(&link.markers),
             })
         });
@@ -312,11 +310,7 @@ impl Written<'_> {
                 "is_released": released.contains(&joint),
             })
         });
-        let directions_deg = [0, last].map(|end| layout.links[end].direction_se_deg);
         json!({
-            "layout_file": remark(&layout.path.display().to_string()),
-            "is_straightened": layout.is_straightened,
-            "direction_se_deg": directions_deg[0].max(directions_deg[1]),
             "links": links.collect::<Vec<_>>(),
             "joints": joints.collect::<Vec<_>>(),
         })

@@ -154,21 +154,19 @@ pub enum Problem {
          most frames, and each marker together with two others of its link in some frames"
     )]
     MarkersApart { labels: String },
-    #[error("only {found} frames show both link 0 and link {link}, but {needed} are needed")]
-    LinksApart { link: usize, found: usize, needed: usize },
     #[error(
         "joint {joint} turns by only {found_deg:.1} degrees, but {needed_deg} or more are needed to locate it; use a \
          trial in which all joints move"
     )]
     LittleTurn { joint: usize, found_deg: f64, needed_deg: f64 },
     #[error(
-        "the gait's mean joint angle is {found_deg:.1} degrees, but at most {needed_deg} is allowed: if the middle \
-         link is oblique to the side links, all wheels skid to one side, which turns the side links; use a trial \
+        "the gait's mean joint angle is {found_deg:.1} degrees, but at most {needed_deg} is allowed: if a \
+         link is oblique to its neighbours, all wheels skid to one side, which turns the first and last link; use a trial \
          whose gait oscillates about the straight configuration"
     )]
     BentGait { found_deg: f64, needed_deg: f64 },
     #[error(
-        "the motion does not determine where the joints and wheels are; use a trial in which both joints move and \
+        "the motion does not determine where the joints and wheels are; use a trial in which all joints move and \
          the wheels roll"
     )]
     NoLayout,

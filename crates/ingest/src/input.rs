@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use trilink_mocap::Recording;
-use trilink_robot::{AnyRobot, Gait, Robot};
+use trilink_robot::AnyRobot;
 use trilink_tables::config::{
     Config, GaitConfig, Ingest, MarkerLayout, NamedEntry, RobotConfig, Vicon,
 };
@@ -106,14 +106,6 @@ impl IngestInput {
         let mut file = file.without(&self.settings.vicon.ignore);
         apply_aliases(&self.aliases, &mut file);
         file
-    }
-
-    /// Returns the robot of three links, and its commanded gait with its frequency, rad/s, unless the trial's kind is
-    /// other than `gait`; `None` for a chain.
-    pub(super) fn three_links(&self, trial: &Trial) -> Option<(Robot, Option<(Gait, f64)>)> {
-        let robot = self.robot.value.three_links()?.to_robot();
-        let gait = self.gait.as_ref().map(|gait| gait.value.to_gait());
-        Some((robot, gait.zip(trial.omega_rad_s)))
     }
 
     /// Returns the robot of the trial with the commands of its joints.

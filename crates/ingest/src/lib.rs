@@ -71,7 +71,7 @@ mod tests;
 use std::ops::Range;
 use std::path::Path;
 
-pub use calibrate::{Calibrated, Calibration, CalibrationError, MarkerPosition, calibrate};
+pub use calibrate::{Calibration, CalibrationError, MarkerPosition, calibrate};
 pub use checks::Check;
 pub use diagnosis::{FolderInput, axis_up_message, without_diagnosis};
 pub use error::{Problem, TrialFailure};

@@ -1,23 +1,27 @@
 //! Assigns markers to links without a configuration: the markers of a link move as one rigid body, and each link shares a
 //! joint with the next one of the chain.
 //!
-//! Seen from behind, the front joint angle is minus the rear one and vice versa. The two possible assignments of front
-//! and rear therefore differ in the joint motions and in which side link is ahead; the commanded gait decides between
-//! them. The direction of travel does not decide, because some gaits drive the robot backwards.
+//! Seen from behind, the angle of the first joint is minus that of the last one and vice versa. The two possible orders of
+//! the links therefore differ in the joint motions; the commanded gait decides between them. The direction of travel does
+//! not decide, because some gaits drive the robot backwards.
 
 use trilink_mocap::Recording;
 use trilink_statistics::{quantiles_low, unwrap};
 
-use super::estimate::locate_joint;
 use super::shape::Body;
+use super::{fit_body, labels};
+use crate::Command;
 use crate::error::Problem;
 use crate::phase::{CommandedGait, GAIT_HARMONICS, Harmonics};
-use crate::poses::frame_grid;
+use crate::poses::{JointPosition, frame_grid};
 
 /// Number of rows, spread over the trial, that are evaluated.
 const ROWS: usize = 600;
 /// Minimum number of rows in which two markers must be visible together.
 const MIN_ROWS: usize = 20;
+/// Maximum RMS distance between the two estimates of a joint's position, one from each of the links that it connects,
+/// mm.
+pub const MAX_JOINT_MISFIT_MM: f64 = 5.0;
 /// Maximum spread of a distance between two markers of one rigid body, mm. Noise of 0.2 mm contributes 0.3 mm; the
 /// distance between markers of two links that turn by 10 degrees varies by many millimetres.
 const MAX_RIGID_SPREAD_MM: f64 = 2.0;
@@ -79,6 +83,23 @@ fn spread_mm(file: &Recording, a: usize, b: usize) -> f64 {
     (high - low) / QUANTILE_DISTANCE
 }
 
+/// Locates the axis about which two rigid bodies turn relative to each other, in the frames of both bodies, by the
+/// symmetrical centre of rotation estimation (SCoRE, Ehrig and others 2006) in the plane. Also returns the RMS distance
+/// between the two positions of the axis over the rows, mm. `None` if the bodies do not turn relative to each other.
+pub fn locate_joint(
+    first: &Body,
+    second: &Body,
+    is_used: &dyn Fn(usize) -> bool,
+) -> Option<(JointPosition, f64)> {
+    let fits = first.fits.iter().zip(&second.fits).enumerate().filter(|(row, _)| is_used(*row));
+    let poses = fits.filter_map(|(_, (a, b))| Some((a.pose()?, b.pose()?)));
+    let equations = JointPosition::default().equations(poses.map(|both| [both]));
+    let (moved, _) = equations.solve()?;
+    // Each row has two equations.
+    let mean_square = equations.residual_squares(&moved) / (0.5 * equations.count);
+    Some((JointPosition::default().moved(&moved), mean_square.sqrt()))
+}
+
 /// RMS distances between the two positions of a joint that each pair of rigid bodies might share, mm; infinite for bodies
 /// that do not turn relative to each other.
 pub struct JointMisfits(Vec<Vec<f64>>);
@@ -137,40 +158,56 @@ impl JointMisfits {
     }
 }
 
-/// Orders the rigid bodies as middle, front, rear link; front and rear are distinguished only if there is a commanded
-/// gait.
-///
-/// # Errors
-/// Returns an error if two bodies do not turn relative to each other or if the frame numbers jump implausibly.
-pub(super) fn order_links(
+/// Finds the columns of the markers of the links from front to rear by their motion; the driven joints of the command
+/// determine which end is the front, unless they look the same from both ends.
+pub(super) fn found_groups(
     file: &Recording,
-    mut bodies: [Body; 3],
-    command: Option<CommandedGait>,
-) -> Result<[Body; 3], Problem> {
-    let joints = JointMisfits::new(&bodies);
-    let [_, middle, _] = joints.chain(f64::INFINITY)[..] else { return Err(Problem::NoLayout) };
-    bodies.swap(0, middle);
-    let Some(command) = command else { return Ok(bodies) };
+    links: usize,
+    command: Option<&Command>,
+    rate_hz: f64,
+) -> Result<Vec<Vec<usize>>, Problem> {
+    /// Ratio of the misfits of both orders below which one is that of the command.
+    const MAX_MISFIT_RATIO: f64 = 0.5;
+    let groups = rigid_groups(file);
+    if groups.len() < links {
+        let list: Vec<String> = groups.iter().map(|group| labels(file, group).join(" ")).collect();
+        let (found, list) = (groups.len(), list.join("; "));
+        return Err(Problem::RigidGroups { found, list, needed: links });
+    }
+    let bodies: Vec<Body> =
+        groups.iter().map(|group| fit_body(file, group)).collect::<Result<_, _>>()?;
+    let mut chain = JointMisfits::new(&bodies).chain(MAX_JOINT_MISFIT_MM);
+    if chain.len() != links {
+        return Err(Problem::ShortChain { found: chain.len(), needed: links });
+    }
+    let driven = command.filter(|command| command.joints.iter().any(Option::is_some));
+    let Some(Command { joints, omega_rad_s }) = driven else { return Err(Problem::NoFront) };
+    let command = CommandedGait { joints, omega_rad_s: *omega_rad_s, rate_hz, skip_cycles: 0 };
     let (first, frames) = frame_grid(&file.frames)?;
-    let misfit = |front: usize, rear: usize| {
-        let phi_rad = [(0, front), (rear, 0)].map(|(a, b)| {
+    let misfit = |chain: &[usize]| {
+        let joints = chain.windows(2).map(|pair| {
             let mut phi_rad = vec![f64::NAN; frames];
-            for (row, turn) in bodies[a].turns_to(&bodies[b]) {
+            for (row, turn) in bodies[pair[1]].turns_to(&bodies[pair[0]]) {
                 phi_rad[(file.frames[row] - first) as usize] = turn;
             }
             unwrap(&mut phi_rad);
             phi_rad
         });
-        command_misfit(&command, &phi_rad)
+        command_misfit(&command, &joints.collect::<Vec<_>>())
     };
-    if misfit(2, 1) < misfit(1, 2) {
-        bodies.swap(1, 2);
+    let reversed: Vec<usize> = chain.iter().rev().copied().collect();
+    let [own, of_reversed] = [&chain, &reversed].map(|chain| misfit(chain));
+    if own.min(of_reversed) >= MAX_MISFIT_RATIO * own.max(of_reversed) {
+        return Err(Problem::NoFront);
     }
-    Ok(bodies)
+    if of_reversed < own {
+        chain = reversed;
+    }
+    Ok(chain.into_iter().map(|body| groups[body].clone()).collect())
 }
 
 /// Returns the sum of squared deviations of the first harmonics of the joint angles from the command, rad^2.
-pub(super) fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> f64 {
+fn command_misfit(command: &CommandedGait, phi_rad: &[Vec<f64>]) -> f64 {
     let Ok(driven) = command.estimate_phase(phi_rad) else { return f64::INFINITY };
     let squares = phi_rad.iter().zip(command.joints).filter_map(|(phi_rad, joint)| {
         let joint = (*joint)?;

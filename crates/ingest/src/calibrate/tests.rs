@@ -7,18 +7,15 @@ use trilink_tables::config::{CommandConfig, GaitConfig, JointKind, RobotConfig};
 
 use super::*;
 
-/// Calibrates the layout of a robot of three links.
-fn calibrate(config: &Config, folder: &Path, id: &str) -> Result<Calibration, CalibrationError> {
-    match super::calibrate(config, folder, id)? {
-        Calibrated::ThreeLinks(found) => Ok(found),
-        Calibrated::Chain(_) => panic!("three links"),
-    }
-}
-
 fn trials(recipe: &Recipe) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     synthesise(&Config::default(), folder.path(), recipe, &|_| Ok(())).unwrap();
     folder
+}
+
+/// Returns a link of three by its number.
+fn of_number(found: &Calibration, link: usize) -> &LinkCalibration {
+    &found.layout.links[[1, 0, 2][link]]
 }
 
 /// Returns the largest error in a link's marker positions, mm, and the error in their rotation about the link's joint,
@@ -26,7 +23,8 @@ fn trials(recipe: &Recipe) -> tempfile::TempDir {
 fn errors(found: &Calibration, link: usize) -> (f64, f64) {
     let truth = Config::default().markers;
     let joint_mm = [0.0, -112.0, 112.0][link];
-    let pairs: Vec<([f64; 2], [f64; 2])> = found.links[link]
+    let pairs: Vec<([f64; 2], [f64; 2])> = of_number(found, link)
+        .markers
         .iter()
         .map(|marker| {
             let [x, y, z] = marker.position_mm.map(|measured| measured.value);
@@ -54,8 +52,8 @@ fn layouts_and_h_are_found_to_a_fifth_of_a_millimetre() {
             for omega in ["2.00", "3.90"] {
                 let id = format!("{gait}-{omega}-r1");
                 let found = calibrate(&Config::default(), folder.path(), &id).unwrap();
-                assert!((found.h_mm.value - 144.0).abs() < 0.15, "{id}: {:?}", found.h_mm);
-                assert!(found.h_mm.se < 0.15, "{id}: {:?}", found.h_mm);
+                let h_mm = found.layout.h_mm().unwrap();
+                assert!((h_mm.value - 144.0).abs() < 0.15 && h_mm.se < 0.15, "{id}: {h_mm:?}");
                 assert!(!found.is_grouped && found.left_out.is_empty());
                 for link in 0..3 {
                     let (error_mm, turned) = errors(&found, link);
@@ -82,8 +80,9 @@ fn directions(seeds: std::ops::RangeInclusive<u64>, oblique_deg: f64) -> Vec<[f6
         let directions = ["3.00", "5.00"].map(|omega| {
             let id = format!("kinematic-symmetric-{omega}-r1");
             let found = calibrate(&config, folder.path(), &id).unwrap();
-            [1, 2]
-                .map(|link| [errors(&found, link).1.to_degrees(), found.direction_se_deg[link - 1]])
+            [1, 2].map(|link| {
+                [errors(&found, link).1.to_degrees(), of_number(&found, link).direction_se_deg]
+            })
         });
         directions.concat()
     };
@@ -126,7 +125,8 @@ fn standard_errors_of_h_are_right() {
         let folder = trials(&Recipe { omegas_rad_s: vec![3.0, 5.0], ..Recipe::new(seed) });
         for omega in ["3.00", "5.00"] {
             let id = format!("kinematic-symmetric-{omega}-r1");
-            let h_mm = calibrate(&Config::default(), folder.path(), &id).unwrap().h_mm;
+            let h_mm = calibrate(&Config::default(), folder.path(), &id).unwrap();
+            let h_mm = h_mm.layout.h_mm().unwrap();
             within += usize::from((h_mm.value - 144.0).abs() < 2.0 * h_mm.se);
             count += 1;
         }
@@ -143,10 +143,22 @@ fn links_are_found_by_the_motion_of_the_markers_if_their_labels_are_not_configur
     }
     for gait in config.campaign.keys().filter(|gait| *gait != "kinematic-skewed") {
         let id = &format!("{gait}-3.90-r1");
-        let found = calibrate(&config, folder.path(), id).unwrap();
+        let found = calibrate(&config, folder.path(), id);
+        if gait == "semi-passive-symmetric" {
+            // The passive joint swings as far as the driven one.
+            let error = found.unwrap_err().to_string();
+            assert!(error.contains("which end of the robot is the front"), "{error}");
+            continue;
+        }
+        let found = found.unwrap();
         assert!(found.is_grouped);
-        let labels = found.links.each_ref().map(|markers| {
-            markers.iter().map(|marker| marker.label.as_str()).collect::<Vec<_>>().join(" ")
+        let labels = [0, 1, 2].map(|link| {
+            of_number(&found, link)
+                .markers
+                .iter()
+                .map(|marker| marker.label.as_str())
+                .collect::<Vec<_>>()
+                .join(" ")
         });
         assert_eq!(labels, ["M1 M2 M3 M4", "F1 F2 F3", "R1 R2 R3"]);
         for link in 0..3 {
@@ -205,15 +217,11 @@ fn calibrated_chain(
     config: &Config,
     calibrate_with: &Config,
     omega_rad_s: f64,
-) -> Result<ChainCalibration, String> {
+) -> Result<Calibration, String> {
     let folder = tempfile::tempdir().unwrap();
     let recipe = Recipe { omegas_rad_s: vec![omega_rad_s], ..Recipe::new(1) };
     let trials = synthesise(config, folder.path(), &recipe, &|_| Ok(())).unwrap();
-    match super::calibrate(calibrate_with, folder.path(), &trials[0].id) {
-        Ok(Calibrated::Chain(found)) => Ok(found),
-        Ok(Calibrated::ThreeLinks(_)) => panic!("a chain"),
-        Err(error) => Err(error.to_string()),
-    }
+    calibrate(calibrate_with, folder.path(), &trials[0].id).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -228,9 +236,10 @@ fn layouts_of_chains_are_found() {
         let config = gallery(robot);
         let found = calibrated_chain(&config, &config, 4.0).unwrap();
         assert!(!found.is_grouped && found.left_out.is_empty(), "{robot}");
-        let directions: Vec<Direction> = found.links.iter().map(|link| link.direction).collect();
+        let directions: Vec<Direction> =
+            found.layout.links.iter().map(|link| link.direction).collect();
         assert_eq!(directions, expected, "{robot}");
-        for (link, places) in found.links.iter().zip(&found.places) {
+        for (link, places) in found.layout.links.iter().zip(&found.places) {
             let configured_mm = [places.front_joint_mm, places.rear_joint_mm];
             for (joint, configured_mm) in link.joints_mm.iter().zip(configured_mm) {
                 let Some(joint) = joint else { continue };
@@ -285,7 +294,7 @@ fn mean_skid_to_one_side_does_not_bias_the_ends_of_chains() {
             command.offset_deg = Some(*offset_deg);
         }
         let found = calibrated_chain(&config, &config, 4.0).unwrap();
-        let ends = found.links.iter().filter(|link| link.direction == Direction::Wheel);
+        let ends = found.layout.links.iter().filter(|link| link.direction == Direction::Wheel);
         for end in ends {
             let (error_deg, skid_deg) = (turned_deg(end), end.skid_deg);
             assert!(error_deg.abs() < 0.15, "{robot}: {error_deg} {skid_deg}");
@@ -305,7 +314,7 @@ fn links_of_chains_are_found_although_the_labels_differ() {
     }
     let found = calibrated_chain(&config, &other, 6.0).unwrap();
     assert!(found.is_grouped);
-    let first = found.links.iter().map(|link| link.markers[0].label.as_str());
+    let first = found.layout.links.iter().map(|link| link.markers[0].label.as_str());
     assert_eq!(first.collect::<Vec<_>>(), ["H1", "B1", "T1", "N1"]);
     // Without a driven joint nothing shows which end is the front.
     for joint in &mut other.robot.get_mut("passive").unwrap().chain_mut().unwrap().joints {
