@@ -1,5 +1,4 @@
-//! Tests of shared fits, to several campaigns of one or several robots: when commands compute them, keep them and compute
-//! them again.
+//! Tests of shared fits, each to several campaigns: when commands compute them, retain them and recompute them.
 
 use trilink_robot::Quantity;
 use trilink_tables::{Columns as _, SharedFitRow, Table};

@@ -233,8 +233,7 @@ impl Recipe {
     }
 }
 
-/// Returns whether any campaign of a robot leaves a joint passive, or names a robot or gait that is missing from the
-/// configuration.
+/// Returns whether any campaign of a robot leaves a joint passive, or has a robot that is a chain.
 fn has_passive_joint(config: &Config, robot: &str) -> bool {
     let mut campaigns = config.campaign.iter().filter(|(_, one)| one.robot == robot);
     campaigns.any(|(name, _)| {

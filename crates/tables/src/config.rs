@@ -63,8 +63,8 @@ pub struct Config {
     pub model: Models,
     pub campaign: BTreeMap<String, Campaign>,
     pub markers: Markers,
-    /// Marker layouts of chains, and of robots of three links that have another one than `markers`, by the name of the
-    /// robot and that of the link (`link0`, `link1`, `link2` of three links).
+    /// Marker layouts of chains, and of robots of three links with another one than `markers`: by the name of the robot,
+    /// then by the name of the link or, in the short form, by `link0`, `link1` and `link2`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub layout: BTreeMap<String, BTreeMap<String, LinkMarkers>>,
     pub report: Report,

@@ -243,11 +243,10 @@ impl Trial {
             ("campaign", !is_gait, self.campaign.as_ref().map(|name| format!("`{name}`"))),
             ("omega_rad_s", !is_gait, self.omega_rad_s.map(|omega| omega.to_string())),
         ];
-        for (key, _, found) in foreign.into_iter().filter(|(_, is_foreign, _)| *is_foreign) {
+        let mut foreign = foreign.into_iter().filter(|(_, is_foreign, _)| *is_foreign);
+        if let Some((key, found)) = foreign.find_map(|(key, _, found)| Some((key, found?))) {
             let needed = format!("no such key, because a trial of kind {} has none", self.kind);
-            if let Some(found) = found {
-                return error(key, found, &needed);
-            }
+            return error(key, found, &needed);
         }
         let name = if is_gait { &self.campaign } else { &self.robot };
         let name = name.as_deref().unwrap_or_default();

@@ -9,7 +9,7 @@ use super::links::locate_joint;
 use super::rolling;
 use super::shape::Body;
 
-/// Layout of a chain estimated from a subset of a trial's rows, by link from front to rear.
+/// Layout of the links, from front to rear, estimated from a subset of a trial's rows.
 pub(super) struct LayoutEstimate {
     pub positions_mm: Vec<Vec<[f64; 3]>>,
     pub joints_mm: Vec<[Option<f64>; 2]>,
@@ -28,7 +28,7 @@ pub(super) struct LayoutEstimate {
 /// Rigid bodies of the links from front to rear with the positions of the joints in their frames.
 struct Jointed<'b> {
     bodies: &'b [Body],
-    /// Positions of the joints ahead and behind on each link, mm; `None` where there is no joint.
+    /// In the frame of each link, the positions of the joint ahead and of the joint behind, mm; `None` where there is none.
     joints: Vec<[Option<[f64; 2]>; 2]>,
     residuals_mm: Vec<f64>,
 }
@@ -114,21 +114,6 @@ impl<'b> Jointed<'b> {
         }
         Some(skid_rad)
     }
-
-    /// Returns the velocities of the only joint of the first or last link.
-    fn end_velocities(
-        &self,
-        link: usize,
-        file: &Recording,
-        rate_hz: f64,
-        is_used: &dyn Fn(usize) -> bool,
-    ) -> Option<Vec<rolling::Velocity>> {
-        let [ahead, behind] = self.joints[link];
-        let mut found =
-            rolling::velocities(&self.bodies[link], ahead.or(behind)?, &file.frames, rate_hz);
-        found.retain(|velocity| is_used(velocity.row));
-        Some(found)
-    }
 }
 
 /// Returns the mean angle from the frame of one body to that of the other, rad.
@@ -150,6 +135,11 @@ impl LayoutEstimate {
     ) -> Option<Self> {
         let bodies: Vec<Body> = bodies.iter().map(|body| body.refined(file, is_used)).collect();
         let jointed = Jointed::new(&bodies, is_used)?;
+        let velocities = |link: usize, point_mm: [f64; 2]| {
+            let mut found = rolling::velocities(&bodies[link], point_mm, &file.frames, rate_hz);
+            found.retain(|velocity| is_used(velocity.row));
+            found
+        };
         let mut joints_mm = Vec::new();
         let mut direction_rad = Vec::new();
         let mut least_skid_mm = vec![None; places.len()];
@@ -165,15 +155,15 @@ impl LayoutEstimate {
                     let aligned_rad = jointed.aligned_rad(link) + places.turned_rad;
                     let direction_rad = match places.wheel_mm {
                         Some(wheel_mm) => {
-                            let velocities =
-                                jointed.end_velocities(link, file, rate_hz, is_used)?;
+                            let joint = ahead.or(behind)?;
+                            let velocities = velocities(link, joint);
                             let from_joint_mm =
                                 if ahead.is_some() { -front_joint_mm } else { rear_joint_mm };
                             let lever_mm = wheel_mm + from_joint_mm;
                             let rolls_rad = rolling::direction(&velocities, lever_mm, aligned_rad)?;
-                            let [x, y] = ahead.or(behind)?;
+                            let to_markers_mm = joint[0].hypot(joint[1]);
                             let is_plausible =
-                                |least_mm: &f64| (0.2..5.0).contains(&(least_mm / x.hypot(y)));
+                                |least_mm: &f64| (0.2..5.0).contains(&(least_mm / to_markers_mm));
                             let least_mm = rolling::lever_mm(&velocities, rolls_rad, lever_mm);
                             least_skid_mm[link] = least_mm
                                 .map(|least_mm| lever_mm.signum() * least_mm)
@@ -189,11 +179,6 @@ impl LayoutEstimate {
             direction_rad.push(direction);
             joints_mm.push(joints);
         }
-        let velocities = |link: usize, point_mm: [f64; 2]| {
-            let mut found = rolling::velocities(&bodies[link], point_mm, &file.frames, rate_hz);
-            found.retain(|velocity| is_used(velocity.row));
-            found
-        };
         let skid_rad = jointed.end_skid_rad(places, &joints_mm, &direction_rad, velocities)?;
         for (direction, skid_rad) in direction_rad.iter_mut().zip(&skid_rad) {
             *direction = wrap(*direction - skid_rad);

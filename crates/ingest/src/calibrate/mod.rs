@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 
 use trilink_base::body;
 use trilink_mocap::Recording;
-use trilink_robot::{AnyRobot, Chain, Gait, Link, Wheel};
+use trilink_robot::{AnyGait, AnyRobot, Chain, Link, Wheel};
 use trilink_statistics::{Estimate, quantiles_low, wrap};
 use trilink_tables::config::{Config, ConfigError, MarkerLayout, nearest};
 use trilink_tables::trial::TrialList;
@@ -254,13 +254,11 @@ fn calibrate_recording(
     rate_hz: f64,
 ) -> Result<Calibration, Problem> {
     let is_three_links = matches!(robot, AnyRobot::ThreeLinks(_));
-    let chain = match robot {
-        AnyRobot::ThreeLinks(robot) => {
-            let joints = command.as_ref().map_or([None; 2], |of| [of.joints[0], of.joints[1]]);
-            robot.chain(&Gait { joints })
-        }
-        AnyRobot::Chain(chain) => chain,
-    };
+    let mut gait = AnyGait::NONE;
+    if let Some(command) = &command {
+        gait.joints[..command.joints.len()].copy_from_slice(&command.joints);
+    }
+    let chain = robot.to_chain(&gait);
     let places = configured_places(&chain)?;
     let order = Geometry::new(&chain).order;
     let located = locate(markers, file).ok();
@@ -403,22 +401,20 @@ pub fn calibrate_links(
 }
 
 /// Layout estimates from the whole trial and from the trial without each of its segments.
-struct Jackknife<E> {
-    whole: E,
-    partial: Vec<E>,
+struct Jackknife {
+    whole: LayoutEstimate,
+    partial: Vec<LayoutEstimate>,
 }
 
-impl<E> Jackknife<E> {
+impl Jackknife {
     /// Returns a quantity of the layout with its jackknife standard error.
-    fn estimate(&self, value: impl Fn(&E) -> f64) -> Estimate {
+    fn estimate(&self, value: impl Fn(&LayoutEstimate) -> f64) -> Estimate {
         let all = value(&self.whole);
         let squares: f64 = self.partial.iter().map(|part| (value(part) - all).powi(2)).sum();
         let count = self.partial.len() as f64;
         Estimate { value: all, se: ((count - 1.0) / count * squares).sqrt() }
     }
-}
 
-impl Jackknife<LayoutEstimate> {
     /// Returns the position of a marker, mm, with standard errors. For the first and last link, these include the effect
     /// of the uncertainty of the skid coefficients, which the jackknife does not show.
     fn position_mm(&self, link: usize, marker: usize) -> [Estimate; 3] {

@@ -13,8 +13,8 @@ use crate::phase::{GAIT_HARMONICS, GaitPhase, Harmonics};
 use crate::poses::Tracked;
 use crate::smoothing::SmoothedMotion;
 
-/// Maximum RMS deviation of a commanded joint from its mean gait, relative to the amplitude of its first two harmonics. A cycle that exceeds it
-/// contains a start, a stop or a pause.
+/// Maximum RMS deviation of a commanded joint from its mean gait, relative to the amplitude of its first two harmonics. A
+/// cycle that exceeds it contains a start, a stop or a pause.
 const MAX_DEVIATION: f64 = 0.2;
 
 /// Number of frames by which a cycle may extend beyond either end of the recording, so that noise in the phase does not

@@ -45,7 +45,7 @@ impl CommandConfig {
         self.torque_nm.is_some() || self.mean_nm.is_some()
     }
 
-    /// Returns the command of an angle; the angle is constantly zero if the command is of a torque.
+    /// Returns the commanded angle, which is zero if a torque is commanded.
     pub(super) fn angle(&self) -> JointCommand {
         let rad = |deg: Option<f64>| deg.unwrap_or_default().to_radians();
         JointCommand {
@@ -58,6 +58,7 @@ impl CommandConfig {
         }
     }
 
+    /// Returns the commanded torque, which is zero if an angle is commanded.
     pub(super) fn torque(&self) -> TorqueCommand {
         TorqueCommand {
             mean_nm: self.mean_nm.unwrap_or_default(),

@@ -651,7 +651,7 @@ impl<'de> Deserialize<'de> for DeviationKey {
     }
 }
 
-/// Key of a robot of three links.
+/// Key of a robot in the short form of three links.
 pub(super) enum Key {
     Quantity(Quantity),
     Load,

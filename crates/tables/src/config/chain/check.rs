@@ -138,8 +138,8 @@ impl ChainRobot {
         with_rotor.map(|(name, _)| (name, ())).collect()
     }
 
-    /// Returns the key of the first value of a resistance that the robot with this name lacks: of each wheel, or of the
-    /// robot.
+    /// Returns the key, given the robot's name, of a resistance that is not configured: that of the first wheel without it
+    /// or, for a value common to all wheels, that of the robot. `None` if nothing is missing.
     pub(in super::super) fn missing(&self, robot: &str, quantity: Quantity) -> Option<String> {
         let key = quantity.name();
         if quantity.definition().per != Per::Wheel {
