@@ -241,7 +241,6 @@ fn check(
 }
 
 proptest! {
-    // The seed is fixed, so that a failure that only another seed would find does not appear in an unrelated change.
     #![proptest_config(ProptestConfig { cases: 8, failure_persistence: None, ..Default::default() })]
     #[test]
     fn no_table_makes_the_report_panic_or_become_too_large_or_slow(changes in changes()) {
