@@ -579,6 +579,13 @@ mod tests {
                 "key `gait.swim.joint2.amplitude_deg`: found 3.0, needed either torque_nm, mean_nm and phase_deg",
             ),
             ("torque_nm = 0.1", "torque_mn = 0.1", "did you mean `torque_nm`?"),
+            (
+                "joint1 = { amplitude_deg = 30, phase_deg = 90 }
+        joint2 = { torque_nm = 0.1, mean_nm = 0.01 }
+        rotor.\"link 3\" = { amplitude_deg = 400 }",
+                "joint2 = { mean_nm = 0.01 }",
+                "key `gait.swim`: found constant torques alone, needed an angle or a torque_nm other than 0",
+            ),
             ("amplitude_deg = 30, ", "", "key `gait.swim.joint1.amplitude_deg`: found nothing"),
             (
                 "amplitude_deg = 30",

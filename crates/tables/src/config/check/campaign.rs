@@ -237,6 +237,12 @@ impl GaitConfig {
         let commands: Vec<_> = commands.chain(rotors).collect();
         let needed = "a command of at least one joint (joint1, joint2 and so on) or rotor";
         check.that(!commands.is_empty(), &format!("gait.{gait}"), &"none", needed)?;
+        let varies = |(_, command, _): &(String, &CommandConfig, bool)| {
+            !command.is_torque() || command.torque_nm.is_some_and(|torque_nm| torque_nm != 0.0)
+        };
+        let needed = "an angle or a torque_nm other than 0, because a gait is periodic";
+        let found = format_args!("constant torques alone");
+        check.that(commands.iter().any(varies), &format!("gait.{gait}"), &found, needed)?;
         for (key, command, may_be_torque) in commands {
             let table = table_of(command);
             let found = |own: &str| table.get(own).map_or("nothing".to_owned(), Value::to_string);
