@@ -615,7 +615,8 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a length 3 mm off",
         |night| configure(night, "l_m = 0.112", "l_m = 0.115"),
-        &["in the frame of link 1, but configured at x = -115.0, y = 0.0 mm", "set l_m = 0.112"],
+        // Both joints are off by as much.
+        &["115.0, y = 0.0 mm: set l_m = 0.112", "to every x in markers.link"],
     ),
     mistake(
         "a layout turned by two degrees",

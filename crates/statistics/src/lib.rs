@@ -8,6 +8,7 @@
 //! - Distributions: [`student`] and [`fisher`] for intervals, [`c4`] for the bias of
 //!   a standard deviation; an [`Estimate`] is a value with its standard error.
 //! - Linear least squares by additive [`NormalEquations`], nonlinear by [`least_squares`].
+//! - Mean of a short series that oscillates slowly: [`mean_of_oscillation`].
 //! - Repeatability and reproducibility: [`precision`].
 //! - Variance components of linear mixed models: [`variance_components`].
 //! - Angles in radians: [`wrap`] and [`unwrap`].
@@ -24,8 +25,11 @@
 //! ```
 
 pub mod least_squares;
+mod oscillating;
 pub mod precision;
 pub mod variance_components;
+
+pub use oscillating::mean_of_oscillation;
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 

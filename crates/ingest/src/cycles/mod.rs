@@ -1,7 +1,7 @@
 //! Divides the coordinates into cycles by the phase and computes wheel velocities, metrics of every cycle, the
 //! selection of steady cycles, trial means and checks.
 
-mod joints;
+mod common;
 mod means;
 mod measure;
 mod noise;

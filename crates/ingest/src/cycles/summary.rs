@@ -11,7 +11,7 @@ use trilink_tables::{
     Columns as _, CycleRow, JointCycle, JointGait, Numbered, TrialRow, TrialStatus,
 };
 
-use super::joints::joint_errors;
+use super::common::common_errors;
 use super::means::{independent_mean, mean_of_changes, rms_without_noise};
 use super::measure::{Cycle, CycleData, first_harmonic};
 use super::noise::{SkidNoise, end_variances};
@@ -49,7 +49,7 @@ pub(crate) fn describe_gait(
     row.cycles = steady.used.len() as i64;
     let used: Vec<&Cycle> = steady.used.iter().map(|&i| &cycles[i]).collect();
     let frames = steady.frames(cycles).unwrap_or(0..0);
-    let common = joint_errors(data, &frames);
+    let common = common_errors(data, &frames);
     let of =
         |metric: Metric| -> Vec<f64> { used.iter().map(|cycle| cycle.metrics[metric]).collect() };
     let [position, heading] = end_variances(data, row.smoothing_window as usize);

@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use trilink_mocap::Recording;
-use trilink_robot::{MAX_LINKS, rotated};
+use trilink_robot::rotated;
 use trilink_statistics::{unwrap, wrap};
 use trilink_tables::config::Poses;
 use trilink_tables::{Coordinates, Fill};
 
 use super::continuity::{Jump, jumps, repeated_rows};
-use super::multibody::{Linkage, PARTS};
+use super::multibody::Linkage;
+use super::shift::{JointShift, PoseShift};
 use super::suspension::{self, LinkRecording};
 use super::tilt::Tilt;
 use crate::error::Problem;
@@ -32,23 +33,6 @@ const SHIFT_SAMPLES: usize = 500;
 /// at their joints, are retained.
 const OWN_POSE_SAMPLES: usize = 400;
 
-/// Changes in a frame's poses if one part of the trial is left out when the joint positions are estimated, for each
-/// part.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct JointShift {
-    pub frame: usize,
-    pub without: [PoseShift; PARTS],
-}
-
-/// Change in a frame's poses.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct PoseShift {
-    /// Displacement of link 0 along and across its direction, m.
-    pub moved_m: [f64; 2],
-    /// Rotations of the links by number, rad.
-    pub turned_rad: [f64; MAX_LINKS],
-}
-
 /// Poses of the links in every row of a file.
 #[derive(Debug)]
 pub(crate) struct LinkPoses {
@@ -62,6 +46,7 @@ pub(crate) struct LinkPoses {
     order: Vec<usize>,
     pub constant: Constant,
     joint_shifts: Vec<JointShift>,
+    tilt_shifts: [PoseShift; 2],
 }
 
 /// Quantities that are constant over a trial.
@@ -106,6 +91,8 @@ pub(crate) struct Tracked {
     /// Effects of errors in the joint positions on the poses in some frames, spread over the trial; empty if each link
     /// was fitted separately.
     pub joint_shifts: Vec<JointShift>,
+    /// Effects of the standard errors of link 0's mean tilt on its suspension, about its x and y axes, on all poses.
+    pub tilt_shifts: [PoseShift; 2],
     /// Number of markers in the layout.
     markers: usize,
 }
@@ -149,7 +136,7 @@ pub(crate) fn solve(
     steady: Range<usize>,
 ) -> Result<LinkPoses, Problem> {
     let (first_frame, frames) = frame_grid(&file.frames)?;
-    let (mut fits, tilt) = upright_fits(file, layout, rate_hz, steady.clone());
+    let (mut fits, tilt, tilt_shifts) = upright_fits(file, layout, rate_hz, steady.clone());
     let refined = linkage.map(|linkage| linkage.refined(&fits, steady.clone()));
     let rows = file.frames.len();
     let stride = (steady.len() / OWN_POSE_SAMPLES).max(1);
@@ -205,6 +192,7 @@ pub(crate) fn solve(
         order,
         constant: Constant { tilt, joints: refined.map(|(found, _)| found), own_poses: sample },
         joint_shifts,
+        tilt_shifts,
     })
 }
 
@@ -293,30 +281,32 @@ impl LinkPoses {
             outlier,
             unseen,
             joint_shifts: self.joint_shifts,
+            tilt_shifts: self.tilt_shifts,
             markers: layout.iter().map(Vec::len).sum(),
         })
     }
 }
 
 /// Fits the poses of all links in every row of the file, corrected for the tilt of floor, links and suspensions.
-/// Also returns the tilt found in the `steady` rows.
+/// Also returns the tilt found in the `steady` rows and [`Tracked::tilt_shifts`].
 fn upright_fits(
     file: &Recording,
     layout: &Layout,
     rate_hz: f64,
     steady: Range<usize>,
-) -> (Vec<Vec<LinkFit>>, Tilt) {
+) -> (Vec<Vec<LinkFit>>, Tilt, [PoseShift; 2]) {
     let mut fits = fit_links(file, layout);
     let tilt = Tilt::estimate(file, layout, &fits, steady);
     let (file, layout) = tilt.corrected(file, layout);
     if tilt.is_corrected() {
         fits = fit_links(&file, &layout);
     }
-    for (fits, markers) in fits.iter_mut().zip(layout.iter()) {
+    let shifts = fits.iter_mut().zip(layout.iter()).map(|(fits, markers)| {
         let link = LinkRecording { file: &file, markers, floor: tilt.uncorrected_floor() };
-        suspension::set_upright(link, rate_hz, fits);
-    }
-    (fits, tilt)
+        suspension::set_upright(link, rate_hz, fits)
+    });
+    let shifts: Vec<[PoseShift; 2]> = shifts.collect();
+    (fits, tilt, shifts[0])
 }
 
 /// Fits the poses of all links in every row of the file, after label correction.
