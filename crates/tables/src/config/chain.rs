@@ -515,7 +515,7 @@ mod tests {
             (
                 "mass_kg = 0.3",
                 "mass_kg = 0.3\nstandard_deviation = { wheel_m = 1 }",
-                "links.link 2.standard_deviation.wheel_m`: found a standard deviation, needed wheel_m as well",
+                "links.\"link 2\".standard_deviation.wheel_m`: found a standard deviation, needed wheel_m as well",
             ),
             (
                 "mass_kg = 0.5",
@@ -530,14 +530,18 @@ mod tests {
             (
                 "rear_joint_m = 0.12",
                 "",
-                "key `robot.snake.links.link 2.rear_joint_m`: found nothing, needed the distance",
+                "key `robot.snake.links.\"link 2\".rear_joint_m`: found nothing, needed the distance",
             ),
             (
                 "rear_joint_m = 0.1\n",
                 "rear_joint_m = 0.1\nfront_joint_m = 0.1\n",
                 "links.head.front_joint_m`: found 0.1, needed no such key, because the link is the first one",
             ),
-            ("wheel_m = -0.02", "", "links.link 4.skid_kg_s`: found 10.0, needed wheel_m as well"),
+            (
+                "wheel_m = -0.02",
+                "",
+                "links.\"link 4\".skid_kg_s`: found 10.0, needed wheel_m as well",
+            ),
             (
                 "rotor_inertia_kg_m2 = 1e-4",
                 "name = \"head\"",
@@ -611,12 +615,12 @@ mod tests {
             (
                 "rotor.\"link 3\" = { amplitude_deg = 400 }",
                 "",
-                "key `gait.swim.rotor.link 3`: found nothing, needed an angle",
+                "key `gait.swim.rotor.\"link 3\"`: found nothing, needed an angle",
             ),
             (
                 "rotor_inertia_kg_m2 = 1e-4",
                 "",
-                "key `gait.swim.rotor.link 3`: found a command, needed none, because no link of robot `snake`",
+                "key `gait.swim.rotor.\"link 3\"`: found a command, needed none, because no link of robot `snake`",
             ),
             (
                 "gait = \"swim\"",

@@ -7,7 +7,7 @@ use toml::{Table, Value};
 use trilink_robot::{MAX_LINKS, Per, Quantity};
 
 use super::super::check::{Checker, NAME, is_valid_name, table_of};
-use super::super::{Config, ConfigError, GaitConfig};
+use super::super::{Config, ConfigError, GaitConfig, toml_key};
 use super::{ChainJoint, ChainRobot, JointKind};
 
 /// Keys of a link for the friction of its wheel.
@@ -41,9 +41,14 @@ pub(super) fn plain_table_of(part: &impl Serialize) -> Table {
     table
 }
 
-/// Returns the key of a value of a link, in which the link's name stands for its number.
-fn link_key(robot: &str, link: impl AsRef<str>, key: &str) -> String {
-    format!("robot.{robot}.links.{}.{key}", link.as_ref())
+/// Returns the key of a link, in which the link's name stands for its number.
+pub(super) fn link_table(robot: &str, link: &str) -> String {
+    format!("robot.{robot}.links.{}", toml_key(link))
+}
+
+/// Returns the key of a value of a link.
+fn link_key(robot: &str, link: &str, key: &str) -> String {
+    format!("{}.{key}", link_table(robot, link))
 }
 
 impl Config {
@@ -148,7 +153,7 @@ impl ChainRobot {
         let links = self.names().into_iter().zip(&self.links);
         let mut wheels = links.filter(|(_, link)| link.wheel_m.is_some());
         let (name, _) = wheels.find(|(_, link)| !table_of(link).contains_key(key))?;
-        Some(link_key(robot, name, key))
+        Some(link_key(robot, &name, key))
     }
 
     /// Checks the link with this name and index.
@@ -160,7 +165,7 @@ impl ChainRobot {
         index: usize,
     ) -> Result<(), ConfigError> {
         let table = plain_table_of(&self.links[index]);
-        check.numbers(&format!("robot.{robot}.links.{name}"), &table.clone().into())?;
+        check.numbers(&link_table(robot, name), &table.clone().into())?;
         let found = |key: &str| table.get(key).map_or("nothing".to_owned(), Value::to_string);
         for (key, is_there, place) in [
             ("front_joint_m", index > 0, "first"),

@@ -12,7 +12,7 @@ use super::super::check::{Checker, table_of};
 use super::super::three_links::{Deviation, independent_errors};
 use super::super::{ConfigError, GaitConfig};
 use super::ChainRobot;
-use super::check::plain_table_of;
+use super::check::{link_table, plain_table_of};
 
 /// Link or joint, given by its index from front to rear.
 #[derive(Debug, Clone, Copy)]
@@ -153,7 +153,7 @@ impl ChainRobot {
             let is_known = |key: &str| Part::Link(i).has_deviation(self, key);
             let table = plain_table_of(link);
             let value = |key: &str| table.get(key)?.as_float();
-            let part = format!("robot.{robot}.links.{name}");
+            let part = link_table(robot, name);
             Self::check_deviations(check, &part, uncertain, is_known, value)?;
         }
         for (i, joint) in self.joints.iter().enumerate() {

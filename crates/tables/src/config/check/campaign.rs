@@ -8,7 +8,7 @@ use trilink_robot::{Laws, Model, Quantity, Robot};
 
 use super::super::{
     Campaign, ChainRobot, CommandConfig, Config, ConfigError, GaitConfig, JointKind, RobotConfig,
-    did_you_mean,
+    did_you_mean, toml_key,
 };
 use super::{Checker, table_of};
 
@@ -128,13 +128,13 @@ impl Config {
         }
         let rotors = robot.chain().map_or(BTreeMap::new(), ChainRobot::rotors);
         for link in gait.rotor.keys() {
-            let key = format!("gait.{gait_name}.rotor.{link}");
+            let key = format!("gait.{gait_name}.rotor.{}", toml_key(link));
             let needed = format!("none, because no link of {of_campaign} has rotor_inertia_kg_m2");
             check.that(!rotors.is_empty(), &key, &format_args!("a command"), &needed)?;
             check.entry(&rotors, link, &format!("gait.{gait_name}.rotor"))?;
         }
         for link in rotors.keys() {
-            let key = format!("gait.{gait_name}.rotor.{link}");
+            let key = format!("gait.{gait_name}.rotor.{}", toml_key(link));
             let needed = format!(
                 "an angle, {{ amplitude_deg = .. }}, because link `{link}` of {of_campaign} has a rotor"
             );
@@ -232,8 +232,9 @@ impl GaitConfig {
             Some((format!("gait.{gait}.joint{number}"), command?, true))
         });
         let rotors = self.rotor.iter();
-        let rotors =
-            rotors.map(|(link, command)| (format!("gait.{gait}.rotor.{link}"), command, false));
+        let rotors = rotors.map(|(link, command)| {
+            (format!("gait.{gait}.rotor.{}", toml_key(link)), command, false)
+        });
         let commands: Vec<_> = commands.chain(rotors).collect();
         let needed = "a command of at least one joint (joint1, joint2 and so on) or rotor";
         check.that(!commands.is_empty(), &format!("gait.{gait}"), &"none", needed)?;
