@@ -1,12 +1,16 @@
 //! Errors that are common to all cycles of a trial, and that therefore do not show in the differences between cycles.
 //!
-//! - The joint positions are estimated from the trial itself. Their contribution is estimated by the jackknife over parts
-//!   of the trial, which shifts the links slightly ([`JointShift`]).
+//! - The joint positions are estimated from the trial itself. Their contribution is estimated by the delete-a-group
+//!   jackknife over parts of the trial, which shifts the links slightly ([`JointShift`]).
 //! - The mean tilt of link 0 on its suspension displaces its markers from the wheels ([`Tracked::tilt_shifts`]). The
-//!   displacements of the other links do not matter, because the refined joint positions contain them.
+//!   displacements of the other links are absorbed by the refined joint positions; the small changes in their headings
+//!   are neglected, and so is the tilt of its neighbours if link 0 has no markers.
 //!
-//! If a wheel moves by `a` along and `b` across its link and rotates by `c`, its skid velocity changes by
-//! `b' + a theta' - c roll`, where theta' is the link's angular rate.
+//! If a wheel is displaced by (a, b) along and across its rolling direction and its heading changes by c, its skid
+//! velocity changes, to first order, by db/dt + a theta' - c times the roll velocity, where theta' is the link's angular
+//! rate. The mean squared skid velocity changes by twice the mean product of this change and the skid velocity. Over whole
+//! cycles, the mean product of the skid velocity and db/dt is minus that of b and the derivative of the skid velocity,
+//! which is omega times its derivative by the phase.
 //!
 //! [`Tracked::tilt_shifts`]: crate::poses::Tracked::tilt_shifts
 
@@ -20,9 +24,6 @@ use super::measure::CycleData;
 use crate::geometry::{Connection, WheelPlace};
 use crate::phase::{GAIT_HARMONICS, Harmonics};
 use crate::poses::{JointShift, PARTS, PoseShift};
-
-/// Number of frames between those in which the effect of a mean tilt is evaluated.
-const TILT_STRIDE: usize = 10;
 
 /// Standard errors due to errors that are common to all cycles of a trial.
 pub(super) struct CommonErrors {
@@ -46,10 +47,10 @@ pub(super) fn common_errors(data: &CycleData, frames: &Range<usize>) -> CommonEr
                 let without = std::array::from_fn(|part| {
                     response.change(shifts.iter().map(|shift| (shift.frame, &shift.without[part])))
                 });
-                let [about_x, about_y] = data.tracked.tilt_shifts.map(|shift| {
-                    response
-                        .change(frames.clone().step_by(TILT_STRIDE).map(|frame| (frame, &shift)))
-                });
+                let [about_x, about_y] = data
+                    .tracked
+                    .tilt_shifts
+                    .map(|shift| response.change(frames.clone().map(|frame| (frame, &shift))));
                 jackknife(without).hypot(about_x.hypot(about_y).max(0.0))
             })
             .collect(),
@@ -131,7 +132,8 @@ impl<'a> SkidResponse<'a> {
         mean(seen(&products))
     }
 
-    /// Returns the change in the squared skid velocity in a frame, up to a term whose mean over whole cycles is zero.
+    /// Returns the change in the squared skid velocity in a frame, m^2/s^2, up to a term whose mean over whole cycles is
+    /// zero.
     fn product(&self, frame: usize, shift: &PoseShift) -> f64 {
         let Self { data, link, wheel, .. } = *self;
         let PoseShift { moved_m: [mut along, mut across], turned_rad } = *shift;
@@ -151,8 +153,6 @@ impl<'a> SkidResponse<'a> {
             (self.heading(frame + 1) - self.heading(frame - 1)) * 0.5 * data.rate_hz;
         let own = along * turning_rad_s - turn_rad * data.motion.wheels.roll_m_s[link][frame];
         let i = frame - self.frames.start;
-        // Over whole cycles, the mean product of a series with a rate is minus the mean product of the series'
-        // derivative with the integrated rate.
         2.0 * (self.skid_m_s[i] * own - self.slope_m_s[i] * data.driven.omega_rad_s * across)
     }
 }

@@ -3,14 +3,14 @@
 //! A link that tilts by 0.3 degrees displaces markers at a height of 60 mm sideways by a third of a millimetre. If the
 //! tilt varies with about the period of the gait, averaging over cycles does not remove the error, which then appears
 //! as skid. The heights of all markers over a second determine the link's roll and pitch to a few hundredths of a
-//! degree, so that both can be removed. The constant tilt of a trial is a [`Tilt`].
+//! degree, so that both can be removed. A large constant tilt is corrected before, by [`Tilt`].
 //!
 //! [`Tilt`]: super::tilt::Tilt
 
 use nalgebra::Vector3;
 use trilink_mocap::Recording;
 use trilink_robot::rotated;
-use trilink_statistics::{NormalEquations, mean, mean_of_oscillation};
+use trilink_statistics::{Estimate, NormalEquations, mean, mean_of_oscillation};
 
 use super::shift::PoseShift;
 use super::tilt::Turn;
@@ -20,7 +20,7 @@ use crate::markers::layout::LinkMarker;
 /// Duration of the window over which marker heights are used to determine one tilt, s.
 const WINDOW_S: f64 = 1.0;
 /// Number of parts per window; neighbouring windows overlap by all parts but one.
-const PARTS: usize = 8;
+const PARTS_PER_WINDOW: usize = 8;
 /// Maximum standard error of a tilt, rad; windows in which it is larger are skipped.
 const MAX_SE_RAD: f64 = 2e-3;
 /// Ratio between the variance of the tilt and the variance expected from height noise, above which the tilt is
@@ -34,26 +34,18 @@ pub(super) struct LinkRecording<'f> {
     pub markers: &'f [LinkMarker],
     /// Floor tilt that has not been removed from the marker positions.
     pub floor: Turn,
+    /// Tilt of the link that has been removed from the layout, if any.
+    pub removed: Option<Turn>,
 }
 
-/// Corrects a link's poses for the tilt of its suspension if the tilt exceeds what noise explains. Returns by how much the
-/// standard errors of its mean, about x and y, displace the link if it is link 0.
-pub(super) fn set_upright(
-    link: LinkRecording<'_>,
-    rate_hz: f64,
-    fits: &mut [LinkFit],
-) -> [PoseShift; 2] {
-    let rows = ((WINDOW_S * rate_hz / PARTS as f64) as usize).max(1);
-    let Some(Turns { changes_rad, mean_se_rad }) = changing_turns(&link.parts(rows, fits)) else {
-        return Default::default();
-    };
-    let first = fits.iter().enumerate().find(|(_, fit)| fit.is_sound());
-    let shifts = first.map(|(row, fit)| {
-        let [about_x, about_y] = mean_se_rad;
-        [[about_x, 0.0], [0.0, about_y]].map(|turn_rad| link.shift(row, fit, turn_rad))
-    });
+/// Corrects a link's poses for the tilt of its suspension if the tilt exceeds what noise explains. Returns the standard
+/// errors of its mean about x and y, rad; zero if there is no tilt to correct.
+pub(super) fn set_upright(link: LinkRecording<'_>, rate_hz: f64, fits: &mut [LinkFit]) -> [f64; 2] {
+    let rows = ((WINDOW_S * rate_hz / PARTS_PER_WINDOW as f64) as usize).max(1);
+    let turns = changing_turns(&link.parts(rows, fits), link.removed);
+    let Some(Turns { changes_rad, mean_se_rad }) = turns else { return [0.0; 2] };
     for (row, fit) in fits.iter_mut().enumerate() {
-        // A window's tilt applies to the window's centre, which is where a part begins.
+        // The tilt of a window applies to its centre, which is where a part begins.
         let position = row as f64 / rows as f64;
         let before = (position as usize).min(changes_rad.len() - 1);
         let after = (before + 1).min(changes_rad.len() - 1);
@@ -62,7 +54,34 @@ pub(super) fn set_upright(
             [0, 1].map(|i| (1.0 - part) * changes_rad[before][i] + part * changes_rad[after][i]);
         link.set_upright(row, fit, turn_rad);
     }
-    shifts.unwrap_or_default()
+    mean_se_rad
+}
+
+/// Returns the changes in link 0's pose, the same in all frames, if its mean tilt about x and about y, respectively,
+/// changes by one standard error (rad). The pose is that in the row in which most markers are visible.
+pub(super) fn mean_shifts(
+    link: LinkRecording<'_>,
+    fits: &[LinkFit],
+    [about_x, about_y]: [f64; 2],
+) -> [PoseShift; 2] {
+    let posed = fits.iter().enumerate().filter_map(|(row, fit)| Some((row, fit, fit.pose()?)));
+    let Some((row, fit, before)) =
+        posed.max_by(|(.., a), (.., b)| a.moments.markers.total_cmp(&b.moments.markers))
+    else {
+        return Default::default();
+    };
+    [[about_x, 0.0], [0.0, about_y]].map(|turn_rad| {
+        let mut upright = *fit;
+        link.set_upright(row, &mut upright, turn_rad);
+        let after = upright.pose().unwrap_or(before);
+        let moved_mm = [0, 1].map(|axis| after.origin_mm[axis] - before.origin_mm[axis]);
+        let mut shift = PoseShift {
+            moved_m: rotated(-before.theta_rad, moved_mm).map(|mm| mm / 1000.0),
+            ..PoseShift::default()
+        };
+        shift.turned_rad[0] = after.theta_rad - before.theta_rad;
+        shift
+    })
 }
 
 /// Rotations of a link about its x and y axes.
@@ -73,53 +92,57 @@ struct Turns {
     mean_se_rad: [f64; 2],
 }
 
-/// Estimates a link's rotations from the heights in the `parts`; `None` if noise alone explains the rotations. Where too
-/// few markers are visible, the preceding rotation is repeated.
+/// Estimates a link's rotations from the heights in the `parts`; `None` if noise alone explains the rotations. Where a
+/// window gives no rotation, the preceding one is repeated; before the first one, the mean is assumed.
 ///
 /// The means are those of the suspension over long times, not those over the trial: a trial is as short as a few
-/// swings, and its own mean would appear as a constant displacement of the markers.
-fn changing_turns(parts: &[NormalEquations<3>]) -> Option<Turns> {
-    let windows: Vec<Option<([f64; 2], f64)>> = (0..parts.len())
+/// swings, and its own mean would appear as a constant displacement of the markers. If a constant tilt has been
+/// removed from the layout, it takes the place of the means.
+fn changing_turns(parts: &[NormalEquations<3>], removed: Option<Turn>) -> Option<Turns> {
+    let windows: Vec<Option<[Estimate; 2]>> = (0..parts.len())
         .map(|begin| {
-            let range = begin.saturating_sub(PARTS / 2)..(begin + PARTS / 2).min(parts.len());
+            let range = begin.saturating_sub(PARTS_PER_WINDOW / 2)
+                ..(begin + PARTS_PER_WINDOW / 2).min(parts.len());
             turn(&NormalEquations::sum(parts[range].iter()))
         })
         .collect();
-    let found: Vec<([f64; 2], f64)> = windows.iter().flatten().copied().collect();
-    let variation = |i: usize| {
-        let mean = mean(found.iter().map(|(turn, _)| turn[i]));
-        found.iter().map(|(turn, _)| (turn[i] - mean).powi(2)).sum::<f64>()
-    };
-    let noise: f64 = found.iter().map(|(_, variance)| variance).sum();
-    if variation(0) + variation(1) <= MIN_VARIANCE_RATIO * noise {
+    let axes = [0, 1].map(|axis| {
+        let found: Vec<Estimate> = windows.iter().flatten().map(|turn| turn[axis]).collect();
+        let average = mean(found.iter().map(|turn| turn.value));
+        let squares: f64 = found.iter().map(|turn| (turn.value - average).powi(2)).sum();
+        let noise: f64 = found.iter().map(|turn| turn.se * turn.se).sum();
+        (squares, noise, noise / found.len() as f64)
+    });
+    let [(squares_x, noise_x, _), (squares_y, noise_y, _)] = axes;
+    if squares_x + squares_y <= MIN_VARIANCE_RATIO * (noise_x + noise_y) {
         return None;
     }
-    let noise = 0.5 * noise / found.len() as f64;
-    // Only windows that do not overlap have independent noise.
-    let apart = windows.iter().skip(PARTS / 2).step_by(PARTS);
-    let mean = [0, 1].map(|i| {
-        let turns: Vec<f64> =
-            apart.clone().map(|window| window.map_or(f64::NAN, |(turn, _)| turn[i])).collect();
-        mean_of_oscillation(&turns, noise)
+    let means = [0, 1].map(|axis| match removed {
+        Some(Turn { about_rad, se_rad }) => Estimate::new(about_rad[axis], se_rad),
+        None => {
+            // Only windows that do not overlap have independent noise.
+            let apart = windows.iter().skip(PARTS_PER_WINDOW / 2).step_by(PARTS_PER_WINDOW);
+            let turns = apart.map(|window| window.map_or(f64::NAN, |turn| turn[axis].value));
+            mean_of_oscillation(&turns.collect::<Vec<_>>(), axes[axis].2)
+        }
     });
-    if mean.iter().any(|mean| mean.value.is_nan()) {
+    if means.iter().any(|mean| mean.value.is_nan()) {
         return None;
     }
     let mut last = [0.0; 2];
     let changes = windows.iter().map(|window| {
-        last = window.map_or(last, |(turn, _)| [0, 1].map(|i| turn[i] - mean[i].value));
+        last = window.map_or(last, |turn| [0, 1].map(|i| turn[i].value - means[i].value));
         last
     });
-    Some(Turns { changes_rad: changes.collect(), mean_se_rad: mean.map(|mean| mean.se) })
+    Some(Turns { changes_rad: changes.collect(), mean_se_rad: means.map(|mean| mean.se) })
 }
 
-/// Solves for a link's rotations about its x and y axes, rad, and the sum of their variances; `None` if the heights do
-/// not determine the rotations or the sum is too large.
-fn turn(heights: &NormalEquations<3>) -> Option<([f64; 2], f64)> {
+/// Solves for a link's rotations about its x and y axes, rad; `None` if the heights do not determine them well enough.
+fn turn(heights: &NormalEquations<3>) -> Option<[Estimate; 2]> {
     let (found, inverse) = heights.solve()?;
-    let left = heights.residual_squares(&found) / (heights.count - 3.0).max(1.0);
-    let variance = left * (inverse[(1, 1)] + inverse[(2, 2)]);
-    (variance < MAX_SE_RAD.powi(2)).then_some(([found[1], found[2]], variance))
+    let variance = heights.residual_squares(&found) / (heights.count - 3.0).max(1.0);
+    let turns = [1, 2].map(|i| Estimate::new(found[i], (variance * inverse[(i, i)]).sqrt()));
+    (turns[0].se.hypot(turns[1].se) < MAX_SE_RAD).then_some(turns)
 }
 
 impl LinkRecording<'_> {
@@ -128,10 +151,10 @@ impl LinkRecording<'_> {
     fn parts(&self, rows: usize, fits: &[LinkFit]) -> Vec<NormalEquations<3>> {
         let begin = fits.iter().position(LinkFit::is_posed).unwrap_or(0);
         let [a, b] = self.floor.about_rad;
+        let start = fits.get(begin).and_then(LinkFit::pose);
+        let [x0, y0] = start.map_or([0.0; 2], |pose| pose.origin_mm);
         let mut parts = vec![NormalEquations::new(); fits.len().div_ceil(rows)];
         for marker in self.markers {
-            let [x0, y0, _] = self.file.position_mm(begin, marker.column);
-            let [x0, y0] = if x0.is_nan() { [0.0; 2] } else { [x0, y0] };
             let [x, y] = marker.local_position_mm;
             let column = Vector3::new(1.0, y, -x);
             for (part, (i, fits)) in parts.iter_mut().zip(fits.chunks(rows).enumerate()) {
@@ -152,22 +175,6 @@ impl LinkRecording<'_> {
             }
         }
         parts
-    }
-
-    /// Returns the displacement of link 0 in a row when rotations about its x and y axes are removed.
-    fn shift(&self, row: usize, fit: &LinkFit, about_rad: [f64; 2]) -> PoseShift {
-        let mut upright = *fit;
-        self.set_upright(row, &mut upright, about_rad);
-        let (Some(before), Some(after)) = (fit.pose(), upright.pose()) else {
-            return PoseShift::default();
-        };
-        let moved_mm = [0, 1].map(|axis| after.origin_mm[axis] - before.origin_mm[axis]);
-        let mut shift = PoseShift {
-            moved_m: rotated(-before.theta_rad, moved_mm).map(|mm| mm / 1000.0),
-            ..PoseShift::default()
-        };
-        shift.turned_rad[0] = after.theta_rad - before.theta_rad;
-        shift
     }
 
     /// Replaces the pose in a row by that of the link with its rotations about the x and y axes removed.
@@ -258,9 +265,11 @@ mod tests {
         (0..rows).map(|row| LinkFit::from_row(file.row_mm(row), &markers())).collect()
     }
 
-    fn correct(file: &Recording, fits: &mut [LinkFit]) -> [PoseShift; 2] {
-        let link = LinkRecording { file, markers: &markers(), floor: Turn::default() };
-        set_upright(link, RATE_HZ, fits)
+    fn correct(file: &Recording, fits: &mut [LinkFit], removed: Option<Turn>) -> [PoseShift; 2] {
+        let markers = markers();
+        let link = LinkRecording { file, markers: &markers, floor: Turn::default(), removed };
+        let mean_se_rad = set_upright(link, RATE_HZ, fits);
+        mean_shifts(link, fits, mean_se_rad)
     }
 
     /// Returns the RMS errors in the link's axle position, mm, and heading, rad, before and after the correction.
@@ -277,7 +286,7 @@ mod tests {
             [position, heading].map(|sum| (sum / ROWS as f64).sqrt())
         };
         let before = rms(&fits);
-        correct(file, &mut fits);
+        correct(file, &mut fits, None);
         [before, rms(&fits)]
     }
 
@@ -311,11 +320,17 @@ mod tests {
             [0, 1].map(|axis| mean(errors_m.iter().map(|error_m| error_m[axis])))
         };
         let before_m = mean_m(&fits);
-        let se_m = correct(&file, &mut fits).map(|PoseShift { moved_m: [x, y], .. }| x.hypot(y));
+        let se_m =
+            correct(&file, &mut fits, None).map(|PoseShift { moved_m: [x, y], .. }| x.hypot(y));
         let after_m = mean_m(&fits);
         // A rotation about y displaces along x.
         assert!(before_m[0].abs() > 3e-5 && after_m[0].abs() < 0.5 * before_m[0].abs());
         assert!(after_m[0].abs() < 2.0 * se_m[1] && after_m[1].abs() < 2.0 * se_m[0]);
         assert!(se_m.iter().all(|se_m| (1e-6..3e-5).contains(se_m)), "{se_m:?}");
+        // If a constant tilt, here none, has been removed from the layout, all that is left is removed.
+        let mut fits = fit(&file, 1548);
+        correct(&file, &mut fits, Some(Turn::default()));
+        let after_m = mean_m(&fits);
+        assert!(after_m.iter().all(|after_m| after_m.abs() < 1.5e-5), "{after_m:?}");
     }
 }

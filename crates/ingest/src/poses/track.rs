@@ -12,7 +12,7 @@ use super::continuity::{Jump, jumps, repeated_rows};
 use super::multibody::Linkage;
 use super::shift::{JointShift, PoseShift};
 use super::suspension::{self, LinkRecording};
-use super::tilt::Tilt;
+use super::tilt::{Tilt, Turn};
 use crate::error::Problem;
 use crate::markers::labels::{LinkFit, Outlier, bit, correct_labels};
 use crate::markers::layout::Layout;
@@ -91,7 +91,8 @@ pub(crate) struct Tracked {
     /// Effects of errors in the joint positions on the poses in some frames, spread over the trial; empty if each link
     /// was fitted separately.
     pub joint_shifts: Vec<JointShift>,
-    /// Effects of the standard errors of link 0's mean tilt on its suspension, about its x and y axes, on all poses.
+    /// Changes in link 0's pose, the same in all frames, if its mean tilt about x and about y, respectively, changes by
+    /// one standard error.
     pub tilt_shifts: [PoseShift; 2],
     /// Number of markers in the layout.
     markers: usize,
@@ -301,12 +302,17 @@ fn upright_fits(
     if tilt.is_corrected() {
         fits = fit_links(&file, &layout);
     }
-    let shifts = fits.iter_mut().zip(layout.iter()).map(|(fits, markers)| {
-        let link = LinkRecording { file: &file, markers, floor: tilt.uncorrected_floor() };
-        suspension::set_upright(link, rate_hz, fits)
-    });
-    let shifts: Vec<[PoseShift; 2]> = shifts.collect();
-    (fits, tilt, shifts[0])
+    let mut tilt_shifts = <[PoseShift; 2]>::default();
+    for (number, (fits, markers)) in fits.iter_mut().zip(layout.iter()).enumerate() {
+        let floor = tilt.uncorrected_floor();
+        let removed = Some(tilt.links[number]).filter(Turn::is_corrected);
+        let link = LinkRecording { file: &file, markers, floor, removed };
+        let mean_se_rad = suspension::set_upright(link, rate_hz, fits);
+        if number == 0 {
+            tilt_shifts = suspension::mean_shifts(link, fits, mean_se_rad);
+        }
+    }
+    (fits, tilt, tilt_shifts)
 }
 
 /// Fits the poses of all links in every row of the file, after label correction.

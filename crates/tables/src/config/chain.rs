@@ -588,7 +588,7 @@ mod tests {
         joint2 = { torque_nm = 0.1, mean_nm = 0.01 }
         rotor.\"link 3\" = { amplitude_deg = 400 }",
                 "joint2 = { mean_nm = 0.01 }",
-                "key `gait.swim`: found constant torques alone, needed an angle or a torque_nm other than 0",
+                "key `gait.swim`: found constant torques alone, needed a commanded angle or a torque amplitude",
             ),
             ("amplitude_deg = 30, ", "", "key `gait.swim.joint1.amplitude_deg`: found nothing"),
             (

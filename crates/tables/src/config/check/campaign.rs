@@ -237,14 +237,8 @@ impl GaitConfig {
         });
         let commands: Vec<_> = commands.chain(rotors).collect();
         let needed = "a command of at least one joint (joint1, joint2 and so on) or rotor";
-        check.that(!commands.is_empty(), &format!("gait.{gait}"), &"none", needed)?;
-        let varies = |(_, command, _): &(String, &CommandConfig, bool)| {
-            !command.is_torque() || command.torque_nm.is_some_and(|torque_nm| torque_nm != 0.0)
-        };
-        let needed = "an angle or a torque_nm other than 0, because a gait is periodic";
-        let found = format_args!("constant torques alone");
-        check.that(commands.iter().any(varies), &format!("gait.{gait}"), &found, needed)?;
-        for (key, command, may_be_torque) in commands {
+        check.that(!commands.is_empty(), &format!("gait.{gait}"), &format_args!("none"), needed)?;
+        for (key, command, may_be_torque) in &commands {
             let table = table_of(command);
             let found = |own: &str| table.get(own).map_or("nothing".to_owned(), Value::to_string);
             let that = |is_right, own: &str, needed| {
@@ -255,7 +249,7 @@ impl GaitConfig {
                     needed,
                 )
             };
-            if command.is_torque() && may_be_torque {
+            if command.is_torque() && *may_be_torque {
                 for angle in ANGLE {
                     let needed = "either torque_nm, mean_nm and phase_deg, or the keys of an angle";
                     that(!table.contains_key(angle), angle, needed)?;
@@ -266,7 +260,7 @@ impl GaitConfig {
                 let needed = "no such key, because a rotor has an angle, not a torque";
                 that(!table.contains_key(torque), torque, needed)?;
             }
-            let needed = match may_be_torque {
+            let needed = match *may_be_torque {
                 true => "the amplitude of the angle (or torque_nm)",
                 false => "the amplitude of the rotor's angle",
             };
@@ -274,6 +268,11 @@ impl GaitConfig {
             let has_second = command.phase2_deg.is_none() || command.amplitude2_deg.is_some();
             that(has_second, "phase2_deg", "amplitude2_deg as well")?;
         }
-        Ok(())
+        let varies = |(_, command, _): &(String, &CommandConfig, bool)| {
+            !command.is_torque() || command.torque_nm.is_some_and(|torque_nm| torque_nm != 0.0)
+        };
+        let needed = "a commanded angle or a torque amplitude (torque_nm) other than 0, because a gait is periodic";
+        let found = format_args!("constant torques alone");
+        check.that(commands.iter().any(varies), &format!("gait.{gait}"), &found, needed)
     }
 }
