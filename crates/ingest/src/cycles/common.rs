@@ -28,9 +28,9 @@ use crate::poses::{JointShift, PARTS, PoseShift};
 /// Standard errors due to errors that are common to all cycles of a trial.
 pub(super) struct CommonErrors {
     /// Standard errors of offset, amplitude and phase of each joint's first harmonic, rad.
-    pub gait_rad: Vec<[f64; 3]>,
+    pub gait_se_rad: Vec<[f64; 3]>,
     /// Standard errors of the wheels' mean squared skid velocities, by link, m^2/s^2; zero for a link without a wheel.
-    pub skid_square: Vec<f64>,
+    pub skid_square_se: Vec<f64>,
 }
 
 /// Computes the standard errors for the cycles in a range of frames.
@@ -38,10 +38,10 @@ pub(super) fn common_errors(data: &CycleData, frames: &Range<usize>) -> CommonEr
     let shifts: Vec<&JointShift> =
         data.tracked.joint_shifts.iter().filter(|shift| frames.contains(&shift.frame)).collect();
     CommonErrors {
-        gait_rad: (0..data.geometry.joints())
+        gait_se_rad: (0..data.geometry.joints())
             .map(|joint| gait_shifts(data, frames, &shifts, joint).map(jackknife))
             .collect(),
-        skid_square: (0..data.geometry.links.len())
+        skid_square_se: (0..data.geometry.links.len())
             .map(|link| {
                 let Some(response) = SkidResponse::new(data, frames, link) else { return 0.0 };
                 let without = std::array::from_fn(|part| {

@@ -73,17 +73,17 @@ pub(crate) fn describe_gait(
         }
         let skid: Vec<&[f64]> = used.iter().map(|cycle| &cycle.skid_m_s[link][..]).collect();
         let noise = SkidNoise::new(data, &used, link);
-        let skid = rms_without_noise(&skid, &steady.used, noise, common.skid_square[link]);
+        let skid = rms_without_noise(&skid, &steady.used, noise, common.skid_square_se[link]);
         Estimate::new(skid.value / scale, skid.se / scale)
     };
     row.sigma_debiased = [0, 1, 2].map(debiased);
     row.more_sigma_debiased = (3..links).map(debiased).collect();
     let sigma_se = |link: usize, Estimate { value, se }: Estimate| {
-        let skid_square = common.skid_square.get(link).copied().unwrap_or(f64::NAN);
-        se.hypot(skid_square / (2.0 * value * scale * scale))
+        let skid_square_se = common.skid_square_se.get(link).copied().unwrap_or(f64::NAN);
+        se.hypot(skid_square_se / (2.0 * value * scale * scale))
     };
     let alpha_se = |joint: usize| {
-        let common_rad = common.gait_rad.get(joint).map_or(f64::NAN, |common_rad| common_rad[1]);
+        let common_rad = common.gait_se_rad.get(joint).map_or(f64::NAN, |common_rad| common_rad[1]);
         alpha[joint].se.hypot(common_rad)
     };
     row.metrics_se = GaitMetrics {
@@ -96,7 +96,7 @@ pub(crate) fn describe_gait(
     set_gait(row, joint_gaits(&data.tracked.seen.phi_rad, &frames, &driven.phase));
     row.heading_rad = data.motion.coordinates.direction_rad(frames.clone());
     let gaits = row.gait.iter_mut().chain(row.more_gait.iter_mut());
-    for (joint, (gait, common)) in gaits.zip(&common.gait_rad).enumerate() {
+    for (joint, (gait, common)) in gaits.zip(&common.gait_se_rad).enumerate() {
         let phase_rad = gait.phase_rad;
         gait.offset_rad_se =
             standard_error(&used, joint, |cycle| cycle.offset_rad).hypot(common[0]);
