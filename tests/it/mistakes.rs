@@ -615,7 +615,7 @@ const MISTAKES: &[Mistake] = &[
     mistake(
         "a length 3 mm off",
         |night| configure(night, "l_m = 0.112", "l_m = 0.115"),
-        // Both joints are off by as much.
+        // Both joints are equally far from their configured positions; noise decides which of them is named.
         &["115.0, y = 0.0 mm: set l_m = 0.112", "to every x in markers.link"],
     ),
     mistake(

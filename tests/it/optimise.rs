@@ -636,7 +636,7 @@ fn saved_optima_are_on_the_page_until_the_model_is_fitted_again() {
     assert!(figure.is_file());
     // The trials cover 2 to 5 rad/s.
     assert_eq!(of("extrapolated"), [false, true]);
-    let beyond = "Extrapolated beyond the trials of the fit:</strong> omega 0.67";
+    let beyond = "Extrapolated beyond the trials of the fit:</strong> omega 0.6749 rad";
     assert_eq!(text.matches("Extrapolated").count(), 1, "{text}");
     assert!(text.contains(beyond), "{text}");
     assert!(was_up_to_date(&trilink(home, &["run"])));

@@ -25,7 +25,7 @@ pub(super) struct LayoutEstimate {
     pub least_skid_mm: Vec<Option<f64>>,
 }
 
-/// Rigid bodies of the links from front to rear with the positions of the joints in their frames.
+/// Rigid bodies of the links, from front to rear, and the joints that connect them.
 struct Jointed<'b> {
     bodies: &'b [Body],
     /// In the frame of each link, the positions of the joint ahead and of the joint behind, mm; `None` where there is none.
@@ -67,10 +67,10 @@ impl<'b> Jointed<'b> {
         axis_rad + mean_turn_rad(&self.bodies[inner], &self.bodies[link])
     }
 
-    /// Returns the mean skid angles of the wheels of the first and last link, rad; 0 for all other links. Over a cycle,
-    /// the lateral forces on the robot and, if both angles are unknown, their moments balance, given the angles from the
-    /// directions of the other links to those in which their wheels move. `None` if the rows do not determine the
-    /// latter. `velocities` returns the velocities of a point on a link.
+    /// Returns the mean skid angles of the wheels of the first and last link, rad; 0 for all other links. They follow from
+    /// the measured skid angles of the wheels between them: over a cycle, the lateral forces on the robot balance and, if
+    /// both angles are unknown, so do the moments of these forces. `None` if the rows do not determine a measured angle.
+    /// `velocities` returns the velocities of a point (mm, in the link's frame) of a link.
     fn end_skid_rad(
         &self,
         places: &[LinkPlaces],

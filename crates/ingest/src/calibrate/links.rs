@@ -83,7 +83,7 @@ fn spread_mm(file: &Recording, a: usize, b: usize) -> f64 {
     (high - low) / QUANTILE_DISTANCE
 }
 
-/// Locates the axis about which two rigid bodies turn relative to each other, in the frames of both bodies, by the
+/// Locates the joint of two rigid bodies, the axis about which they turn relative to each other, in the frame of each by
 /// symmetrical centre of rotation estimation (SCoRE, Ehrig and others 2006) in the plane. Also returns the RMS distance
 /// between the two positions of the axis over the rows, mm. `None` if the bodies do not turn relative to each other.
 pub fn locate_joint(

@@ -112,7 +112,7 @@ pub enum Direction {
 pub struct Calibration {
     pub trial: String,
     pub layout: MeasuredLayout,
-    /// Tables of the configuration that hold the markers of the links, from front to rear.
+    /// Names of the configuration's tables of markers, such as `markers.link1`, one for each link from front to rear.
     pub tables: Vec<String>,
     /// Configured places on the links.
     pub places: Vec<LinkPlaces>,

@@ -2,7 +2,7 @@
 //!
 //! - The joint positions are estimated from the trial itself. Their contribution is estimated by the delete-a-group
 //!   jackknife over parts of the trial, which shifts the links slightly ([`JointShift`]).
-//! - The mean tilt of link 0 on its suspension displaces its markers from the wheels ([`Tracked::tilt_shifts`]). The
+//! - The mean tilt of link 0 on its suspension displaces its markers from the wheels ([`Constant::tilt_shifts`]). The
 //!   displacements of the other links are absorbed by the refined joint positions; the small changes in their headings
 //!   are neglected, and so is the tilt of its neighbours if link 0 has no markers.
 //!
@@ -12,12 +12,12 @@
 //! cycles, the mean product of the skid velocity and db/dt is minus that of b and the derivative of the skid velocity,
 //! which is omega times its derivative by the phase.
 //!
-//! [`Tracked::tilt_shifts`]: crate::poses::Tracked::tilt_shifts
+//! [`Constant::tilt_shifts`]: crate::poses::Constant::tilt_shifts
 
 use std::ops::Range;
 
 use trilink_robot::rotated;
-use trilink_statistics::{mean, seen};
+use trilink_statistics::mean;
 use trilink_tables::Coordinates;
 
 use super::measure::CycleData;
@@ -49,6 +49,7 @@ pub(super) fn common_errors(data: &CycleData, frames: &Range<usize>) -> CommonEr
                 });
                 let [about_x, about_y] = data
                     .tracked
+                    .constant
                     .tilt_shifts
                     .map(|shift| response.change(frames.clone().map(|frame| (frame, &shift))));
                 jackknife(without).hypot(about_x.hypot(about_y).max(0.0))
@@ -125,16 +126,15 @@ impl<'a> SkidResponse<'a> {
     /// Returns the change in the mean squared skid velocity, m^2/s^2, given the displacements in some frames.
     fn change<'s>(&self, shifts: impl Iterator<Item = (usize, &'s PoseShift)>) -> f64 {
         let inner = self.frames.start.max(1)..self.frames.end.saturating_sub(1);
-        let products = shifts
+        let changes = shifts
             .filter(|(frame, _)| inner.contains(frame))
-            .map(|(frame, shift)| self.product(frame, shift));
-        let products: Vec<f64> = products.collect();
-        mean(seen(&products))
+            .map(|(frame, shift)| self.change_in(frame, shift));
+        mean(changes.filter(|change| !change.is_nan()))
     }
 
     /// Returns the change in the squared skid velocity in a frame, m^2/s^2, up to a term whose mean over whole cycles is
     /// zero.
-    fn product(&self, frame: usize, shift: &PoseShift) -> f64 {
+    fn change_in(&self, frame: usize, shift: &PoseShift) -> f64 {
         let Self { data, link, wheel, .. } = *self;
         let PoseShift { moved_m: [mut along, mut across], turned_rad } = *shift;
         // The robot's configured lengths give the position of the wheel (eq. 1), so that each link rotates about its

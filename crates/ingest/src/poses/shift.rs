@@ -1,4 +1,4 @@
-//! Effects of errors that are constant over a trial on the poses of the links.
+//! Changes in the poses of the links due to errors that are constant over a trial.
 
 use trilink_robot::MAX_LINKS;
 

@@ -46,7 +46,6 @@ pub(crate) struct LinkPoses {
     order: Vec<usize>,
     pub constant: Constant,
     joint_shifts: Vec<JointShift>,
-    tilt_shifts: [PoseShift; 2],
 }
 
 /// Quantities that are constant over a trial.
@@ -54,6 +53,8 @@ pub(crate) struct LinkPoses {
 pub(crate) struct Constant {
     /// Tilts of floor and links before their correction.
     pub tilt: Tilt,
+    /// Changes in link 0's pose for one standard error of its mean tilt about x (first) and about y (second).
+    pub tilt_shifts: [PoseShift; 2],
     /// Joint positions estimated from the trial; `None` if no robot is given.
     pub joints: Option<Linkage>,
     /// Poses of the links by number in some rows, spread over the trial, in which all links are visible. Each is fitted
@@ -91,9 +92,6 @@ pub(crate) struct Tracked {
     /// Effects of errors in the joint positions on the poses in some frames, spread over the trial; empty if each link
     /// was fitted separately.
     pub joint_shifts: Vec<JointShift>,
-    /// Changes in link 0's pose, the same in all frames, if its mean tilt about x and about y, respectively, changes by
-    /// one standard error.
-    pub tilt_shifts: [PoseShift; 2],
     /// Number of markers in the layout.
     markers: usize,
 }
@@ -191,9 +189,13 @@ pub(crate) fn solve(
         slow_noise_ratio,
         fits,
         order,
-        constant: Constant { tilt, joints: refined.map(|(found, _)| found), own_poses: sample },
+        constant: Constant {
+            tilt,
+            tilt_shifts,
+            joints: refined.map(|(found, _)| found),
+            own_poses: sample,
+        },
         joint_shifts,
-        tilt_shifts,
     })
 }
 
@@ -282,14 +284,13 @@ impl LinkPoses {
             outlier,
             unseen,
             joint_shifts: self.joint_shifts,
-            tilt_shifts: self.tilt_shifts,
             markers: layout.iter().map(Vec::len).sum(),
         })
     }
 }
 
 /// Fits the poses of all links in every row of the file, corrected for the tilt of floor, links and suspensions.
-/// Also returns the tilt found in the `steady` rows and [`Tracked::tilt_shifts`].
+/// Also returns the tilt found in the `steady` rows and [`Constant::tilt_shifts`].
 fn upright_fits(
     file: &Recording,
     layout: &Layout,

@@ -48,8 +48,8 @@ fn problems() -> impl Strategy<Value = Problem> {
         .prop_map(|(robot, gait, laws, omega_rad_s)| Problem::new(robot, gait, laws, omega_rad_s))
 }
 
-/// Returns whether the modulus of the largest Floquet multiplier of the motion is below `by`; true for a motion
-/// without dynamic states.
+/// Returns whether perturbations of the motion decay by more than this factor per cycle: whether the modulus of its
+/// largest Floquet multiplier is below `by`. True for a motion without dynamic states.
 fn forgets(motion: &SteadyMotion, by: f64) -> bool {
     motion.floquet.is_none_or(|modulus| modulus < by)
 }
@@ -78,8 +78,8 @@ fn in_the_world(sample: &Sample, (x, y, angle): (f64, f64, f64)) -> Sample {
 
 /// Returns the largest difference between the rate of change of the robot's momentum (linear, and angular about the
 /// origin) and the forces and moments on the wheels, relative to the largest force or moment; `None` if the samples do
-/// not resolve the rate of change. The computation uses only the Newton-Euler equations and the kinematics of the links (eq. 1 of
-/// the paper) in the world frame.
+/// not resolve the rate of change. The computation uses only the Newton-Euler equations and the kinematics of the links
+/// (eq. 1 of the paper) in the world frame.
 fn momentum_residual(robot: &Robot, samples: &[Sample]) -> Option<f64> {
     let mut momenta = Vec::new();
     let mut supplied = Vec::new();

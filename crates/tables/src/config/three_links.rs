@@ -716,7 +716,8 @@ impl Reader {
         self.robot.get(quantity).map(|values| values[0])
     }
 
-    /// Returns the first of some quantities with a standard deviation beside its value.
+    /// Returns the first quantity of `among` that is given as a value with its standard deviation, `{ value = .., sd = .. }`;
+    /// `None` if all are given as plain values.
     pub(super) fn inline_deviation(&self, among: &[Quantity]) -> Option<Quantity> {
         let mut quantities = self.inline_deviations.iter().map(|(quantity, _)| *quantity);
         quantities.find(|quantity| among.contains(quantity))
